@@ -1,0 +1,324 @@
+"""What is said on the bus: structs, keys, and a codec that never lets bad bytes in.
+
+Messages are JSON. Field names are fixed, since recordings outlive code; new fields get defaults,
+unknown fields are ignored. `seq` counts from 0 without holes per publisher `instance` and key;
+`sent_ns` is wall time in nanoseconds since 1970 (beyond 2^53: readers in JavaScript round it).
+"""
+
+from __future__ import annotations
+
+import math
+from typing import Annotated, Literal
+
+import msgspec
+from msgspec import Meta, Struct
+
+from edc_swarm.config import MAX_UAVS, Mission, RosterEntry, UavId
+from edc_swarm.errors import MessageError
+
+MAX_MESSAGE_BYTES = 1 << 20
+PREFIX = "swarm"
+NO_ONE = ""
+
+Instance = Annotated[str, Meta(max_length=64)]
+Seq = Annotated[int, Meta(ge=0, lt=1 << 53)]
+Slot = Annotated[int, Meta(ge=-1, lt=1 << 40)]
+Term = Annotated[int, Meta(ge=0, lt=1 << 40)]
+Ns = Annotated[int, Meta(ge=0, le=(1 << 63) - 1)]
+HeadId = Annotated[str, Meta(pattern="^[A-Za-z0-9_-]{0,32}$")]
+UavIds = Annotated[list[UavId], Meta(max_length=MAX_UAVS)]
+Floats = Annotated[list[float], Meta(max_length=MAX_UAVS)]
+Status = Literal["planned", "no-qp-needed", "failed", "no-quorum", "claim"]
+
+
+class Fix(Struct, frozen=True, kw_only=True, gc=False):
+    """A UAV's report for one slot: GPS position, heartbeat and grant at once.
+
+    `x_m y_m` is the noisy position, `waypoint_*` the centre of the tracked disc once the current
+    command is done, `from_*` that centre before it. `term, head` is the grant; `suspects` says
+    that the head is no longer heard; `voter` is false when the promise on disk was lost.
+    """
+
+    uav: UavId
+    instance: Instance = ""
+    seq: Seq = 0
+    sent_ns: Ns = 0
+    slot: Slot
+    x_m: float
+    y_m: float
+    lat_deg: float = 0.0
+    lon_deg: float = 0.0
+    r_m: float
+    waypoint_x_m: float
+    waypoint_y_m: float
+    executing: bool = False
+    command_term: int = -1
+    command_seq: int = -1
+    arrived: bool = False
+    term: Term = 0
+    head: HeadId = NO_ONE
+    suspects: bool = False
+    voter: bool = True
+    from_x_m: float = 0.0
+    from_y_m: float = 0.0
+    energy_j: float = 0.0
+    response_ms: float = 0.0
+    held_slots: int = 0
+    late_ticks: int = 0
+    cpu_s: float = 0.0
+
+
+class Truth(Struct, frozen=True, kw_only=True, gc=False):
+    """The emulator's ground truth of a slot: the true motion, equal points when held."""
+
+    uav: UavId
+    instance: Instance = ""
+    seq: Seq = 0
+    sent_ns: Ns = 0
+    slot: Slot
+    from_x_m: float
+    from_y_m: float
+    to_x_m: float
+    to_y_m: float
+
+
+class Command(Struct, frozen=True, kw_only=True, gc=False):
+    """One UAV's step for one slot, with the paper's action (eq. 10, 11).
+
+    `speed_mps` is V_k, `heading_rad` theta_k (direction of the velocity), `deviation_rad` alpha_k,
+    its deviation from the bearing to the target.
+    """
+
+    head: UavId
+    uav: UavId
+    instance: Instance = ""
+    seq: Seq = 0
+    sent_ns: Ns = 0
+    slot: Slot
+    term: Term
+    start_x_m: float
+    start_y_m: float
+    target_x_m: float
+    target_y_m: float
+    vx_mps: float = 0.0
+    vy_mps: float = 0.0
+    speed_mps: float = 0.0
+    heading_rad: float = 0.0
+    deviation_rad: float = 0.0
+
+
+class Report(Struct, frozen=True, kw_only=True, gc=False):
+    """The head's account of slot `slot` (its commands carry slot + 1).
+
+    `hull_*` are parallel lists over the unheard UAVs: the segment a-b and the radius about it that
+    contain the UAV. `min_gap_m` is the least planned centre distance minus R. `status` "claim" is a
+    standby's claim of a new term, `grants` then listing the UAVs that suspect the old head.
+    """
+
+    head: UavId
+    instance: Instance = ""
+    seq: Seq = 0
+    sent_ns: Ns = 0
+    slot: Slot
+    term: Term
+    planner: str = ""
+    status: Status
+    heard: UavIds = []
+    unheard: UavIds = []
+    grants: UavIds = []
+    quorum: int
+    plan_ms: float = 0.0
+    guidance_ms: float = 0.0
+    assemble_ms: float = 0.0
+    solve_ms: float = 0.0
+    iterations: int = 0
+    min_gap_m: float = 0.0
+    standby: UavIds = []
+    successor: HeadId = NO_ONE
+    next_term: Term = 0
+    hull_uav: UavIds = []
+    hull_ax_m: Floats = []
+    hull_ay_m: Floats = []
+    hull_bx_m: Floats = []
+    hull_by_m: Floats = []
+    hull_r_m: Floats = []
+
+    @property
+    def has_quorum(self) -> bool:
+        """Whether this report proves that a quorum granted (term, head) in its slot."""
+        return self.status in {"planned", "no-qp-needed", "failed"} and len(self.grants) >= self.quorum
+
+
+class Event(Struct, frozen=True, kw_only=True, gc=False):
+    """Something worth telling: a fault injected, a transition, a warning, the end of a publisher."""
+
+    source: Annotated[str, Meta(pattern="^[A-Za-z0-9_-]{1,32}$")]
+    instance: Instance = ""
+    seq: Seq = 0
+    sent_ns: Ns = 0
+    slot: Slot = -1
+    kind: Annotated[str, Meta(max_length=64)]
+    detail: Annotated[str, Meta(max_length=65536)] = ""
+
+
+class MissionMessage(Mission, frozen=True, kw_only=True):
+    """The mission as run: the mission file's fields with the roster filled in, plus the epoch."""
+
+    epoch_ns: Ns
+    instance: Instance = ""
+    seq: Seq = 0
+    sent_ns: Ns = 0
+
+
+Message = Fix | Truth | Command | Report | Event | MissionMessage
+
+_KINDS: dict[tuple[str, int], type[Struct]] = {
+    ("fix", 3): Fix,
+    ("truth", 3): Truth,
+    ("command", 4): Command,
+    ("report", 3): Report,
+    ("event", 2): Event,
+    ("mission", 1): MissionMessage,
+}
+_DECODERS = {kind: msgspec.json.Decoder(kind) for kind in _KINDS.values()}
+_ENCODER = msgspec.json.Encoder()
+
+
+class Keys:
+    """Key expressions of one mission, all below `swarm/{mission}`."""
+
+    def __init__(self, mission_id: str) -> None:
+        self.root = f"{PREFIX}/{mission_id}"
+        self.mission = f"{self.root}/mission"
+        self.all_fixes = f"{self.root}/uav/*/fix"
+        self.all_reports = f"{self.root}/head/*/report"
+        self.all_alive = f"{self.root}/alive/**"
+        self.everything = f"{self.root}/**"
+
+    def fix(self, uav: str) -> str:
+        """Key of a UAV's fixes."""
+        return f"{self.root}/uav/{uav}/fix"
+
+    def truth(self, uav: str) -> str:
+        """Key of the emulator's ground truth of a UAV."""
+        return f"{self.root}/uav/{uav}/truth"
+
+    def command(self, head: str, uav: str) -> str:
+        """Key of `head`'s commands to `uav`."""
+        return f"{self.root}/head/{head}/command/{uav}"
+
+    def commands_to(self, uav: str) -> str:
+        """Key expression of every head's commands to `uav`."""
+        return f"{self.root}/head/*/command/{uav}"
+
+    def report(self, head: str) -> str:
+        """Key of a head's slot reports."""
+        return f"{self.root}/head/{head}/report"
+
+    def event(self, source: str) -> str:
+        """Key of a publisher's events."""
+        return f"{self.root}/event/{source}"
+
+    def alive(self, uav: str, instance: str) -> str:
+        """Key of a process's liveliness token."""
+        return f"{self.root}/alive/{uav}/{instance}"
+
+    def of(self, message: Message) -> str:
+        """Key on which `message` is published."""
+        match message:
+            case Fix():
+                return self.fix(message.uav)
+            case Truth():
+                return self.truth(message.uav)
+            case Command():
+                return self.command(message.head, message.uav)
+            case Report():
+                return self.report(message.head)
+            case Event():
+                return self.event(message.source)
+            case MissionMessage():
+                return self.mission
+
+
+def kind_of(key: str) -> type[Struct] | None:
+    """Type of the messages on `key` (with or without the `swarm/{mission}` prefix), or None."""
+    parts = key.split("/")
+    if parts[0] == PREFIX:
+        parts = parts[2:]
+    if not parts:
+        return None
+    name = parts[0]
+    if name == "uav" and len(parts) == 3:
+        name = parts[2]
+    elif name == "head" and len(parts) in {3, 4}:
+        name = parts[2]
+    return _KINDS.get((name, len(parts)))
+
+
+def encode(message: Message) -> bytes:
+    """The bytes of a message (JSON, shortest round-trip floats)."""
+    return _ENCODER.encode(message)
+
+
+def decode(key: str, payload: bytes) -> Message:
+    """The message in `payload`, checked against the type, the limits and the sender in its key.
+
+    Raises
+    ------
+    MessageError
+        Unknown key, too large, malformed, a non-finite number, or a sender or receiver that is not
+        the one in the key.
+    """
+    kind = kind_of(key)
+    if kind is None:
+        raise MessageError(key, "no message is defined for this key")
+    if len(payload) > MAX_MESSAGE_BYTES:
+        raise MessageError(key, f"{len(payload)} bytes, more than {MAX_MESSAGE_BYTES}")
+    try:
+        message: Message = _DECODERS[kind].decode(payload)
+    except (msgspec.DecodeError, UnicodeDecodeError, RecursionError) as error:
+        raise MessageError(key, str(error)) from None
+    _check_finite(key, message)
+    _check_key(key, message)
+    return message
+
+
+def roster_index(roster: list[RosterEntry]) -> dict[str, int]:
+    """Position of every UAV in the roster, by id."""
+    return {entry.uav: index for index, entry in enumerate(roster)}
+
+
+def _check_finite(key: str, message: Message) -> None:
+    """JSON has no NaN, but 1e999 decodes to infinity."""
+    for name in message.__struct_fields__:
+        value = getattr(message, name)
+        if isinstance(value, float) and not math.isfinite(value):
+            raise MessageError(key, f"{name} is not finite")
+        if isinstance(value, list) and any(isinstance(v, float) and not math.isfinite(v) for v in value):
+            raise MessageError(key, f"{name} holds a number that is not finite")
+
+
+def _check_key(key: str, message: Message) -> None:
+    parts = key.split("/")
+    if parts[0] != PREFIX:
+        return
+    if Keys(parts[1]).of(message) != key:
+        raise MessageError(key, "sender or receiver is not the one in the key")
+
+
+__all__ = [
+    "MAX_MESSAGE_BYTES",
+    "NO_ONE",
+    "Command",
+    "Event",
+    "Fix",
+    "Keys",
+    "Message",
+    "MissionMessage",
+    "Report",
+    "Truth",
+    "decode",
+    "encode",
+    "kind_of",
+    "roster_index",
+]

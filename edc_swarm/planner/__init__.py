@@ -1,0 +1,1 @@
+"""Planners behind one small interface (`edc_swarm.planner.interface`)."""

@@ -1,0 +1,1 @@
+"""The slot QP: problem in, solution with residuals out, certificate last."""
