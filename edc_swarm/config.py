@@ -106,7 +106,6 @@ class Link(Struct, frozen=True, kw_only=True):
     burst_loss: Fraction = 1.0
     duplicate: Fraction = 0.0
     reorder: Fraction = 0.0
-    range_m: NonNegative = 0.0
     start_s: NonNegative = 0.0
     end_s: NonNegative = 1e9
 
@@ -294,9 +293,7 @@ def _validate_roster(roster: list[RosterEntry]) -> None:
 
 def _validate_separation(roster: list[RosterEntry], which: str) -> None:
     """Starts and targets must be disjoint discs: otherwise no plan is safe, or none can end."""
-    points = sorted(
-        (getattr(e, f"{which}_x_m"), getattr(e, f"{which}_y_m"), e.r_m, i) for i, e in enumerate(roster)
-    )
+    points = sorted((getattr(e, f"{which}_x_m"), getattr(e, f"{which}_y_m"), e.r_m, i) for i, e in enumerate(roster))
     widest_m = 2 * max((e.r_m for e in roster), default=0.0)
     for position, (x_m, y_m, r_m, index) in enumerate(points):
         for other_x_m, other_y_m, other_r_m, other in points[position + 1 :]:

@@ -248,9 +248,7 @@ def kind_of(key: str) -> type[Struct] | None:
     if not parts:
         return None
     name = parts[0]
-    if name == "uav" and len(parts) == 3:
-        name = parts[2]
-    elif name == "head" and len(parts) in {3, 4}:
+    if (name == "uav" and len(parts) == 3) or (name == "head" and len(parts) in {3, 4}):
         name = parts[2]
     return _KINDS.get((name, len(parts)))
 

@@ -1,0 +1,155 @@
+"""What one UAV knows of the others: the newest fix of each, and the hulls that reports relay.
+
+Rules kept here (named as in ARCHITECTURE.md):
+
+- *heard*: a fix counts for a slot only if it is a fix of that very slot with the right grant;
+- *newest*: fixes are ordered by (slot, term), so late, duplicated or reordered ones change nothing;
+- *no fix from the future*: a fix of a slot that has not begun here waits until it has;
+- *hull*: where an unheard UAV can be, for the head of one term planning one slot;
+- *lost memory*: the fix of a UAV that lost its promise is not knowledge of where it is.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass
+
+from edc_swarm.config import RosterEntry
+from edc_swarm.messages import Command, Fix, Report
+
+Grant = tuple[int, str]
+"""(term, head): a UAV's promise to obey one head in one term; (0, "") is none."""
+
+
+@dataclass(frozen=True, slots=True)
+class Stadium:
+    """All points within `radius_m` of the segment a-b: where a UAV can be."""
+
+    ax_m: float
+    ay_m: float
+    bx_m: float
+    by_m: float
+    radius_m: float = 0.0
+
+    def grown(self, by_m: float) -> Stadium:
+        """The same segment with a larger radius."""
+        return Stadium(self.ax_m, self.ay_m, self.bx_m, self.by_m, self.radius_m + by_m)
+
+
+class Knowledge:
+    """Newest fix of every UAV heard, and the newest relayed hull of the others."""
+
+    def __init__(self, roster: Sequence[RosterEntry]) -> None:
+        self._roster = {entry.uav: entry for entry in roster}
+        self.newest: dict[str, Fix] = {}
+        self._early: dict[str, Fix] = {}
+        self._relayed: dict[str, tuple[int, Stadium]] = {}
+
+    def hear_fix(self, fix: Fix, slot: int) -> None:
+        """Take in a fix; `slot` is the receiver's own current slot."""
+        if fix.uav not in self._roster or not fix.voter:
+            return
+        table = self._early if fix.slot > slot else self.newest
+        known = table.get(fix.uav)
+        if known is None or _age(fix, known) > 0:
+            table[fix.uav] = fix
+
+    def hear_report(self, report: Report) -> None:
+        """Take in the hulls of a report of slot s: each serves like a fix of slot s."""
+        columns = (report.hull_ax_m, report.hull_ay_m, report.hull_bx_m, report.hull_by_m, report.hull_r_m)
+        for uav, *shape in zip(report.hull_uav, *columns, strict=False):
+            known = self._relayed.get(uav)
+            if uav in self._roster and (known is None or report.slot > known[0]):
+                self._relayed[uav] = (report.slot, Stadium(*shape))
+
+    def begin_slot(self, slot: int) -> None:
+        """Take in the fixes that were too early, now that `slot` has begun."""
+        due = [fix for fix in self._early.values() if fix.slot <= slot]
+        for fix in due:
+            del self._early[fix.uav]
+            self.hear_fix(fix, slot)
+
+    def heard(self, slot: int, grant: Grant) -> list[str]:
+        """Ids, in roster order, of the UAVs with a fix of `slot` that carries `grant`."""
+        return [
+            uav
+            for uav in self._roster
+            if (fix := self.newest.get(uav)) is not None and fix.slot == slot and (fix.term, fix.head) == grant
+        ]
+
+    def recent(self, since_slot: int) -> Iterator[Fix]:
+        """Newest fixes, in roster order, that are not older than `since_slot`."""
+        for uav in self._roster:
+            fix = self.newest.get(uav)
+            if fix is not None and fix.slot >= since_slot:
+                yield fix
+
+    def last_slot(self, uav: str) -> int:
+        """Slot of the newest fix of `uav`, -1 when it was never heard."""
+        fix = self.newest.get(uav)
+        return -1 if fix is None else fix.slot
+
+    def hull(self, uav: str, grant: Grant, t0: int, sent: Mapping[str, Command], rules: HullRules) -> Stadium:
+        """Where unheard `uav` can be in any slot that the head of `grant` plans.
+
+        `t0` is the first slot in which that head had a quorum in its term: no older plan can exist
+        for a slot after t0 + 1, so the ball stops growing there. `sent` is the last command of this
+        term to each UAV.
+        """
+        fix = self.newest.get(uav)
+        if fix is not None and (fix.term, fix.head) == grant:
+            return _after_own_command(fix, sent.get(uav), rules)
+        slot, known = self._last_seen(uav, rules)
+        return known.grown(rules.u_max_m * max(0, t0 + 1 - slot))
+
+    def _last_seen(self, uav: str, rules: HullRules) -> tuple[int, Stadium]:
+        """Slot and place at which `uav` was last known, by its own fix or by a head's report."""
+        fix = self.newest.get(uav)
+        relayed = self._relayed.get(uav)
+        if relayed is not None and (fix is None or relayed[0] > fix.slot):
+            return relayed
+        if fix is not None:
+            return fix.slot, _about(fix, rules)
+        entry = self._roster[uav]
+        return -1, Stadium(entry.start_x_m, entry.start_y_m, entry.start_x_m, entry.start_y_m)
+
+
+@dataclass(frozen=True, slots=True)
+class HullRules:
+    """The mission's constants that hulls depend on."""
+
+    u_max_m: float
+    lag_slots: int
+
+
+def _about(fix: Fix, rules: HullRules) -> Stadium:
+    """The waypoint of a fix; with lag also the segment that led to it, which may still be flown."""
+    if rules.lag_slots:
+        return Stadium(fix.from_x_m, fix.from_y_m, fix.waypoint_x_m, fix.waypoint_y_m)
+    return Stadium(fix.waypoint_x_m, fix.waypoint_y_m, fix.waypoint_x_m, fix.waypoint_y_m)
+
+
+def _after_own_command(fix: Fix, command: Command | None, rules: HullRules) -> Stadium:
+    """Hull (a): on the segment of the command sent for the slot after the fix, else at the waypoint."""
+    about = _about(fix, rules)
+    if command is None or command.slot != fix.slot + 1:
+        return about
+    path = Stadium(about.ax_m, about.ay_m, command.target_x_m, command.target_y_m)
+    return path.grown(_distance_to_segment_m(fix.waypoint_x_m, fix.waypoint_y_m, path))
+
+
+def _distance_to_segment_m(x_m: float, y_m: float, path: Stadium) -> float:
+    dx_m, dy_m = path.bx_m - path.ax_m, path.by_m - path.ay_m
+    length2 = dx_m * dx_m + dy_m * dy_m
+    along = ((x_m - path.ax_m) * dx_m + (y_m - path.ay_m) * dy_m) / length2 if length2 > 0 else 0.0
+    along = min(1.0, max(0.0, along))
+    return math.hypot(x_m - path.ax_m - along * dx_m, y_m - path.ay_m - along * dy_m)
+
+
+def _age(fix: Fix, known: Fix) -> int:
+    """Positive when `fix` is newer than `known`: by slot, then term, then order of sending."""
+    left, right = (fix.slot, fix.term), (known.slot, known.term)
+    if left == right and fix.instance == known.instance:
+        return fix.seq - known.seq
+    return 1 if left >= right else -1
