@@ -1,0 +1,26 @@
+"""Recordings: MCAP files that hold every message of a run, verbatim.
+
+`RecordingWriter` writes one, `read_recording` reads one back as a `Recording`, `recover` makes a
+whole file of a torn one. Every metric and every guarantee is computed from a `Recording` alone;
+the simulator makes one without a file, by `Recording.from_messages`.
+"""
+
+from edc_swarm.recording.model import Garbage, Recording
+from edc_swarm.recording.reader import read_recording, recover
+from edc_swarm.recording.sequences import Gap, find_gaps, unknown_tails
+from edc_swarm.recording.tracks import Step, Tracks, tracks_of
+from edc_swarm.recording.writer import RecordingWriter
+
+__all__ = [
+    "Gap",
+    "Garbage",
+    "Recording",
+    "RecordingWriter",
+    "Step",
+    "Tracks",
+    "find_gaps",
+    "read_recording",
+    "recover",
+    "tracks_of",
+    "unknown_tails",
+]

@@ -1,0 +1,35 @@
+"""JSON schemas of the messages, inside the subset that viewers accept.
+
+Foxglove and Lichtblick drop a whole topic over `$ref`, `anyOf`, an array of arrays, or a field
+without a type, so references are inlined and only types are kept.
+"""
+
+from __future__ import annotations
+
+from typing import Any
+
+import msgspec
+from msgspec import Struct
+
+
+def json_schema(kind: type[Struct]) -> dict[str, Any]:
+    """Schema of a message type: titles, types, properties, items and enumerations only."""
+    whole: dict[str, Any] = msgspec.json.schema(kind)
+    return _plain(whole, whole["$defs"])
+
+
+def _plain(schema: dict[str, Any], definitions: dict[str, Any]) -> dict[str, Any]:
+    if "$ref" in schema:
+        schema = definitions[schema["$ref"].rpartition("/")[2]]
+    if "anyOf" in schema:
+        schema = next(option for option in schema["anyOf"] if option.get("type") != "null")
+        return _plain(schema, definitions)
+    plain: dict[str, Any] = {key: schema[key] for key in ("title", "type", "enum") if key in schema}
+    if "enum" in schema:
+        plain.setdefault("type", "string")
+    if "properties" in schema:
+        fields = schema["properties"].items()
+        plain["properties"] = {name: _plain(field, definitions) for name, field in fields}
+    if "items" in schema:
+        plain["items"] = _plain(schema["items"], definitions)
+    return plain

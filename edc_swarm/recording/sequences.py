@@ -1,0 +1,119 @@
+"""Sequence numbers: proof that nothing is missing from a recording, or what is."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+
+import msgspec
+
+from edc_swarm.messages import Command, Event, Fix, Message, MissionMessage, Report, Truth
+from edc_swarm.recording.model import Recording
+
+CLOSED = "closed"
+"""Kind of the event by which a publisher says the last `seq` of each of its keys, as JSON."""
+
+Stream = tuple[str, str]
+"""Key without its `swarm/{mission}/`, and instance of the publisher."""
+
+_decode_tails = msgspec.json.Decoder(dict[str, int]).decode
+
+
+@dataclass(frozen=True, slots=True)
+class Gap:
+    """Sequence numbers first..last of a stream that are not in the recording, or are twice."""
+
+    key: str
+    instance: str
+    first: int
+    last: int
+    duplicate: bool = False
+
+    @property
+    def count(self) -> int:
+        """How many messages."""
+        return self.last - self.first + 1
+
+
+def find_gaps(recording: Recording) -> list[Gap]:
+    """Every hole and every duplicate in the sequence numbers, in the order of streams."""
+    tails = _tails(recording)
+    seen: dict[Stream, list[int]] = {stream: [] for stream in tails} | sequence_numbers(recording)
+    gaps: list[Gap] = []
+    for (key, instance), numbers in sorted(seen.items()):
+        end = tails.get((key, instance), -1) + 1
+        gaps += (Gap(key, instance, *span) for span in _holes(numbers, end))
+        gaps += (Gap(key, instance, n, n, duplicate=True) for n in _repeated(numbers))
+    return gaps
+
+
+def unknown_tails(recording: Recording) -> list[Stream]:
+    """Streams whose publisher never said what its last message was: their end is not proved."""
+    return sorted(sequence_numbers(recording).keys() - _tails(recording).keys() - _closing(recording))
+
+
+def sequence_numbers(recording: Recording) -> dict[Stream, list[int]]:
+    """Sequence numbers of every stream in the order of the record."""
+    numbers: dict[Stream, list[int]] = {}
+    for messages in recording.lists().values():
+        for message in messages:
+            numbers.setdefault((_key_of(message), message.instance), []).append(message.seq)
+    return numbers
+
+
+def _key_of(message: Message) -> str:
+    match message:
+        case Fix():
+            return f"uav/{message.uav}/fix"
+        case Truth():
+            return f"uav/{message.uav}/truth"
+        case Command():
+            return f"head/{message.head}/command/{message.uav}"
+        case Report():
+            return f"head/{message.head}/report"
+        case Event():
+            return f"event/{message.source}"
+        case MissionMessage():
+            return "mission"
+
+
+def _tails(recording: Recording) -> dict[Stream, int]:
+    """Last sequence number of every stream whose publisher has said it."""
+    tails: dict[Stream, int] = {}
+    for event in recording.events:
+        if event.kind == CLOSED:
+            tails.update({(_relative(k), event.instance): last for k, last in _detail(event).items()})
+    return tails
+
+
+def _closing(recording: Recording) -> set[Stream]:
+    """Event streams that end with their own `closed`."""
+    return {(_key_of(event), event.instance) for event in recording.events if event.kind == CLOSED}
+
+
+def _detail(event: Event) -> dict[str, int]:
+    try:
+        return _decode_tails(event.detail)
+    except msgspec.DecodeError:
+        return {}
+
+
+def _relative(key: str) -> str:
+    return key.split("/", 2)[2] if key.startswith("swarm/") and key.count("/") >= 2 else key
+
+
+def _holes(numbers: list[int], end: int) -> Iterator[tuple[int, int]]:
+    """Missing spans in 0..max(numbers, end - 1)."""
+    expected = 0
+    for number in sorted(set(numbers)):
+        if number > expected:
+            yield expected, number - 1
+        expected = number + 1
+    if end > expected:
+        yield expected, end - 1
+
+
+def _repeated(numbers: list[int]) -> list[int]:
+    if len(set(numbers)) == len(numbers):
+        return []
+    return sorted({n for n in numbers if numbers.count(n) > 1})

@@ -1,0 +1,195 @@
+"""Where every tracked disc and every UAV was in every slot, as far as the record tells.
+
+A UAV publishes its waypoint in the fix of each slot; a slot without a fix is a slot in which it
+stayed, unless its truth or its next fix shows that it had accepted a step and then said nothing
+(a process can die between accepting a step and saying so). Fixes of a UAV that lost its memory
+(`voter` false) say nothing about the disc, which stays where it was.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from edc_swarm.messages import Command, Truth, roster_index
+from edc_swarm.recording.model import Recording
+
+Floats = NDArray[np.float64]
+Bools = NDArray[np.bool_]
+Point = tuple[float, float]
+
+
+@dataclass(frozen=True, slots=True)
+class Step:
+    """A step that was executed without a fix that says so, and the command that explains it."""
+
+    uav: int
+    slot: int
+    command: Command
+
+
+@dataclass(frozen=True, slots=True)
+class Tracks:
+    """Positions of K UAVs over S slots; in slot t everything moves straight from start to end.
+
+    Attributes
+    ----------
+    uavs
+        Ids in roster order.
+    centre_m
+        (S + 1, K, 2): the tracked disc's centre at the start of slot t and, in row t + 1, at its end.
+    true_from_m, true_to_m
+        (S, K, 2): true position at both ends of slot t; NaN where no truth of the UAV is recorded.
+    heard, executed
+        (S, K): whether a fix of the slot is recorded, and whether a command was executed in it.
+    energy_j
+        (S, K): battery at the slot's newest fix, NaN where there is none.
+    silent
+        Steps that no fix reports.
+    """
+
+    uavs: list[str]
+    centre_m: Floats
+    true_from_m: Floats
+    true_to_m: Floats
+    heard: Bools
+    executed: Bools
+    energy_j: Floats
+    silent: list[Step]
+
+    @property
+    def slots(self) -> int:
+        """Number of slots, S."""
+        return len(self.heard)
+
+
+def tracks_of(recording: Recording) -> Tracks:
+    """Tracks of all UAVs of the mission, from slot 0 to the last slot with a fix or a truth."""
+    roster = recording.mission.roster
+    index = roster_index(roster)
+    fixes = [f for f in recording.fixes if f.slot >= 0 and f.uav in index]
+    truths = [t for t in recording.truths if t.slot >= 0 and t.uav in index]
+    slots = 1 + max((m.slot for group in (fixes, truths) for m in group), default=-1)
+    shape = (slots, len(roster))
+    cells = _table([(f.slot, index[f.uav], f.executing, f.energy_j) for f in fixes], 4)
+    row, column = cells[:, 0].astype(int), cells[:, 1].astype(int)
+    heard, executed, energy_j = np.zeros(shape, bool), np.zeros(shape, bool), np.full(shape, np.nan)
+    heard[row, column] = True
+    energy_j[row, column] = cells[:, 3]
+    flying = cells[:, 2] > 0
+    executed[row[flying], column[flying]] = True
+    centre_m = np.full((slots + 1, len(roster), 2), np.nan)
+    centre_m[0] = [(entry.start_x_m, entry.start_y_m) for entry in roster]
+    said = [(f.slot + 1, index[f.uav], f.waypoint_x_m, f.waypoint_y_m) for f in fixes if f.voter]
+    _put(centre_m, said)
+    silent = list(_silent_steps(recording, centre_m, executed, truths))
+    for step in silent:
+        executed[step.slot, step.uav] = True
+        centre_m[step.slot + 1, step.uav] = (step.command.target_x_m, step.command.target_y_m)
+    _fill_forward(centre_m)
+    true_from_m, true_to_m = _true_motion(truths, index, centre_m)
+    return Tracks(list(index), centre_m, true_from_m, true_to_m, heard, executed, energy_j, silent)
+
+
+def _table(rows: Sequence[tuple[float, ...]], width: int) -> Floats:
+    return np.array(rows, dtype=np.float64).reshape(-1, width)
+
+
+def _put(into_m: Floats, rows: Sequence[tuple[float, ...]]) -> None:
+    """Set into_m[slot, uav] = (x, y) for rows (slot, uav, x, y); later rows win."""
+    table = _table(rows, 4)
+    into_m[table[:, 0].astype(int), table[:, 1].astype(int)] = table[:, 2:]
+
+
+def _fill_forward(centre_m: Floats) -> None:
+    """Replace every NaN by the last point before it."""
+    known = ~np.isnan(centre_m[..., 0])
+    newest = np.maximum.accumulate(np.where(known, np.arange(len(centre_m))[:, None], 0))
+    centre_m[:] = np.take_along_axis(centre_m, newest[..., None], axis=0)
+
+
+def _true_motion(truths: list[Truth], index: dict[str, int], centre_m: Floats) -> tuple[Floats, Floats]:
+    """True positions; where a slot has none, the disc's centre plus the UAV's first known offset."""
+    starts_m, ends_m = centre_m[:-1], centre_m[1:]
+    offset_m = np.full(centre_m.shape[1:], np.nan)
+    for truth in reversed(truths):
+        k = index[truth.uav]
+        offset_m[k] = (truth.to_x_m, truth.to_y_m) - ends_m[truth.slot, k]
+    true_from_m, true_to_m = starts_m + offset_m, ends_m + offset_m
+    _put(true_from_m, [(t.slot, index[t.uav], t.from_x_m, t.from_y_m) for t in truths])
+    _put(true_to_m, [(t.slot, index[t.uav], t.to_x_m, t.to_y_m) for t in truths])
+    return true_from_m, true_to_m
+
+
+def _silent_steps(recording: Recording, centre_m: Floats, executed: Bools, truths: list[Truth]) -> Iterator[Step]:
+    """Steps in slots without a (trustworthy) fix, for every UAV that has such slots."""
+    unsaid = np.isnan(centre_m[1:, :, 0])
+    if not unsaid.any():
+        return
+    index = roster_index(recording.mission.roster)
+    commands: dict[tuple[int, int], list[Command]] = {}
+    for command in recording.commands:
+        if command.uav in index:
+            commands.setdefault((command.slot, index[command.uav]), []).append(command)
+    moved = {(t.slot, index[t.uav]): (t.from_x_m, t.from_y_m) != (t.to_x_m, t.to_y_m) for t in truths}
+    for k in np.flatnonzero(unsaid.any(axis=0)):
+        for first, after in _runs(unsaid[:, k]):
+            yield from _explained(int(k), first, after, commands, moved, centre_m, executed)
+
+
+def _runs(flags: Bools) -> Iterator[tuple[int, int]]:
+    """First index of every run of true flags, and the index after it."""
+    edges = np.flatnonzero(np.diff(np.concatenate([[False], flags, [False]]).astype(np.int8)))
+    yield from zip(edges[::2].tolist(), edges[1::2].tolist(), strict=True)
+
+
+def _explained(
+    k: int,
+    first: int,
+    after: int,
+    commands: dict[tuple[int, int], list[Command]],
+    moved: dict[tuple[int, int], bool],
+    centre_m: Floats,
+    executed: Bools,
+) -> Iterator[Step]:
+    """The commands of slots first..after-1 that UAV `k` must have flown to be where it is seen next.
+
+    Walks through the slots with every point it can have reached; a recorded truth decides whether
+    it moved in that slot, otherwise both are possible and staying is preferred.
+    """
+    earlier = centre_m[: first + 1, k]
+    start = _point(earlier[np.flatnonzero(~np.isnan(earlier[:, 0]))[-1]])
+    paths: dict[Point, tuple[Step, ...]] = {start: ()}
+    for slot in range(first, after):
+        paths = _advanced(paths, k, slot, commands.get((slot, k), []), moved.get((slot, k)))
+    if after == len(executed):
+        yield from next(iter(paths.values()))
+        return
+    seen = _point(centre_m[after + 1, k])
+    for point, path in paths.items():
+        flown = (c for c in commands.get((after, k), []) if (c.start_x_m, c.start_y_m) == point)
+        ends = [(c.target_x_m, c.target_y_m) for c in flown] if executed[after, k] else [point]
+        if seen in ends:
+            yield from path
+            return
+
+
+def _advanced(
+    paths: dict[Point, tuple[Step, ...]], k: int, slot: int, commands: list[Command], moved: bool | None
+) -> dict[Point, tuple[Step, ...]]:
+    reached = {} if moved else dict(paths)
+    if moved is False:
+        return reached
+    for command in commands:
+        path = paths.get((command.start_x_m, command.start_y_m))
+        if path is not None:
+            end = (command.target_x_m, command.target_y_m)
+            reached.setdefault(end, (*path, Step(k, slot, command)))
+    return reached or paths
+
+
+def _point(xy_m: Floats) -> Point:
+    return float(xy_m[0]), float(xy_m[1])

@@ -1,0 +1,127 @@
+"""Writing a recording: MCAP, zstd, one JSON channel per topic.
+
+Nothing here reads a clock, so the same calls write the same bytes.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import Any, BinaryIO
+
+import msgspec
+from mcap.writer import CompressionType, Writer
+from msgspec import Struct
+
+from edc_swarm.messages import MissionMessage, Ns, Seq, kind_of
+from edc_swarm.recording.schemas import json_schema
+
+FORMAT = "1"
+"""Version of what a recording holds; written as `format` into the `run` metadata."""
+MISSION_ATTACHMENT = "mission.json"
+CHUNK_BYTES = 1 << 20
+_MAX_U32 = 0xFFFF_FFFF
+
+
+class RecordingWriter:
+    """Writes a recording to a binary stream that the caller opens and closes.
+
+    Parameters
+    ----------
+    stream
+        Where the bytes go; it must support `tell`.
+    run
+        Facts about the run (versions, commit, command line, machine, clock): metadata `run`.
+
+    Errors of the stream (such as a full disk) pass through as `OSError`.
+    """
+
+    def __init__(self, stream: BinaryIO, run: Mapping[str, str]) -> None:
+        self._mcap: Any = Writer(stream, chunk_size=CHUNK_BYTES, compression=CompressionType.ZSTD)
+        self._channels: dict[str, int] = {}
+        self._schemas: dict[str, int] = {}
+        self._last_ns = 0
+        self._has_mission = False
+        self._mcap.start(profile="", library=f"edc-swarm {FORMAT}")
+        self._mcap.add_metadata("run", {**run, "format": FORMAT})
+
+    def write(self, key: str, payload: bytes, log_time_ns: int) -> None:
+        """Record `payload`, verbatim, whether or not it is a message.
+
+        `log_time_ns` is the time of receipt; times that go back are recorded as the latest so far.
+        """
+        stamp = _stamp(payload)
+        if not self._has_mission and kind_of(key) is MissionMessage:
+            self._has_mission = True
+            self.attach(MISSION_ATTACHMENT, "application/json", payload, log_time_ns)
+        channel = self._channels.get(key) or self._json_channel(key)
+        self._add(channel, payload, log_time_ns, stamp.sent_ns, stamp.seq)
+
+    def write_protobuf(
+        self,
+        key: str,
+        payload: bytes,
+        log_time_ns: int,
+        schema_name: str,
+        descriptor_set: bytes,
+        publish_time_ns: int | None = None,
+    ) -> None:
+        """Record a protobuf message, such as `foxglove.SceneUpdate`, with its FileDescriptorSet."""
+        channel = self._channels.get(key)
+        if channel is None:
+            schema = self._schema(schema_name, "protobuf", descriptor_set)
+            channel = self._channel(key, "protobuf", schema)
+        self._add(channel, payload, log_time_ns, publish_time_ns, 0)
+
+    def attach(self, name: str, media_type: str, data: bytes, log_time_ns: int = 0) -> None:
+        """Add an attachment, such as the layout of a viewer."""
+        self._mcap.add_attachment(0, log_time_ns, name, media_type, data)
+
+    def flush(self) -> None:
+        """Close the current chunk: all that was written so far survives the end of the process."""
+        self._mcap.flush()
+
+    def finish(self, run_end: Mapping[str, str]) -> None:
+        """Write the metadata `run_end`, the summary and the footer; the stream stays open."""
+        self._mcap.flush()
+        self._mcap.add_metadata("run_end", dict(run_end))
+        self._mcap.finish()
+
+    def _channel(self, key: str, encoding: str, schema: int) -> int:
+        channel: int = self._mcap.register_channel(key, encoding, schema)
+        self._channels[key] = channel
+        return channel
+
+    def _add(self, channel: int, payload: bytes, log_ns: int, publish_ns: int | None, seq: int) -> None:
+        self._last_ns = max(self._last_ns, log_ns)
+        sent_ns = self._last_ns if publish_ns is None else publish_ns
+        self._mcap.add_message(channel, self._last_ns, payload, sent_ns, seq & _MAX_U32)
+
+    def _json_channel(self, key: str) -> int:
+        kind = kind_of(key)
+        if kind is None:
+            return self._channel(key, "application/octet-stream", 0)
+        schema = msgspec.json.encode(json_schema(kind))
+        return self._channel(key, "json", self._schema(f"edc_swarm.{kind.__name__}", "jsonschema", schema))
+
+    def _schema(self, name: str, encoding: str, data: bytes) -> int:
+        if name not in self._schemas:
+            self._schemas[name] = self._mcap.register_schema(name, encoding, data)
+        return self._schemas[name]
+
+
+class _Stamp(Struct, gc=False):
+    """The two fields of every message that MCAP keeps beside the payload."""
+
+    seq: Seq = 0
+    sent_ns: Ns | None = None
+
+
+_decode_stamp = msgspec.json.Decoder(_Stamp).decode
+
+
+def _stamp(payload: bytes) -> _Stamp:
+    """The stamp of a message, or an empty one where the bytes are no message."""
+    try:
+        return _decode_stamp(payload)
+    except (msgspec.DecodeError, UnicodeDecodeError, RecursionError):
+        return _Stamp()

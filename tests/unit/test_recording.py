@@ -1,0 +1,256 @@
+"""Recordings: what is written comes back, the same bytes every time, and torn files are read."""
+
+from __future__ import annotations
+
+import io
+from pathlib import Path
+from typing import Any
+
+import msgspec
+import pytest
+from mcap.reader import make_reader
+from synthetic import flight, parallel
+
+from edc_swarm.errors import RecordingError
+from edc_swarm.messages import Command, Event, Fix, Keys, Message, MissionMessage, Report, Truth, encode
+from edc_swarm.recording import Recording, RecordingWriter, read_recording, recover
+from edc_swarm.recording.schemas import json_schema
+
+KEYS = Keys("mission")
+RUN = {"edc_swarm": "0.1.0", "clock": "virtual"}
+KINDS = (Fix, Truth, Command, Report, Event, MissionMessage)
+
+
+def record(messages: list[Message], stream: Any = None, finish: bool = True) -> bytes:
+    """Bytes of a recording of `messages`, received when sent."""
+    stream = stream or io.BytesIO()
+    writer = RecordingWriter(stream, RUN)
+    for message in messages:
+        writer.write(KEYS.of(message), encode(message), message.sent_ns)
+    if finish:
+        writer.finish({"reason": "completed"})
+    else:
+        writer.flush()
+    return stream.getvalue()
+
+
+@pytest.fixture
+def messages() -> list[Message]:
+    """A faultless mission of three UAVs."""
+    return flight(parallel())
+
+
+def saved(path: Path, data: bytes) -> Path:
+    """A file with that content."""
+    path.write_bytes(data)
+    return path
+
+
+def test_what_is_written_comes_back(tmp_path: Path, messages: list[Message]) -> None:
+    """Every message, in its list, and the facts of the run."""
+    recording = read_recording(saved(tmp_path / "a.mcap", record(messages)))
+    expected = Recording.from_messages(messages)
+    assert recording.lists() == expected.lists()
+    assert recording.run == {**RUN, "format": "1"}
+    assert recording.run_end == {"reason": "completed"}
+    assert recording.message_count == len(messages)
+    assert recording.problems == []
+
+
+def test_same_messages_same_bytes(messages: list[Message]) -> None:
+    """The file depends on nothing but what was written."""
+    assert record(messages) == record(messages)
+
+
+def test_an_independent_reader_sees_the_promised_layout(messages: list[Message]) -> None:
+    """Topic = key, publish time = sent, sequence = seq, `run` first, mission attached."""
+    data = record(messages)
+    reader = make_reader(io.BytesIO(data), validate_crcs=True)
+    seen = list(reader.iter_messages(log_time_order=False))
+    logged = [message.log_time for _, _, message in seen]
+    assert logged == sorted(logged)
+    for (schema, channel, record_), message in zip(seen, messages, strict=True):
+        assert channel.topic == KEYS.of(message)
+        assert channel.message_encoding == "json"
+        assert schema is not None
+        assert (schema.name, schema.encoding) == (f"edc_swarm.{type(message).__name__}", "jsonschema")
+        assert (record_.publish_time, record_.sequence) == (message.sent_ns, message.seq)
+        assert record_.data == encode(message)
+    assert [m.name for m in reader.iter_metadata()] == ["run", "run_end"]
+    assert [a.name for a in reader.iter_attachments()] == ["mission.json"]
+
+
+def test_garbage_and_unknown_topics_are_kept_verbatim(tmp_path: Path, messages: list[Message]) -> None:
+    """Nothing on the bus is refused by the recorder; readers say what was no message."""
+    stream = io.BytesIO()
+    writer = RecordingWriter(stream, RUN)
+    for message in messages:
+        writer.write(KEYS.of(message), encode(message), message.sent_ns)
+    last_ns = messages[-4].sent_ns
+    junk = [b"", b"\xff\xfe", b"[1", b'{"uav":"u0","slot":1}', b'{"seq":-1,"sent_ns":"x"}']
+    for payload in junk:
+        writer.write(KEYS.fix("u0"), payload, last_ns)
+    writer.write("swarm/mission/else/where", b"\x00\x01", last_ns)
+    writer.write_protobuf("swarm/mission/viz/scene", b"\x0a", last_ns, "foxglove.SceneUpdate", b"\x01")
+    writer.finish({})
+    recording = read_recording(saved(tmp_path / "a.mcap", stream.getvalue()))
+    assert [g.topic for g in recording.garbage] == [KEYS.fix("u0")] * len(junk)
+    assert recording.unknown == {"swarm/mission/else/where": 1, "swarm/mission/viz/scene": 1}
+    raw = [m.data for *_, m in make_reader(io.BytesIO(stream.getvalue())).iter_messages(log_time_order=False)]
+    assert raw[-7:-2] == junk
+
+
+@pytest.mark.parametrize(
+    ("field", "value"),
+    [("x_m", b"1e999"), ("uav", b'"u1"'), ("slot", b"-7"), ("head", b'"not an id"'), ("term", b"0.5")],
+)
+def test_the_fast_decoder_refuses_what_the_codec_refuses(
+    tmp_path: Path, messages: list[Message], field: str, value: bytes
+) -> None:
+    """Infinity, another sender, and every limit: garbage in, garbage reported."""
+    fix = next(m for m in messages if isinstance(m, Fix))
+    whole = {k: msgspec.Raw(msgspec.json.encode(v)) for k, v in msgspec.to_builtins(fix).items()}
+    payload = msgspec.json.encode({**whole, field: msgspec.Raw(value)})
+    stream = io.BytesIO()
+    writer = RecordingWriter(stream, RUN)
+    writer.write(KEYS.mission, encode(messages[0]), 0)
+    writer.write(KEYS.fix("u0"), payload, 1)
+    writer.finish({})
+    recording = read_recording(saved(tmp_path / "a.mcap", stream.getvalue()))
+    assert (len(recording.fixes), len(recording.garbage)) == (0, 1)
+
+
+def test_log_time_never_goes_back(messages: list[Message]) -> None:
+    """A clock that steps back does not disorder the file."""
+    stream = io.BytesIO()
+    writer = RecordingWriter(stream, RUN)
+    for log_ns in (5, 3, 9):
+        writer.write(KEYS.mission, encode(messages[0]), log_ns)
+    writer.finish({})
+    seen = make_reader(io.BytesIO(stream.getvalue())).iter_messages()
+    assert [message.log_time for *_, message in seen] == [5, 5, 9]
+
+
+def test_what_was_flushed_survives(tmp_path: Path, messages: list[Message]) -> None:
+    """A file that ends after a flush is torn, and yet every message in it is read."""
+    path = saved(tmp_path / "a.mcap", record(messages, finish=False))
+    with pytest.raises(RecordingError, match="torn"):
+        read_recording(path)
+    recording = read_recording(path, salvage=True)
+    assert recording.message_count == len(messages)
+    assert recording.run_end is None
+    assert len(recording.problems) == 1
+
+
+def test_a_torn_file_is_read_at_every_length(tmp_path: Path, messages: list[Message]) -> None:
+    """However many bytes are missing: one line, or whatever is whole."""
+    stream = io.BytesIO()
+    writer = RecordingWriter(stream, RUN)
+    for number, message in enumerate(messages):
+        writer.write(KEYS.of(message), encode(message), message.sent_ns)
+        if number % 20 == 19:
+            writer.flush()
+    writer.finish({})
+    data = stream.getvalue()
+    counts = []
+    for length in range(0, len(data), 97):
+        try:
+            counts.append(read_recording(saved(tmp_path / "a.mcap", data[:length]), salvage=True).message_count)
+        except RecordingError as error:
+            assert "\n" not in str(error)  # noqa: PT017
+            assert not counts
+    assert counts == sorted(counts)
+    assert counts[-1] == len(messages)
+
+
+def test_recover_makes_a_whole_file(tmp_path: Path, messages: list[Message]) -> None:
+    """A recovered file reads like any other and says what was missing."""
+    torn = saved(tmp_path / "a.mcap.part", record(messages, finish=False)[:-3])
+    stream = io.BytesIO()
+    problems = recover(torn, stream)
+    recording = read_recording(saved(tmp_path / "a.mcap", stream.getvalue()))
+    assert len(problems) == 1
+    assert "torn" in problems[0]
+    assert recording.run_end == {"recovered": problems[0]}
+    assert recording.lists() == read_recording(torn, salvage=True).lists()
+
+
+def test_recover_changes_nothing_of_a_whole_file(tmp_path: Path, messages: list[Message]) -> None:
+    """Topics, payloads, times and schemas stay, protobuf ones too."""
+    stream = io.BytesIO()
+    writer = RecordingWriter(stream, RUN)
+    writer.write(KEYS.mission, encode(messages[0]), 3)
+    writer.write_protobuf("viz/scene", b"\x0a", 4, "foxglove.SceneUpdate", b"\x01", publish_time_ns=2)
+    writer.attach("layout.json", "application/json", b"{}")
+    writer.finish({"reason": "completed"})
+    again = io.BytesIO()
+    assert recover(saved(tmp_path / "a.mcap", stream.getvalue()), again) == []
+    before, after = (list(make_reader(io.BytesIO(s.getvalue())).iter_messages()) for s in (stream, again))
+    assert before == after
+    assert {a.name for a in make_reader(io.BytesIO(again.getvalue())).iter_attachments()} == {"layout.json", "mission.json"}
+
+
+@pytest.mark.parametrize(
+    ("data", "reason"),
+    [
+        (b"", "is empty"),
+        (b"hello, world", "is not an MCAP file"),
+        (b"\x89MCAP9\r\n", "version other than 0"),
+    ],
+)
+def test_bad_files_are_one_clear_line(tmp_path: Path, data: bytes, reason: str) -> None:
+    """The error names the file and what is wrong with it."""
+    path = saved(tmp_path / "bad.mcap", data)
+    with pytest.raises(RecordingError, match=reason) as caught:
+        read_recording(path, salvage=True)
+    assert caught.value.path == path
+
+
+def test_a_missing_file_is_one_clear_line(tmp_path: Path) -> None:
+    """The operating system's reason is kept."""
+    with pytest.raises(RecordingError, match="No such file"):
+        read_recording(tmp_path / "none.mcap")
+
+
+def test_other_formats_are_refused(tmp_path: Path, messages: list[Message]) -> None:
+    """A recording of another format version, or of another program, is said to be one."""
+    data = record(messages)
+    newer = data.replace(b"format\x01\x00\x00\x001", b"format\x01\x00\x00\x009")
+    with pytest.raises(RecordingError, match="has recording format 9; this version reads 1"):
+        read_recording(saved(tmp_path / "a.mcap", newer))
+    foreign = data.replace(b"\x03\x00\x00\x00run", b"\x03\x00\x00\x00ran")
+    with pytest.raises(RecordingError, match="not a recording of edc-swarm"):
+        read_recording(saved(tmp_path / "b.mcap", foreign))
+
+
+def test_a_recording_without_a_mission_is_refused(tmp_path: Path, messages: list[Message]) -> None:
+    """No metric can be computed without the mission."""
+    with pytest.raises(RecordingError, match="holds no mission"):
+        read_recording(saved(tmp_path / "a.mcap", record(messages[1:])))
+
+
+def in_subset(schema: dict[str, Any]) -> bool:
+    """Whether viewers accept a schema: every field typed, no references, no nested arrays."""
+    assert schema.keys() <= {"title", "type", "enum", "properties", "items"}
+    assert schema["type"] in {"object", "array", "string", "number", "integer", "boolean"}
+    if schema["type"] == "array":
+        assert schema["items"]["type"] != "array"
+        return in_subset(schema["items"])
+    return all(in_subset(field) for field in schema.get("properties", {}).values())
+
+
+@pytest.mark.parametrize("kind", KINDS)
+def test_every_schema_is_inside_what_viewers_accept(kind: type[msgspec.Struct]) -> None:
+    """Viewers drop a whole topic over anything else; and no field is left out."""
+    schema = json_schema(kind)
+    assert in_subset(schema)
+    assert set(schema["properties"]) == set(kind.__struct_fields__)
+
+
+def test_nullable_fields_are_flattened() -> None:
+    """An optional field is described by its type alone."""
+
+    class Odd(msgspec.Struct):
+        name: str | None = None
+
+    assert json_schema(Odd)["properties"]["name"] == {"type": "string"}
