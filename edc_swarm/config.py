@@ -92,7 +92,8 @@ class Link(Struct, frozen=True, kw_only=True):
     `uniform` adds U(0, jitter), `normal` adds |N(0, jitter)| truncated at three jitters,
     `lognormal` adds a lognormal of median `jitter`/2. Loss is independent with probability
     `loss`, or bursty (Gilbert-Elliott) when `burst_enter` > 0: the link enters its bad state with
-    that probability per message, leaves it with `burst_leave`, and loses `burst_loss` there.
+    that probability per message, leaves it with `burst_leave`, and loses `burst_loss` there. A message
+    is delayed by up to a further slot with probability `reorder`, so that later ones overtake it.
     """
 
     sender: str = "*"

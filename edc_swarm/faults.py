@@ -1,0 +1,241 @@
+"""What can go wrong on purpose: the fault vocabulary of mission files, `--fault` and the fuzzer.
+
+    kill TARGET [mid-step] @WHEN            the process dies (SIGKILL)
+    restart TARGET [lose-memory] @WHEN      it comes back, with or without its promise
+    freeze TARGET [mid-step] @WHEN [for D]  it stops (SIGSTOP), and goes on after D (SIGCONT)
+    resume TARGET @WHEN
+    partition LEFT|RIGHT @WHEN [for D]      nothing passes between two groups
+    partition LEFT>RIGHT @WHEN [for D]      nothing passes from the first to the second
+    heal @WHEN                              every partition ends
+    link A>B [delay MS] [jitter MS] [loss P] [duplicate P] [reorder P] @WHEN [for D]
+    clock TARGET [offset MS] [drift PPM] @WHEN
+    gps TARGET MODEL @WHEN
+    slow TARGET MS @WHEN [for D]            the solver takes MS longer
+
+TARGET is an id, `head` or `standby`, for the first four also `recorder` or `router`. A group is
+`halves` (either side), `rest`, `head`, `standby` or ids joined by commas; A and B are ids or `*`.
+WHEN and D are slots, or seconds of mission time with an `s`: `@10`, `@5s`, `for 4`, `for 2.5s`.
+`mid-step` stops the process between two effects of one step; it is honoured by the simulator, where
+such a moment can be aimed at, and is an ordinary kill or freeze for real processes.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, replace
+
+from edc_swarm.config import Link, Mission, convert
+from edc_swarm.errors import MissionError
+
+HEAD, STANDBY, RECORDER, ROUTER, REST, HALVES = "head", "standby", "recorder", "router", "rest", "halves"
+PROCESS_VERBS = frozenset({"kill", "restart", "freeze", "resume"})
+LINK_WORDS = ("delay", "jitter", "loss", "duplicate", "reorder")
+USAGE = "a fault such as 'kill head @10', 'freeze u003 @5s for 2s' or 'partition halves @10 for 20'"
+
+
+@dataclass(frozen=True, slots=True)
+class Fault:
+    """One fault: what, to whom, when (mission seconds), for how long (infinite: for good).
+
+    `left` is the target or the first group, `right` the second group; `flags` are words such as
+    `mid-step`, `lose-memory`, a GPS model or `one-way`; `numbers` are named quantities such as
+    `delay_ms` or `loss`.
+    """
+
+    verb: str
+    left: tuple[str, ...] = ()
+    right: tuple[str, ...] = ()
+    flags: tuple[str, ...] = ()
+    numbers: tuple[tuple[str, float], ...] = ()
+    at_s: float = 0.0
+    for_s: float = math.inf
+
+    @property
+    def target(self) -> str:
+        """The one process this fault is for."""
+        return self.left[0]
+
+    @property
+    def end_s(self) -> float:
+        """Mission time at which it is over."""
+        return self.at_s + self.for_s
+
+    def number(self, name: str, default: float = 0.0) -> float:
+        """A named quantity, or `default`."""
+        return dict(self.numbers).get(name, default)
+
+    def __str__(self) -> str:
+        """The canonical text, which `parse_fault` takes again."""
+        words = [self.verb, *([_groups_text(self)] if self.left else []), *self.flags_shown(), *_numbers_text(self)]
+        lasting = [] if math.isinf(self.for_s) else ["for", f"{self.for_s:.12g}s"]
+        return " ".join([*words, f"@{self.at_s:.12g}s", *lasting])
+
+    def flags_shown(self) -> list[str]:
+        """Flags that stand in the text as words of their own."""
+        return [flag for flag in self.flags if flag != "one-way"]
+
+    def link(self) -> Link:
+        """The link rule of a `link` fault."""
+        fields = dict(self.numbers)
+        window = {"start_s": self.at_s, "end_s": min(self.end_s, 1e9)}
+        return convert({"sender": self.left[0], "receiver": self.right[0], **fields, **window}, Link)
+
+
+def parse_fault(text: str, dt_s: float) -> Fault:
+    """Read one fault.
+
+    Raises
+    ------
+    MissionError
+        With the text and what would have been accepted.
+    """
+    words = text.split()
+    try:
+        fault = _parse_words(words, dt_s)
+    except (ValueError, IndexError, KeyError) as error:
+        raise MissionError("fault", text, f"{USAGE} ({error or 'incomplete'})") from None
+    return fault
+
+
+def parse_faults(mission: Mission) -> list[Fault]:
+    """All faults of a mission with a roster, by time.
+
+    Raises
+    ------
+    MissionError
+        A fault cannot be read, or names a UAV that is not in the roster.
+    """
+    known = {entry.uav for entry in mission.roster} | {HEAD, STANDBY, RECORDER, ROUTER, REST, HALVES, "*"}
+    faults = []
+    for text in mission.fault:
+        fault = parse_fault(text, mission.dt_s)
+        for name in (*fault.left, *fault.right):
+            if name not in known:
+                raise MissionError("fault", text, f"about a UAV of the roster, which {name} is not")
+        faults.append(fault)
+    return sorted(faults, key=lambda fault: fault.at_s)
+
+
+def resolve(fault: Fault, head: str, standbys: Sequence[str], roster: Sequence[str]) -> Fault | None:
+    """The same fault with ids in place of `head`, `standby`, `halves`, `rest`; None when nobody is that now."""
+    left = _resolved(fault.left, head, standbys)
+    right = _resolved(fault.right, head, standbys)
+    if fault.left == (HALVES,):
+        left, right = tuple(roster[: len(roster) // 2]), tuple(roster[len(roster) // 2 :])
+    elif fault.right == (REST,):
+        right = tuple(uav for uav in roster if uav not in left)
+    elif fault.left == (REST,):
+        left = tuple(uav for uav in roster if uav not in right)
+    nobody = (fault.left and not left) or (fault.right and not right)
+    return None if nobody else replace(fault, left=left, right=right)
+
+
+def _resolved(names: tuple[str, ...], head: str, standbys: Sequence[str]) -> tuple[str, ...]:
+    table = {HEAD: head, STANDBY: standbys[0] if standbys else ""}
+    found = (table.get(name, name) for name in names)
+    return tuple(name for name in found if name)
+
+
+def _parse_words(words: list[str], dt_s: float) -> Fault:
+    verb, rest = words[0], words[1:]
+    if verb not in _READERS:
+        raise ValueError(f"unknown fault {verb}")
+    when = next((i for i, word in enumerate(rest) if word.startswith("@")), None)
+    if when is None:
+        raise ValueError("no @WHEN")
+    tail = rest[when + 1 :]
+    for_s = math.inf
+    if tail:
+        if tail[0] != "for" or len(tail) != 2:
+            raise ValueError(f"unexpected {' '.join(tail)}")
+        for_s = _seconds(tail[1], dt_s)
+    fault = _READERS[verb](verb, rest[:when])
+    return replace(fault, at_s=_seconds(rest[when][1:], dt_s), for_s=for_s)
+
+
+def _seconds(text: str, dt_s: float) -> float:
+    value = float(text[:-1]) if text.endswith("s") else float(text) * dt_s
+    return _finite(value)
+
+
+def _finite(value: float) -> float:
+    if not math.isfinite(value) or value < 0:
+        raise ValueError("a time or quantity must be finite and not negative")
+    return value
+
+
+def _read_process(verb: str, words: list[str]) -> Fault:
+    allowed = {"kill": "mid-step", "freeze": "mid-step", "restart": "lose-memory"}.get(verb)
+    if any(flag != allowed for flag in words[1:]):
+        raise ValueError(f"{verb} takes a target and {allowed or 'nothing more'}")
+    return Fault(verb, (words[0],), flags=tuple(words[1:]))
+
+
+def _read_partition(verb: str, words: list[str]) -> Fault:
+    (groups,) = words
+    if groups == HALVES:
+        return Fault(verb, (HALVES,))
+    one_way = ">" in groups
+    left, right = groups.split(">" if one_way else "|")
+    return Fault(verb, tuple(left.split(",")), tuple(right.split(",")), ("one-way",) if one_way else ())
+
+
+def _read_heal(verb: str, words: list[str]) -> Fault:
+    if words:
+        raise ValueError("heal takes no target")
+    return Fault(verb)
+
+
+def _read_link(verb: str, words: list[str]) -> Fault:
+    sender, receiver = words[0].split(">")
+    fields = {"delay": "delay_ms", "jitter": "jitter_ms"}
+    pairs = list(zip(words[1::2], words[2::2], strict=True))
+    if any(name not in LINK_WORDS for name, _ in pairs):
+        raise ValueError(f"a link takes {', '.join(LINK_WORDS)}")
+    numbers = tuple((fields.get(name, name), _finite(float(value))) for name, value in pairs)
+    return Fault(verb, (sender,), (receiver,), numbers=numbers)
+
+
+def _read_clock(verb: str, words: list[str]) -> Fault:
+    fields = {"offset": "offset_ms", "drift": "drift_ppm"}
+    numbers = tuple((fields[name], float(value)) for name, value in zip(words[1::2], words[2::2], strict=True))
+    if not numbers or not all(math.isfinite(value) for _, value in numbers):
+        raise ValueError("clock takes offset MS and drift PPM, finite")
+    return Fault(verb, (words[0],), numbers=numbers)
+
+
+def _read_gps(verb: str, words: list[str]) -> Fault:
+    target, model = words
+    if model not in {"none", "bias", "white", "gauss-markov"}:
+        raise ValueError("gps takes none, bias, white or gauss-markov")
+    return Fault(verb, (target,), flags=(model,))
+
+
+def _read_slow(verb: str, words: list[str]) -> Fault:
+    target, by_ms = words
+    return Fault(verb, (target,), numbers=(("by_ms", _finite(float(by_ms))),))
+
+
+_READERS: dict[str, Callable[[str, list[str]], Fault]] = {
+    **dict.fromkeys(PROCESS_VERBS, _read_process),
+    "partition": _read_partition,
+    "heal": _read_heal,
+    "link": _read_link,
+    "clock": _read_clock,
+    "gps": _read_gps,
+    "slow": _read_slow,
+}
+
+
+def _groups_text(fault: Fault) -> str:
+    left, right = ",".join(fault.left), ",".join(fault.right)
+    if not right:
+        return left
+    return f"{left}{'>' if fault.verb == 'link' or 'one-way' in fault.flags else '|'}{right}"
+
+
+def _numbers_text(fault: Fault) -> list[str]:
+    if fault.verb == "slow":
+        return [f"{fault.number('by_ms'):.12g}"]
+    return [word for name, value in fault.numbers for word in (name.split("_")[0], f"{value:.12g}")]
