@@ -76,6 +76,7 @@ class Election:
         self._granted_slot = 0
         self._successor: tuple[int, Grant] | None = None
         self.claim: Claim | None = None
+        self._claimable_since: int | None = None
 
     @property
     def grant(self) -> Grant:
@@ -150,16 +151,21 @@ class Election:
     def pick_successor(self, heard: Sequence[Fix], everyone_heard: bool) -> Grant | None:
         """The grant that the head's next report asks for, or None to stay.
 
-        A term above its own that it heard (a UAV that came back) makes it succeed itself above
-        that; else the best standby succeeds it, at most every `HANDOVER_SLOTS` slots, when the own
+        A UAV whose promise keeps it from joining this term (it came back with a newer one, or took
+        part in a split vote) makes the head succeed itself above that. Else the best standby
+        succeeds it, at most every `HANDOVER_SLOTS` slots and with nobody unheard, when the own
         criterion has fallen behind by `handover_margin`.
         """
-        highest = max((fix.term for fix in self._knowledge.recent(self.slot - 2)), default=0)
-        if highest > self.term:
-            return (highest + 1, self._uav)
+        astray = [fix.term for fix in self._knowledge.recent(self.slot - 2) if self._cannot_join(fix)]
+        if astray:
+            return (max(astray) + 1, self._uav)
         if not everyone_heard or self.slot - self._granted_slot < HANDOVER_SLOTS:
             return None
         return self._better_head(heard)
+
+    def _cannot_join(self, fix: Fix) -> bool:
+        """Whether a UAV has promised this term to another head, or is in a newer one already."""
+        return fix.term > self.term or (fix.term == self.term and fix.head != self.head)
 
     def _better_head(self, heard: Sequence[Fix]) -> Grant | None:
         key, margin = _CRITERIA[self._mission.elect], self._mission.handover_margin
@@ -189,6 +195,7 @@ class Election:
         self._granted_slot = self.slot
         self._lease_until = self.slot + self._mission.lease_slots
         self._suspects_since = self.slot
+        self._claimable_since = None
         self.suspects = False
 
     def _hear_claim(self, report: Report, theirs: Grant) -> None:
@@ -213,18 +220,23 @@ class Election:
         return (self._uav, *others)
 
     def _claim_if_next(self) -> None:
-        if not (self._voter and self.suspects and self._uav in self.standbys) or self._earlier_standby_lives():
+        if not (self._voter and self.suspects and self._uav in self.standbys):
             return
         suspecting = self._suspecting()
-        if len(suspecting) >= self._mission.quorum:
+        if len(suspecting) < self._mission.quorum:
+            self._claimable_since = None
+            return
+        if self._claimable_since is None:
+            self._claimable_since = self.slot
+        if not self._earlier_standby_lives(self._claimable_since):
             term = self.term + 1
             self._adopt((term, self._uav))
             self.claim = Claim(term, suspecting)
 
-    def _earlier_standby_lives(self) -> bool:
-        """Whether a better standby was heard lately and has not had its time yet."""
+    def _earlier_standby_lives(self, since_slot: int) -> bool:
+        """Whether a better standby was heard lately and has not had its time, a lease each, yet."""
         rank = self.standbys.index(self._uav)
-        if self.slot - self._suspects_since >= rank * self._mission.lease_slots:
+        if self.slot - since_slot >= rank * self._mission.lease_slots:
             return False
         return any(self._knowledge.last_slot(uav) >= self.slot - 1 for uav in self.standbys[:rank])
 

@@ -243,13 +243,13 @@ class Simulation:
         if not comes_back:
             computer.ended = True
             self.monitor.end(computer.uav)
-        self._at(self._now_ns + HINT_NS, partial(self._hint, computer))
+        self._at(self._now_ns + HINT_NS, partial(self._hint, computer, computer.lives))
 
     def _freeze(self, computer: Computer, fault: Fault) -> None:
         if computer.node is None or computer.frozen:
             return
         computer.frozen = True
-        self._at(self._now_ns + LEASE_NS, partial(self._hint, computer))
+        self._at(self._now_ns + LEASE_NS, partial(self._hint, computer, computer.lives))
         if fault.for_s < float("inf"):
             self._at(self._now_ns + self._ns_of(fault.for_s) - self.mission.epoch_ns, partial(self._resume, computer))
 
@@ -264,9 +264,9 @@ class Simulation:
         for event in [*backlog, Tick()]:
             self._step(computer, event)
 
-    def _hint(self, gone: Computer) -> None:
-        """Tell the peers that a token vanished, unless it was the router that did."""
-        if gone.node is not None and not gone.frozen:
+    def _hint(self, gone: Computer, lives: int) -> None:
+        """Tell the peers that the token of one life vanished, unless it was the router that did."""
+        if gone.lives == lives and gone.node is not None and not gone.frozen:
             return
         for computer in self._computers.values():
             if computer is not gone and self._router_up and not computer.links.is_cut(gone.uav, self._mission_s):
