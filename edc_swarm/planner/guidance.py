@@ -1,0 +1,250 @@
+"""Guidance: which step each UAV would like to take, by space-time best response.
+
+The slot QP makes any wishes safe; whether missions complete, and how far everyone flies, is decided
+here. Each UAV has a *plan*, a few way points in space and time after which it flies straight to its
+goal, and hence a *track*, its predicted position in each of the next W slots. Once a slot the UAVs
+whose tracks conflict, the earliest conflict first, look for the track A that is cheapest against
+the current tracks of all others:
+
+    COST(A) = sum over slots not at the goal of wt  +  wd * length / u_max  +  CONF(A)
+    CONF(A) = sum_l way_kl sum_t gamma^t (TOUCH + DEPTH (sep - d) / R)   where d = |A_t - X_l,t| < sep
+
+in units of slots; sep = R + delta, or 0.9995 of the present distance where that is less (already too
+close: a conflict is then getting closer). A conflict has a finite price, so a plan always exists,
+and far conflicts are discounted since they may dissolve. `way` is the right of way: a UAV that has
+lost time is dearer to others, (luck_l + PATIENCE) / (luck_k + PATIENCE) within [1/CAP, CAP], with
+luck = lateness * 2 U(0, 1) drawn anew every W slots. Without it dense missions jam.
+
+The best response is found by A* over a lattice in space and time (nodes (layer, a, b), two slots a
+layer, spacing 2 u_max / sqrt(20); moves: stay, 12 of about half and 32 of nearly full speed), then
+improved off the lattice: way points are dropped while the cost does not rise ("string pulling") and
+nudged in space and time while it falls. A plan whose conflicts have gone is kept, pulled and nudged;
+it gives way to the straight line as soon as that is free.
+
+Random numbers are a hash of (seed, slot, UAV) and effort is counted in expansions, so the same
+requests give the same bytes on any head. A new head starts cold: all tracks are straight lines.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from edc_swarm.config import ARRIVED_M
+from edc_swarm.geometry import Floats, Indices, length_m
+from edc_swarm.planner import guidance_kernel as kernel
+from edc_swarm.solver.slot_qp import DELTA_M
+
+MAX_CELLS = 160
+"""Cells along one side of the grid at most."""
+
+
+@dataclass(frozen=True, slots=True)
+class Tuning:
+    """Constants of the guidance. Slots are the unit of time and of cost.
+
+    Attributes
+    ----------
+    look_ahead
+        W, slots that a track reaches ahead; even.
+    touch, depth
+        Price of a conflict, and of its full depth.
+    gamma
+        Discount of a conflict per slot.
+    patience
+        Slots of lateness that double the right of way; decay time at the goal.
+    cap
+        Largest right-of-way ratio.
+    greed
+        Factor on the A* heuristic: above 1 the search is faster and not quite optimal.
+    expand, budget
+        Expansions of one search, and of one slot.
+    rounds
+        Rounds of nudging way points.
+    """
+
+    look_ahead: int = 32
+    touch: float = 3.0
+    depth: float = 12.0
+    gamma: float = 0.92
+    patience: float = 20.0
+    cap: float = 8.0
+    greed: float = 1.1
+    expand: int = 600
+    budget: int = 60_000
+    rounds: int = 3
+
+    @property
+    def layers(self) -> int:
+        """Lattice layers, two slots each."""
+        return self.look_ahead // 2
+
+    @property
+    def side(self) -> int:
+        """Lattice points along one side: as far as full speed leads."""
+        return 2 * math.ceil(self.layers * math.sqrt(20.0)) + 1
+
+
+@dataclass(frozen=True, slots=True)
+class Scene:
+    """One slot as the guidance sees it.
+
+    `uav` (n,) roster indices, `position_m` `goal_m` (n, 2), `r_m` (n,); `obstacle_m` (m, 2) and
+    `obstacle_r_m` (m,) are discs that stay where they are.
+    """
+
+    slot: int
+    uav: Indices
+    position_m: Floats
+    goal_m: Floats
+    r_m: Floats
+    obstacle_m: Floats
+    obstacle_r_m: Floats
+
+
+class Guidance:
+    """Preferred steps from slot to slot; remembers plans and lateness by roster index."""
+
+    def __init__(self, u_max_m: float, weights: tuple[float, float], seed: int, tuning: Tuning) -> None:
+        self._u_max_m = u_max_m
+        self._weights = weights
+        self._seed = seed
+        self._tuning = tuning
+        self._memory = _Memory.empty(0, tuning.layers)
+        self._scratch = _scratch(tuning)
+        self._slot = -1
+
+    def wishes(self, scene: Scene) -> Floats:
+        """Preferred waypoints (n, 2), each within u_max of the UAV's position."""
+        if not len(scene.uav):
+            return np.empty((0, 2))
+        self._remember(scene)
+        plans = self._memory.plans_of(scene.uav)
+        world = self._world(scene)
+        kernel.populate(world, plans)
+        tuning = self._tuning
+        kernel.sweep(
+            world, plans, self._scratch, scene.uav, scene.slot, self._seed, tuning.layers, tuning.side,
+            tuning.greed, tuning.expand, tuning.budget, tuning.rounds,
+        )  # fmt: skip
+        self._memory.store(scene.uav, plans)
+        return world.track[: len(scene.uav), 1].copy()
+
+    def _remember(self, scene: Scene) -> None:
+        """Bring the memory to this slot: time passes, lateness grows, the absent are forgotten."""
+        memory = self._memory.grown(int(scene.uav.max()) + 1)
+        self._memory = memory
+        distance_m = length_m(scene.goal_m - scene.position_m)
+        elapsed = scene.slot - self._slot
+        known = memory.present[scene.uav] & (0 < elapsed <= self._tuning.look_ahead)
+        lost = elapsed - (memory.distance_m[scene.uav] - distance_m) / self._u_max_m
+        late = memory.late[scene.uav]
+        late = np.where(distance_m < ARRIVED_M, late * (1 - 1 / self._tuning.patience), late + lost)
+        memory.advance(scene.uav, known, elapsed)
+        memory.late[scene.uav] = np.where(known, np.maximum(late, 0.0), 0.0)
+        memory.distance_m[scene.uav] = distance_m
+        self._slot = scene.slot
+
+    def _world(self, scene: Scene) -> kernel.World:
+        tuning, memory = self._tuning, self._memory
+        start_m = np.concatenate([scene.position_m, scene.obstacle_m])
+        r_m = np.concatenate([scene.r_m, scene.obstacle_r_m])
+        window = scene.slot // tuning.look_ahead
+        luck = np.zeros(len(r_m))
+        for place, uav in enumerate(scene.uav):
+            luck[place] = memory.late[uav] * 2 * kernel.uniform(self._seed, window, uav)
+        luck[len(scene.uav) :] = tuning.patience * tuning.cap
+        low_m = start_m.min(axis=0)
+        extent_m = start_m.max(axis=0) - low_m
+        cell_m = max(2 * float(r_m.max()) + DELTA_M, float(extent_m.max()) / MAX_CELLS)
+        margin = 4
+        cells = np.ceil(extent_m / cell_m).astype(np.int64) + 1 + 2 * margin
+        slots = tuning.look_ahead + 1
+        weight_time, weight_distance = self._weights
+        return kernel.World(
+            track=np.empty((len(r_m), slots, 2)),
+            start_m=start_m,
+            goal_m=np.concatenate([scene.goal_m, scene.obstacle_m]),
+            r_m=np.maximum(r_m, 1e-6),
+            luck=luck,
+            gamma=tuning.gamma ** np.arange(slots),
+            head=np.empty((slots, int(cells.prod())), np.int32),
+            link=np.empty((slots, len(r_m)), np.int32),
+            low_m=low_m - margin * cell_m,
+            cells=cells,
+            cell_m=cell_m,
+            u_max_m=self._u_max_m,
+            weight_time=weight_time,
+            weight_distance=weight_distance,
+            delta_m=DELTA_M,
+            touch=tuning.touch,
+            depth=tuning.depth,
+            patience=tuning.patience,
+            cap=tuning.cap,
+        )
+
+
+@dataclass
+class _Memory:
+    """Plans and lateness of the whole roster, row = roster index."""
+
+    present: NDArray[np.bool_]
+    late: Floats
+    distance_m: Floats
+    plans: kernel.Plans
+
+    @staticmethod
+    def empty(size: int, points: int) -> _Memory:
+        plans = kernel.Plans(np.zeros(size, np.int64), np.zeros((size, points), np.int64), np.zeros((size, points, 2)))
+        return _Memory(np.zeros(size, dtype=bool), np.zeros(size), np.zeros(size), plans)
+
+    def grown(self, size: int) -> _Memory:
+        """At least `size` rows."""
+        have = len(self.late)
+        if size <= have:
+            return self
+        more = _Memory.empty(size, self.plans.slot.shape[1])
+        more.present[:have], more.late[:have], more.distance_m[:have] = self.present, self.late, self.distance_m
+        for mine, theirs in zip(self.plans, more.plans, strict=True):
+            theirs[:have] = mine
+        return more
+
+    def advance(self, uav: Indices, known: NDArray[np.bool_], elapsed: int) -> None:
+        """Move way points `elapsed` slots nearer; forget the plans of UAVs that were not here."""
+        self.plans.count[uav[~known]] = 0
+        self.present[:] = False
+        self.present[uav] = True
+        self.plans.slot[uav] -= elapsed
+
+    def plans_of(self, uav: Indices) -> kernel.Plans:
+        """Copies of the rows of these UAVs."""
+        return kernel.Plans(*(rows[uav] for rows in self.plans))
+
+    def store(self, uav: Indices, plans: kernel.Plans) -> None:
+        """Put the rows back."""
+        for mine, theirs in zip(self.plans, plans, strict=True):
+            mine[uav] = theirs
+
+
+def _scratch(tuning: Tuning) -> kernel.Scratch:
+    nodes = (tuning.layers + 1) * tuning.side**2
+    moves = np.array(
+        [(0, 0)]
+        + [(a, b) for a in range(-4, 5) for b in range(-4, 5) if a * a + b * b in (4, 5) or 13 <= a * a + b * b <= 20]
+    )
+    heap = (tuning.expand + 1) * len(moves) + 1
+    return kernel.Scratch(
+        stamp=np.zeros(nodes, np.int64),
+        cost=np.zeros(nodes),
+        price=np.zeros(nodes),
+        parent=np.zeros(nodes, np.int8),
+        closed=np.zeros(nodes, np.int64),
+        heap_cost=np.zeros(heap),
+        heap_node=np.zeros(heap, np.int64),
+        epoch=np.zeros(1, np.int64),
+        move=moves,
+        move_length=np.hypot(moves[:, 0], moves[:, 1]),
+    )

@@ -1,0 +1,67 @@
+"""A plan request as arrays, checked once for all planners."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from edc_swarm.errors import InputError
+from edc_swarm.geometry import Floats, Indices
+from edc_swarm.planner.interface import PlanRequest
+from edc_swarm.solver.slot_qp import Obstacles
+
+
+@dataclass(frozen=True, slots=True)
+class Arrays:
+    """The fields of a `PlanRequest` as numpy arrays; hulls as obstacles."""
+
+    slot: int
+    uav: Indices
+    position_m: Floats
+    target_m: Floats
+    r_m: Floats
+    previous_m: Floats | None
+    obstacles: Obstacles
+
+
+def checked_arrays(request: PlanRequest) -> Arrays:
+    """The request as arrays.
+
+    Raises
+    ------
+    InputError
+        Lengths that differ, numbers that are not finite, negative radii, or a UAV named twice.
+    """
+    uav = np.asarray(request.uav, dtype=np.int64).reshape(-1)
+    count = len(uav)
+    if len(np.unique(uav)) != count or (count and uav.min() < 0):
+        raise InputError("request.uav", request.uav, "distinct roster indices")
+    hulls = np.array(
+        [(h.ax_m, h.ay_m, h.bx_m, h.by_m, h.radius_m, h.r_m) for h in request.hulls], dtype=np.float64
+    ).reshape(-1, 6)
+    _check("hulls", hulls, len(hulls))
+    _check("hulls", hulls[:, 4:], len(hulls), least=0.0)
+    previous_m = request.previous_m
+    return Arrays(
+        request.slot,
+        uav,
+        _points("position_m", request.position_m, count),
+        _points("target_m", request.target_m, count),
+        _check("r_m", np.asarray(request.r_m, dtype=np.float64).reshape(-1), count, least=0.0),
+        None if previous_m is None else _points("previous_m", previous_m, count),
+        Obstacles(hulls[:, 0:2], hulls[:, 2:4], hulls[:, 4], hulls[:, 5]),
+    )
+
+
+def _points(name: str, values: object, count: int) -> Floats:
+    return _check(name, np.array(values, dtype=np.float64).reshape(-1, 2), count)
+
+
+def _check(name: str, values: Floats, count: int, least: float = -np.inf) -> Floats:
+    if len(values) != count:
+        raise InputError(f"request.{name}", f"{len(values)} rows", f"{count} rows, one per UAV")
+    if not np.isfinite(values).all() or (values < least).any():
+        bad = values[~np.isfinite(values) | (values < least)][0]
+        raise InputError(f"request.{name}", float(bad), "finite" if least < 0 else f"finite and at least {least:g}")
+    return values

@@ -1,0 +1,252 @@
+"""The slot QP: the steps of one slot that are nearest to the preferred ones and safe however flown.
+
+With known disc centres p_k, R_kl = r_k + r_l and preferred steps v_k, |v_k| <= u_max:
+
+    minimise   sum_k |u_k - v_k|^2
+    for every near pair (k, l), with a unit normal n and g = n.(p_k - p_l) - R - delta >= 0:
+               -n.u_k         <= g      (k moves, l holds)
+                n.u_l         <= g      (l moves, k holds)
+               -n.u_k + n.u_l <= g      (both move)
+
+The rows are the corners of the box "which fraction of its step has each one done", so every
+asynchronous, partial or missing execution keeps n.(x_k - x_l) >= R: the discs are disjoint at every
+instant, not only at the ends of slots. This is weaker, hence better, than keeping each UAV in its
+buffered Voronoi cell (D. Zhou et al., IEEE RA-L 2(2), 2017), and u = 0 is always feasible. At the
+optimum |u_k| <= |v_k| (scaling u_k down keeps every row), so no speed constraint is needed, and a
+pair with |p_k - p_l| - R - delta >= |v_k| + |v_l| can never be active.
+
+It replaces eq. 29-43 of the paper, whose convexification does not separate anything.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from edc_swarm.geometry import (
+    Floats,
+    Indices,
+    closest_points_of_segments,
+    dot,
+    length_m,
+    near_pairs,
+    nearest_on_segment,
+    rotated,
+)
+
+DELTA_M = 0.02
+"""Buffer of the rows, so that the solver's inaccuracy does not eat into the separation."""
+
+CONE = np.array([0.0, -1.0, 1.0, -2.0, 2.0, -3.0, 3.0]) / 3.0
+"""Candidate normals as shares of the cone's half angle, the line of centres first (it wins ties)."""
+
+
+@dataclass(frozen=True, slots=True)
+class Obstacles:
+    """m convex sets in which nobody may fly: all points within `radius_m` of the segments a-b.
+
+    `radius_m` (m,) is the set's own radius, `keep_m` (m,) the GPS radius of the UAV inside it.
+    """
+
+    a_m: Floats
+    b_m: Floats
+    radius_m: Floats
+    keep_m: Floats
+
+    @staticmethod
+    def none() -> Obstacles:
+        """No obstacle at all."""
+        return Obstacles(np.empty((0, 2)), np.empty((0, 2)), np.empty(0), np.empty(0))
+
+
+@dataclass(frozen=True, slots=True)
+class Problem:
+    """One slot QP with everything that its certificate needs.
+
+    Attributes
+    ----------
+    position_m, wish_m
+        (n, 2) disc centres now, and preferred waypoints.
+    u_max_m
+        Longest step.
+    first, second
+        (p,) UAVs of each pair that could touch in this slot, first < second.
+    normal
+        (p, 2) unit vectors, from second to first.
+    room_m
+        (p,) n.(p_k - p_l) - R, without buffer.
+    row_uav, row_normal, row_room_m
+        (h,), (h, 2), (h,): the same for UAVs against obstacles, where only the UAV moves.
+    frozen
+        (n,) UAVs inside an obstacle, which must hold.
+    """
+
+    position_m: Floats
+    wish_m: Floats
+    u_max_m: float
+    first: Indices
+    second: Indices
+    normal: Floats
+    room_m: Floats
+    row_uav: Indices
+    row_normal: Floats
+    row_room_m: Floats
+    frozen: NDArray[np.bool_]
+
+    @property
+    def wish_step_m(self) -> Floats:
+        """Preferred steps v (n, 2)."""
+        return self.wish_m - self.position_m
+
+    def closing_m(self, step_m: Floats) -> tuple[Floats, Floats]:
+        """How much each pair's two UAVs close in along the normal, each >= 0, (p,) and (p,)."""
+        return (
+            np.maximum(-dot(self.normal, step_m[self.first]), 0.0),
+            np.maximum(dot(self.normal, step_m[self.second]), 0.0),
+        )
+
+    def row_closing_m(self, step_m: Floats) -> Floats:
+        """How much each obstacle row's UAV closes in, (h,)."""
+        return np.maximum(-dot(self.row_normal, step_m[self.row_uav]), 0.0)
+
+
+def slot_problem(
+    position_m: Floats,
+    wish_m: Floats,
+    r_m: Floats,
+    u_max_m: float,
+    obstacles: Obstacles | None = None,
+    previous_m: Floats | None = None,
+) -> Problem:
+    """Assemble the QP of one slot.
+
+    With `previous_m` (vehicles that finish up to a slot late) each UAV occupies the segment from
+    its previous to its present centre, and the room of a pair is that of the worst end points.
+    """
+    if previous_m is None:
+        first, second, gap_m = _point_pairs(position_m, r_m, u_max_m)
+        normal, room_m = _normals(position_m, position_m, wish_m, r_m, first, second, gap_m)
+    else:
+        first, second, gap_m = _segment_pairs(previous_m, position_m, r_m, u_max_m)
+        normal, room_m = _normals(previous_m, position_m, wish_m, r_m, first, second, gap_m)
+    rows = _obstacle_rows(position_m, r_m, u_max_m, obstacles or Obstacles.none())
+    return Problem(position_m, wish_m, u_max_m, first, second, normal, room_m, *rows)
+
+
+def _point_pairs(position_m: Floats, r_m: Floats, u_max_m: float) -> tuple[Indices, Indices, Floats]:
+    """Pairs that could touch, with the vector (p, 2) from second to first."""
+    widest_m = 2 * float(r_m.max(initial=0.0)) + 2 * u_max_m + DELTA_M
+    first, second = near_pairs(position_m, widest_m)
+    apart_m = position_m[first] - position_m[second]
+    near = length_m(apart_m) < r_m[first] + r_m[second] + DELTA_M + 2 * u_max_m
+    return first[near], second[near], apart_m[near]
+
+
+def _segment_pairs(
+    previous_m: Floats, position_m: Floats, r_m: Floats, u_max_m: float
+) -> tuple[Indices, Indices, Floats]:
+    """The same for UAVs that are anywhere on their previous step: vectors of closest points."""
+    longest_m = float(length_m(position_m - previous_m).max(initial=0.0))
+    widest_m = 2 * float(r_m.max(initial=0.0)) + 2 * (u_max_m + longest_m) + DELTA_M
+    first, second = near_pairs(position_m, widest_m)
+    on_first, on_second = closest_points_of_segments(
+        previous_m[first], position_m[first], previous_m[second], position_m[second]
+    )
+    return first, second, on_first - on_second
+
+
+def _normals(
+    previous_m: Floats,
+    position_m: Floats,
+    wish_m: Floats,
+    r_m: Floats,
+    first: Indices,
+    second: Indices,
+    apart_m: Floats,
+) -> tuple[Floats, Floats]:
+    """Unit normals (p, 2) and room (p,) without buffer, of the best of the candidates.
+
+    Any n in the cone cos(angle to d) >= (R + delta) / |d| gives g >= 0. The best leaves the most
+    room when both do as they prefer, max n.d - max(-n.v_k, 0) - max(n.v_l, 0).
+    """
+    distance_m = length_m(apart_m)
+    sum_m = r_m[first] + r_m[second]
+    centre = np.where(distance_m[:, None] > 0, apart_m / np.where(distance_m > 0, distance_m, 1.0)[:, None], [1.0, 0.0])
+    ratio = (sum_m + DELTA_M) / np.maximum(distance_m, sum_m + DELTA_M)
+    angle = np.arccos(np.minimum(ratio, 1.0)) * (1 - 1e-9)
+    candidate = rotated(centre[None], CONE[:, None] * angle)
+    room_m = dot(candidate, apart_m[None]) - sum_m
+    if previous_m is not position_m:
+        room_m = np.minimum(room_m, _least_room_m(candidate, previous_m, position_m, first, second) - sum_m)
+    step_m = wish_m - position_m
+    closing_m = np.maximum(-dot(candidate, step_m[first][None]), 0.0) + np.maximum(
+        dot(candidate, step_m[second][None]), 0.0
+    )
+    left_m = room_m - closing_m
+    # A candidate must win by more than rounding, so that symmetric situations keep the centre line.
+    left_m[0] += 1e-9
+    best = np.argmax(left_m, axis=0)
+    pick = np.arange(len(first))
+    return candidate[best, pick], room_m[best, pick]
+
+
+def _least_room_m(normal: Floats, previous_m: Floats, position_m: Floats, first: Indices, second: Indices) -> Floats:
+    """Least n.(x_k - x_l) over the end points of both previous steps, (candidates, p)."""
+    nearest = np.minimum(dot(normal, previous_m[first][None]), dot(normal, position_m[first][None]))
+    farthest = np.maximum(dot(normal, previous_m[second][None]), dot(normal, position_m[second][None]))
+    return np.asarray(nearest - farthest)
+
+
+def _obstacle_rows(
+    position_m: Floats, r_m: Floats, u_max_m: float, obstacles: Obstacles
+) -> tuple[Indices, Floats, Floats, NDArray[np.bool_]]:
+    """Rows of the UAVs within reach of an obstacle, and who is inside one.
+
+    At least R away, n points from the obstacle's nearest point to the UAV, and -n.u <= n.d - R keeps
+    the separation from every point of a convex set. Nearer, the hidden UAV is still somewhere in the
+    set at R or more; a step u with u.(p - x) >= 0 for all x of the set comes no nearer to any of
+    them. These u form the polar cone of the tangents seen from p: two rows without room.
+    """
+    frozen = np.zeros(len(position_m), dtype=bool)
+    if not len(obstacles.radius_m) or not len(position_m):
+        return np.empty(0, np.int64), np.empty((0, 2)), np.empty(0), frozen
+    nearest_m = nearest_on_segment(position_m[:, None], obstacles.a_m[None], obstacles.b_m[None])
+    apart_m = position_m[:, None] - nearest_m
+    distance_m = length_m(apart_m)
+    room_m = distance_m - obstacles.radius_m - (r_m[:, None] + obstacles.keep_m)
+    inside = (distance_m <= obstacles.radius_m) | (distance_m == 0)
+    frozen = inside.any(axis=1)
+    outer, which = np.nonzero(~inside & (room_m >= 0) & (room_m < u_max_m + DELTA_M))
+    inner, near = np.nonzero(~inside & (room_m < 0))
+    tangents = _tangent_normals(position_m[inner], obstacles, near)
+    return (
+        np.concatenate([outer, inner, inner]),
+        np.concatenate([apart_m[outer, which] / distance_m[outer, which, None], *tangents]),
+        np.concatenate([room_m[outer, which], np.zeros(2 * len(inner))]),
+        frozen,
+    )
+
+
+def _tangent_normals(point_m: Floats, obstacles: Obstacles, which: Indices) -> tuple[Floats, Floats]:
+    """Inward normals (m, 2), (m, 2) of the cone of steps that come no nearer to any obstacle point.
+
+    The set's tangents seen from p are those of the balls about its two ends. With e the direction
+    from an end to p and beta = asin(radius / distance), they are e turned by +-beta; of the two ends
+    the outermost counts, angles being taken from the first end's direction.
+    """
+    ends = [point_m - obstacles.a_m[which], point_m - obstacles.b_m[which]]
+    base = np.arctan2(ends[0][:, 1], ends[0][:, 0])
+    angles = []
+    for end in ends:
+        beta = np.arcsin(np.minimum(obstacles.radius_m[which] / np.maximum(length_m(end), 1e-300), 1.0))
+        turn = np.arctan2(end[:, 1], end[:, 0]) - base
+        turn = (turn + np.pi) % (2 * np.pi) - np.pi
+        angles.append((turn - beta, turn + beta))
+    low = base + np.minimum(angles[0][0], angles[1][0])
+    high = base + np.maximum(angles[0][1], angles[1][1])
+    return (
+        np.stack([np.cos(low), np.sin(low)], axis=-1),
+        np.stack([np.cos(high), np.sin(high)], axis=-1),
+    )

@@ -1,0 +1,180 @@
+"""Solving the slot QP with OSQP: only what can be active, warm started, residuals handed out."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from typing import Any
+
+import numpy as np
+import osqp
+import scipy.sparse
+from numpy.typing import NDArray
+
+from edc_swarm.geometry import Floats, Indices, length_m
+from edc_swarm.solver.slot_qp import DELTA_M, Problem
+
+SETTINGS: dict[str, Any] = {
+    "verbose": False,
+    "eps_abs": 1e-4,
+    "eps_rel": 0.0,
+    "rho": 30.0,
+    "alpha": 1.6,
+    "scaling": 0,
+    "check_termination": 10,
+    "max_iter": 4000,
+    "time_limit": 1e10,
+    # By iterations, never by the clock: the same problem must give the same bytes.
+    "adaptive_rho": 1,
+    "adaptive_rho_interval": 50,
+    "check_dualgap": False,
+    "polishing": False,
+}
+_SOLVED = {1, 2}
+_OUT_OF_ITERATIONS = 7
+_FIRST, _SECOND, _BOTH = 0, 1, 2
+_SPAN = 1 << 20
+"""More than any roster index: pairs of indices become one key."""
+
+
+@dataclass(frozen=True, slots=True)
+class Program:
+    """The rows that can be active, in matrix form: min |u - v|^2 subject to A u <= b.
+
+    `uav` (m,) are the UAVs that occur, in the order of the variables (x0, y0, x1, y1, ...). `matrix`
+    is (rows, 2 m), `key` (rows,) names each row across slots (-1: not worth remembering).
+    """
+
+    uav: Indices
+    wish_step_m: Floats
+    matrix: scipy.sparse.csc_matrix
+    bound_m: Floats
+    key: Indices
+
+
+@dataclass(frozen=True, slots=True)
+class Solution:
+    """Steps (n, 2) and how good they are.
+
+    `status` is "no-qp-needed" when the preferred steps kept every row, "failed" when the solver
+    gave nothing usable (the steps are then zero). Residuals are those of the rows handed to the
+    solver, in metres.
+    """
+
+    step_m: Floats
+    status: str
+    iterations: int = 0
+    primal_residual_m: float = 0.0
+    dual_residual_m: float = 0.0
+
+
+@dataclass
+class Memory:
+    """Duals of the last slot's rows, by key in increasing order."""
+
+    key: Indices = field(default_factory=lambda: np.empty(0, np.int64))
+    dual: Floats = field(default_factory=lambda: np.empty(0))
+
+    def recall(self, key: Indices) -> Floats:
+        """Duals of the rows `key`, zero for rows not seen in the last slot."""
+        if not len(self.key):
+            return np.zeros(len(key))
+        place = np.minimum(np.searchsorted(self.key, key), len(self.key) - 1)
+        return np.where((self.key[place] == key) & (key >= 0), self.dual[place], 0.0)
+
+    def keep(self, key: Indices, dual: Floats) -> None:
+        """Remember the rows that have a key."""
+        order = np.argsort(key, kind="stable")
+        order = order[key[order] >= 0]
+        self.key, self.dual = key[order], dual[order]
+
+
+def keeps_every_row(problem: Problem) -> bool:
+    """Whether the preferred steps themselves are the optimum."""
+    closing_first_m, closing_second_m = problem.closing_m(problem.wish_step_m)
+    pairs = closing_first_m + closing_second_m <= np.maximum(problem.room_m - DELTA_M, 0.0)
+    rows = problem.row_closing_m(problem.wish_step_m) <= np.maximum(problem.row_room_m - DELTA_M, 0.0)
+    return bool(pairs.all() and rows.all())
+
+
+def active_program(problem: Problem, uav_id: Indices) -> Program:
+    """Rows that can be active at the optimum, where |u_k| <= |v_k|; nothing else is dropped."""
+    step_m = np.where(problem.frozen[:, None], 0.0, problem.wish_step_m)
+    length = length_m(step_m)
+    gap_m = np.maximum(problem.room_m - DELTA_M, 0.0)
+    reach = (length[problem.first], length[problem.second])
+    single = [np.flatnonzero(side > gap_m) for side in reach]
+    both = np.flatnonzero((reach[0] + reach[1] > gap_m) & (reach[0] > 0) & (reach[1] > 0))
+    row_gap_m = np.maximum(problem.row_room_m - DELTA_M, 0.0)
+    hull = np.flatnonzero(length[problem.row_uav] > row_gap_m)
+    pair = np.concatenate([single[0], single[1], both])
+    kind = np.repeat([_FIRST, _SECOND, _BOTH], [len(single[0]), len(single[1]), len(both)])
+    # The second UAV holds where it is alone: its coefficient is then left out.
+    uav, matrix = _matrix(problem, pair, kind, hull)
+    pair_key = (uav_id[problem.first[pair]] * _SPAN + uav_id[problem.second[pair]]) * 3 + kind
+    return Program(
+        uav,
+        step_m[uav],
+        matrix,
+        np.concatenate([gap_m[pair], row_gap_m[hull]]),
+        np.concatenate([pair_key, np.full(len(hull), -1)]),
+    )
+
+
+def _matrix(problem: Problem, pair: Indices, kind: Indices, hull: Indices) -> tuple[Indices, scipy.sparse.csc_matrix]:
+    """UAVs that occur, and the rows as a sparse matrix (rows, 2 m)."""
+    with_first, with_second = np.flatnonzero(kind != _SECOND), np.flatnonzero(kind != _FIRST)
+    row = np.concatenate([with_first, with_second, np.arange(len(hull)) + len(pair)])
+    column = np.concatenate([problem.first[pair[with_first]], problem.second[pair[with_second]], problem.row_uav[hull]])
+    value = np.concatenate(
+        [-problem.normal[pair[with_first]], problem.normal[pair[with_second]], -problem.row_normal[hull]]
+    )
+    uav, place = np.unique(column, return_inverse=True)
+    order = np.lexsort((row, place))
+    row, place, value = row[order], place[order], value[order]
+    count = np.bincount(place, minlength=len(uav))
+    # Each UAV has the same rows in its x and its y column.
+    start = np.repeat(np.cumsum(count) - count, count)
+    slot = np.arange(len(row)) + start
+    data, index = np.empty(2 * len(row)), np.empty(2 * len(row), np.int32)
+    data[slot], data[slot + np.repeat(count, count)] = value[:, 0], value[:, 1]
+    index[slot], index[slot + np.repeat(count, count)] = row, row
+    pointer = np.concatenate([[0], np.cumsum(np.repeat(count, 2))]).astype(np.int32)
+    shape = (len(pair) + len(hull), 2 * len(uav))
+    return uav, scipy.sparse.csc_matrix((data, index, pointer), shape=shape)
+
+
+def solve(problem: Problem, program: Program, memory: Memory) -> Solution:
+    """Solve with OSQP, starting from the preferred steps and the last slot's duals."""
+    if not len(program.bound_m):
+        return Solution(np.where(problem.frozen[:, None], 0.0, problem.wish_step_m), "planned")
+    result = _run_osqp(program, memory.recall(program.key))
+    usable = result.info.status_val in _SOLVED or result.info.status_val == _OUT_OF_ITERATIONS
+    usable = usable and bool(np.isfinite(result.x).all())
+    memory.keep(program.key, _finite(np.asarray(result.y)))
+    step_m = np.where(problem.frozen[:, None], 0.0, problem.wish_step_m)
+    step_m[program.uav] = result.x.reshape(-1, 2)
+    return Solution(
+        step_m if usable else np.zeros_like(step_m),
+        "planned" if usable else "failed",
+        int(result.info.iter),
+        float(result.info.prim_res),
+        float(result.info.dual_res),
+    )
+
+
+def _run_osqp(program: Program, dual: Floats) -> Any:
+    size = 2 * len(program.uav)
+    wish = program.wish_step_m.ravel()
+    cost = scipy.sparse.csc_matrix(
+        (np.full(size, 2.0), np.arange(size, dtype=np.int32), np.arange(size + 1, dtype=np.int32)),
+        shape=(size, size),
+    )
+    solver = osqp.OSQP()
+    lower = np.full(len(program.bound_m), -np.inf)
+    solver.setup(cost, -2 * wish, program.matrix, lower, program.bound_m, **SETTINGS)
+    solver.warm_start(x=wish, y=dual)
+    return solver.solve(raise_error=False)
+
+
+def _finite(values: Floats) -> NDArray[np.float64]:
+    return np.where(np.isfinite(values), values, 0.0)
