@@ -4,10 +4,11 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from dataclasses import dataclass
+from operator import attrgetter
 
 import msgspec
 
-from edc_swarm.messages import Command, Event, Fix, Message, MissionMessage, Report, Truth
+from edc_swarm.messages import Command, Event, Fix, MissionMessage, Report, Truth
 from edc_swarm.recording.model import Recording
 
 CLOSED = "closed"
@@ -15,6 +16,16 @@ CLOSED = "closed"
 
 Stream = tuple[str, str]
 """Key without its `swarm/{mission}/`, and instance of the publisher."""
+
+_KEYS: dict[type, tuple[str, tuple[str, ...]]] = {
+    Fix: ("uav/{}/fix", ("uav",)),
+    Truth: ("uav/{}/truth", ("uav",)),
+    Command: ("head/{}/command/{}", ("head", "uav")),
+    Report: ("head/{}/report", ("head",)),
+    Event: ("event/{}", ("source",)),
+    MissionMessage: ("mission", ()),
+}
+"""How the key of a message, without its `swarm/{mission}/`, is made of its fields."""
 
 _decode_tails = msgspec.json.Decoder(dict[str, int]).decode
 
@@ -55,26 +66,13 @@ def unknown_tails(recording: Recording) -> list[Stream]:
 def sequence_numbers(recording: Recording) -> dict[Stream, list[int]]:
     """Sequence numbers of every stream in the order of the record."""
     numbers: dict[Stream, list[int]] = {}
-    for messages in recording.lists().values():
-        for message in messages:
-            numbers.setdefault((_key_of(message), message.instance), []).append(message.seq)
+    for kind, messages in recording.lists().items():
+        form, names = _KEYS[kind]
+        groups: dict[tuple[str, ...], list[int]] = {}
+        for *ends, instance, seq in map(attrgetter(*names, "instance", "seq"), messages):
+            groups.setdefault((*ends, instance), []).append(seq)
+        numbers.update({(form.format(*ends), instance): g for (*ends, instance), g in groups.items()})
     return numbers
-
-
-def _key_of(message: Message) -> str:
-    match message:
-        case Fix():
-            return f"uav/{message.uav}/fix"
-        case Truth():
-            return f"uav/{message.uav}/truth"
-        case Command():
-            return f"head/{message.head}/command/{message.uav}"
-        case Report():
-            return f"head/{message.head}/report"
-        case Event():
-            return f"event/{message.source}"
-        case MissionMessage():
-            return "mission"
 
 
 def _tails(recording: Recording) -> dict[Stream, int]:
@@ -88,7 +86,7 @@ def _tails(recording: Recording) -> dict[Stream, int]:
 
 def _closing(recording: Recording) -> set[Stream]:
     """Event streams that end with their own `closed`."""
-    return {(_key_of(event), event.instance) for event in recording.events if event.kind == CLOSED}
+    return {(f"event/{event.source}", event.instance) for event in recording.events if event.kind == CLOSED}
 
 
 def _detail(event: Event) -> dict[str, int]:

@@ -8,8 +8,10 @@ stayed, unless its truth or its next fix shows that it had accepted a step and t
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass
+from operator import attrgetter
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -19,7 +21,12 @@ from edc_swarm.recording.model import Recording
 
 Floats = NDArray[np.float64]
 Bools = NDArray[np.bool_]
+Ints = NDArray[np.int64]
 Point = tuple[float, float]
+Accepted = tuple[int, str, Point]
+"""Slot, UAV and end point of a step that was accepted."""
+Moved = dict[tuple[int, int], bool | Point]
+"""By slot and UAV: whether it moved, or where to, as far as that is known."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -66,42 +73,52 @@ class Tracks:
         return len(self.heard)
 
 
-def tracks_of(recording: Recording) -> Tracks:
-    """Tracks of all UAVs of the mission, from slot 0 to the last slot with a fix or a truth."""
+def tracks_of(recording: Recording, accepted: Iterable[Accepted] = ()) -> Tracks:
+    """Tracks of all UAVs of the mission, from slot 0 to the last slot with a fix or a truth.
+
+    A UAV that accepts a step and dies before it says a word leaves no trace in the record;
+    whoever knows of such steps (the simulator does) hands them in as `accepted`.
+    """
     roster = recording.mission.roster
     index = roster_index(roster)
     fixes = [f for f in recording.fixes if f.slot >= 0 and f.uav in index]
     truths = [t for t in recording.truths if t.slot >= 0 and t.uav in index]
-    slots = 1 + max((m.slot for group in (fixes, truths) for m in group), default=-1)
+    cells, true_cells = _cells(fixes, index), _cells(truths, index)
+    slots = 1 + max(int(cells[0].max(initial=-1)), int(true_cells[0].max(initial=-1)))
     shape = (slots, len(roster))
-    cells = _table([(f.slot, index[f.uav], f.executing, f.energy_j) for f in fixes], 4)
-    row, column = cells[:, 0].astype(int), cells[:, 1].astype(int)
     heard, executed, energy_j = np.zeros(shape, bool), np.zeros(shape, bool), np.full(shape, np.nan)
-    heard[row, column] = True
-    energy_j[row, column] = cells[:, 3]
-    flying = cells[:, 2] > 0
-    executed[row[flying], column[flying]] = True
+    heard[cells] = True
+    energy_j[cells] = _column(fixes, "energy_j")
+    flying = _column(fixes, "executing") > 0
+    executed[cells[0][flying], cells[1][flying]] = True
     centre_m = np.full((slots + 1, len(roster), 2), np.nan)
     centre_m[0] = [(entry.start_x_m, entry.start_y_m) for entry in roster]
-    said = [(f.slot + 1, index[f.uav], f.waypoint_x_m, f.waypoint_y_m) for f in fixes if f.voter]
-    _put(centre_m, said)
-    silent = list(_silent_steps(recording, centre_m, executed, truths))
+    voters = [f for f in fixes if f.voter]
+    slot, uav = _cells(voters, index)
+    centre_m[slot + 1, uav] = _points(voters, "waypoint")
+    moved: Moved = {(t.slot, index[t.uav]): (t.from_x_m, t.from_y_m) != (t.to_x_m, t.to_y_m) for t in truths}
+    moved.update({(slot, index[uav]): to_m for slot, uav, to_m in accepted})
+    silent = list(_silent_steps(recording, centre_m, executed, moved))
     for step in silent:
         executed[step.slot, step.uav] = True
         centre_m[step.slot + 1, step.uav] = (step.command.target_x_m, step.command.target_y_m)
     _fill_forward(centre_m)
-    true_from_m, true_to_m = _true_motion(truths, index, centre_m)
+    true_from_m, true_to_m = _true_motion(truths, true_cells, centre_m)
     return Tracks(list(index), centre_m, true_from_m, true_to_m, heard, executed, energy_j, silent)
 
 
-def _table(rows: Sequence[tuple[float, ...]], width: int) -> Floats:
-    return np.array(rows, dtype=np.float64).reshape(-1, width)
+def _column(messages: Sequence[Any], name: str) -> Floats:
+    return np.fromiter(map(attrgetter(name), messages), np.float64, len(messages))
 
 
-def _put(into_m: Floats, rows: Sequence[tuple[float, ...]]) -> None:
-    """Set into_m[slot, uav] = (x, y) for rows (slot, uav, x, y); later rows win."""
-    table = _table(rows, 4)
-    into_m[table[:, 0].astype(int), table[:, 1].astype(int)] = table[:, 2:]
+def _cells(messages: Sequence[Any], index: dict[str, int]) -> tuple[Ints, Ints]:
+    """Slot and UAV of every message; where several fall into one cell, numpy keeps the last."""
+    uavs = (index[uav] for uav in map(attrgetter("uav"), messages))
+    return _column(messages, "slot").astype(np.int64), np.fromiter(uavs, np.int64, len(messages))
+
+
+def _points(messages: Sequence[Any], name: str) -> Floats:
+    return np.stack([_column(messages, f"{name}_x_m"), _column(messages, f"{name}_y_m")], axis=-1)
 
 
 def _fill_forward(centre_m: Floats) -> None:
@@ -111,20 +128,19 @@ def _fill_forward(centre_m: Floats) -> None:
     centre_m[:] = np.take_along_axis(centre_m, newest[..., None], axis=0)
 
 
-def _true_motion(truths: list[Truth], index: dict[str, int], centre_m: Floats) -> tuple[Floats, Floats]:
+def _true_motion(truths: list[Truth], cells: tuple[Ints, Ints], centre_m: Floats) -> tuple[Floats, Floats]:
     """True positions; where a slot has none, the disc's centre plus the UAV's first known offset."""
     starts_m, ends_m = centre_m[:-1], centre_m[1:]
+    to_m = _points(truths, "to")
     offset_m = np.full(centre_m.shape[1:], np.nan)
-    for truth in reversed(truths):
-        k = index[truth.uav]
-        offset_m[k] = (truth.to_x_m, truth.to_y_m) - ends_m[truth.slot, k]
+    offset_m[cells[1][::-1]] = (to_m - ends_m[cells])[::-1]
     true_from_m, true_to_m = starts_m + offset_m, ends_m + offset_m
-    _put(true_from_m, [(t.slot, index[t.uav], t.from_x_m, t.from_y_m) for t in truths])
-    _put(true_to_m, [(t.slot, index[t.uav], t.to_x_m, t.to_y_m) for t in truths])
+    true_from_m[cells] = _points(truths, "from")
+    true_to_m[cells] = to_m
     return true_from_m, true_to_m
 
 
-def _silent_steps(recording: Recording, centre_m: Floats, executed: Bools, truths: list[Truth]) -> Iterator[Step]:
+def _silent_steps(recording: Recording, centre_m: Floats, executed: Bools, moved: Moved) -> Iterator[Step]:
     """Steps in slots without a (trustworthy) fix, for every UAV that has such slots."""
     unsaid = np.isnan(centre_m[1:, :, 0])
     if not unsaid.any():
@@ -134,7 +150,6 @@ def _silent_steps(recording: Recording, centre_m: Floats, executed: Bools, truth
     for command in recording.commands:
         if command.uav in index:
             commands.setdefault((command.slot, index[command.uav]), []).append(command)
-    moved = {(t.slot, index[t.uav]): (t.from_x_m, t.from_y_m) != (t.to_x_m, t.to_y_m) for t in truths}
     for k in np.flatnonzero(unsaid.any(axis=0)):
         for first, after in _runs(unsaid[:, k]):
             yield from _explained(int(k), first, after, commands, moved, centre_m, executed)
@@ -151,7 +166,7 @@ def _explained(
     first: int,
     after: int,
     commands: dict[tuple[int, int], list[Command]],
-    moved: dict[tuple[int, int], bool],
+    moved: Moved,
     centre_m: Floats,
     executed: Bools,
 ) -> Iterator[Step]:
@@ -178,15 +193,15 @@ def _explained(
 
 
 def _advanced(
-    paths: dict[Point, tuple[Step, ...]], k: int, slot: int, commands: list[Command], moved: bool | None
+    paths: dict[Point, tuple[Step, ...]], k: int, slot: int, commands: list[Command], moved: bool | Point | None
 ) -> dict[Point, tuple[Step, ...]]:
     reached = {} if moved else dict(paths)
     if moved is False:
         return reached
     for command in commands:
+        end = (command.target_x_m, command.target_y_m)
         path = paths.get((command.start_x_m, command.start_y_m))
-        if path is not None:
-            end = (command.target_x_m, command.target_y_m)
+        if path is not None and (not isinstance(moved, tuple) or end == moved):
             reached.setdefault(end, (*path, Step(k, slot, command)))
     return reached or paths
 

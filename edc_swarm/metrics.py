@@ -1,0 +1,366 @@
+"""Every metric, computed from a recording alone.
+
+Durations are mission time, `*_ms` are wall time. Positions in path metrics are waypoints, the
+centres of the tracked discs; a potential collision is the paper's criterion (eq. 16) evaluated on
+the discs at every instant, a true collision the same on true positions and bodies.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from itertools import pairwise
+from pathlib import Path
+from typing import NamedTuple
+
+import msgspec
+import numpy as np
+from msgspec import Struct
+from numpy.typing import NDArray
+
+from edc_swarm.config import ARRIVED_M, Mission
+from edc_swarm.energy import compute_energy_j, propulsion_power_w, propulsion_powers_w
+from edc_swarm.errors import RecordingError
+from edc_swarm.messages import Report
+from edc_swarm.recording import Recording, Tracks, find_gaps, tracks_of
+from edc_swarm.recording.living import living_at_end
+from edc_swarm.separation import encounters, least_gap_m
+
+Floats = NDArray[np.float64]
+
+OVERLAP_TOLERANCE_M = 1e-9
+BODY_TOLERANCE_M = 1e-6
+PLANNED = frozenset({"planned", "no-qp-needed", "failed"})
+
+
+class Quantiles(Struct, frozen=True):
+    """Median, 99th percentile and maximum; None where there is nothing to measure."""
+
+    p50: float | None
+    p99: float | None
+    max: float | None
+
+
+class HeadTerm(Struct, frozen=True):
+    """Who led in a term, from the first to the last slot whose fixes it planned with."""
+
+    term: int
+    head: str
+    first_slot: int
+    last_slot: int
+
+
+class Timing(Struct, frozen=True):
+    """Measured plan times of one slot, which a simulated recording itself does not carry."""
+
+    slot: int
+    plan_ms: float
+    guidance_ms: float = 0.0
+    assemble_ms: float = 0.0
+    solve_ms: float = 0.0
+
+
+class Metrics(Struct, frozen=True, kw_only=True):
+    """What `edc-swarm metrics --json` prints. None: not defined for this run.
+
+    `completed`: every UAV that lives at the end is at its target. `slots_held` counts UAV-slots, from
+    the first commanded slot to completion, in which a UAV that is not at its target executed no
+    command; `slots_missed` the slots in that range for which nobody published a command.
+    `failover_slots`: slots without commands at each change of head. `gaps` counts messages that are
+    missing by sequence number.
+    """
+
+    uavs: int
+    slots: int
+    duration_s: float
+    completed: bool
+    arrived: int
+    not_living: list[str]
+    potential_collisions: int
+    true_collisions: int
+    min_disc_gap_m: float | None
+    min_true_distance_m: float | None
+    path_m: float
+    straight_m: float
+    extra_distance_pct: float | None
+    extra_distance_mean_pct: float | None
+    makespan_s: float | None
+    makespan_ratio: float | None
+    energy_propulsion_j: float
+    energy_compute_j: float
+    energy_straight_j: float
+    plan_ms: Quantiles
+    fix_to_command_ms: Quantiles
+    slots_held: int
+    slots_missed: int
+    ticks_late_pct: float
+    messages: int
+    gaps: int
+    heads: list[HeadTerm]
+    failover_slots: list[int]
+
+
+@dataclass(frozen=True, slots=True)
+class Columns:
+    """The run as arrays over S slots and K UAVs, for plots and notebooks.
+
+    Attributes
+    ----------
+    uavs
+        K ids.
+    time_s
+        (S,) mission time at the start of each slot.
+    centre_m
+        (S + 1, K, 2) centres of the tracked discs at slot starts and, last, at the end.
+    step_m
+        (S, K) way flown in each slot.
+    away_m
+        (S + 1, K) distance of each centre from its UAV's target.
+    true_from_m, true_to_m
+        (S, K, 2) true motion, NaN where unknown.
+    executed
+        (S, K) whether a command was executed.
+    energy_j
+        (S, K) battery, NaN where not heard.
+    plan_slot, plan_ms
+        (P,) slots planned, and how long that took.
+    fix_to_command_ms
+        (C,) for each command, the time since the fix it answers was sent.
+    """
+
+    uavs: list[str]
+    time_s: Floats
+    centre_m: Floats
+    step_m: Floats
+    away_m: Floats
+    true_from_m: Floats
+    true_to_m: Floats
+    executed: NDArray[np.bool_]
+    energy_j: Floats
+    plan_slot: NDArray[np.int64]
+    plan_ms: Floats
+    fix_to_command_ms: Floats
+
+
+def load_timings(recording_path: str | Path) -> list[Timing]:
+    """Plan times beside a simulated recording, from FILE.timings.json; empty where there are none.
+
+    Raises
+    ------
+    RecordingError
+        The file cannot be read or is not a list of timings.
+    """
+    path = Path(recording_path).with_suffix(".timings.json")
+    try:
+        return msgspec.json.decode(path.read_bytes(), type=list[Timing])
+    except FileNotFoundError:
+        return []
+    except OSError as error:
+        raise RecordingError(path, f"cannot be read ({error.strerror})") from None
+    except (msgspec.DecodeError, UnicodeDecodeError) as error:
+        raise RecordingError(path, f"holds no timings ({error})") from None
+
+
+def columns_of(recording: Recording, timings: Sequence[Timing] = ()) -> Columns:
+    """The run as arrays. `timings`, when given, replace the recorded plan times."""
+    return _columns(recording, tracks_of(recording), timings)
+
+
+def compute_metrics(recording: Recording, timings: Sequence[Timing] = ()) -> Metrics:
+    """All metrics of a run. `timings`, when given, replace the recorded plan times."""
+    mission, tracks = recording.mission, tracks_of(recording)
+    columns = _columns(recording, tracks, timings)
+    living = living_at_end(recording, tracks)
+    at_target = columns.away_m <= ARRIVED_M
+    completed = bool(living.any() and at_target[-1][living].all())
+    arrival = _arrival_slots(at_target)
+    commanded = {command.slot for command in recording.commands}
+    first = min(commanded, default=None)
+    last = int(arrival[living].max()) if completed else tracks.slots - 1
+    makespan_s = _makespan_s(mission, arrival[living], first) if completed else None
+    heads = _heads(recording.reports)
+    separation = _separation(mission, tracks)
+    return Metrics(
+        uavs=len(tracks.uavs),
+        slots=1 + max((fix.slot for fix in recording.fixes), default=-1),
+        duration_s=mission.dt_s * (1 + max((fix.slot for fix in recording.fixes), default=-1)),
+        completed=completed,
+        arrived=int(at_target[-1].sum()),
+        not_living=[uav for uav, alive in zip(tracks.uavs, living, strict=True) if not alive],
+        potential_collisions=separation.potential_collisions,
+        true_collisions=separation.true_collisions,
+        min_disc_gap_m=separation.min_disc_gap_m,
+        min_true_distance_m=separation.min_true_distance_m,
+        path_m=float(columns.step_m.sum()),
+        straight_m=sum(entry.straight_m for entry in mission.roster),
+        extra_distance_pct=_extra_pct(mission, columns),
+        extra_distance_mean_pct=_extra_mean_pct(mission, columns),
+        makespan_s=makespan_s,
+        makespan_ratio=_makespan_ratio(mission, makespan_s),
+        energy_propulsion_j=_propulsion_j(mission, columns, arrival, first),
+        energy_compute_j=compute_energy_j(float(columns.plan_ms.sum()) / 1e3, mission.head),
+        energy_straight_j=_straight_energy_j(mission),
+        plan_ms=_quantiles(columns.plan_ms),
+        fix_to_command_ms=_quantiles(columns.fix_to_command_ms),
+        slots_held=_slots_held(columns.executed, at_target, first, last),
+        slots_missed=len(set(range(first, last + 1)) - commanded) if first is not None else 0,
+        ticks_late_pct=_ticks_late_pct(recording),
+        messages=recording.message_count,
+        gaps=sum(gap.count for gap in find_gaps(recording) if not gap.duplicate),
+        heads=heads,
+        failover_slots=[max(0, new.first_slot - old.last_slot - 1) for old, new in pairwise(heads)],
+    )
+
+
+def _columns(recording: Recording, tracks: Tracks, timings: Sequence[Timing]) -> Columns:
+    mission, centre_m = recording.mission, tracks.centre_m
+    target_m = np.array([(e.target_x_m, e.target_y_m) for e in mission.roster]).reshape(-1, 2)
+    planned: Sequence[Timing | Report] = timings or [r for r in recording.reports if r.status in PLANNED]
+    return Columns(
+        uavs=tracks.uavs,
+        time_s=mission.dt_s * np.arange(tracks.slots, dtype=np.float64),
+        centre_m=centre_m,
+        step_m=_length_m(np.diff(centre_m, axis=0)),
+        away_m=_length_m(centre_m - target_m),
+        true_from_m=tracks.true_from_m,
+        true_to_m=tracks.true_to_m,
+        executed=tracks.executed,
+        energy_j=tracks.energy_j,
+        plan_slot=np.array([plan.slot for plan in planned], np.int64),
+        plan_ms=np.array([plan.plan_ms for plan in planned], np.float64),
+        fix_to_command_ms=_fix_to_command_ms(recording),
+    )
+
+
+def _length_m(vectors_m: Floats) -> Floats:
+    return np.hypot(vectors_m[..., 0], vectors_m[..., 1])
+
+
+def _arrival_slots(at_target: NDArray[np.bool_]) -> NDArray[np.int64]:
+    """(K,) slot whose motion brings each UAV to its target for good: -1 when it starts there and
+    stays, S when it never arrives.
+    """
+    away = ~at_target
+    last_away = len(away) - 1 - np.argmax(away[::-1], axis=0)
+    return np.where(away.any(axis=0), last_away, -1)
+
+
+def _makespan_s(mission: Mission, arrival: NDArray[np.int64], first: int | None) -> float | None:
+    """From the start of the first commanded slot to the end of the last UAV's last motion."""
+    if first is None or not len(arrival):
+        return None
+    slots = int(arrival.max()) + 1 - first
+    return max(0.0, slots * mission.dt_s - mission.guard_s)
+
+
+def _makespan_ratio(mission: Mission, makespan_s: float | None) -> float | None:
+    longest_m = max((entry.straight_m for entry in mission.roster), default=0.0)
+    return makespan_s * mission.v_max_mps / longest_m if makespan_s is not None and longest_m else None
+
+
+class _Separation(NamedTuple):
+    """Collisions (as pairs) and least distances, tracked and true."""
+
+    potential_collisions: int
+    true_collisions: int
+    min_disc_gap_m: float | None
+    min_true_distance_m: float | None
+
+
+def _separation(mission: Mission, tracks: Tracks) -> _Separation:
+    radius_m = np.array([entry.r_m for entry in mission.roster])
+    body_m = np.array([entry.body_m for entry in mission.roster])
+    from_m, to_m = tracks.centre_m[:-1], tracks.centre_m[1:]
+    true_m = (tracks.true_from_m, tracks.true_to_m)
+    return _Separation(
+        _pairs(from_m, to_m, radius_m, -OVERLAP_TOLERANCE_M),
+        _pairs(*true_m, body_m, -BODY_TOLERANCE_M),
+        _finite(least_gap_m(from_m, to_m, radius_m)),
+        _finite(least_gap_m(*true_m, np.zeros_like(body_m))),
+    )
+
+
+def _pairs(from_m: Floats, to_m: Floats, radius_m: Floats, below_m: float) -> int:
+    met = encounters(from_m, to_m, radius_m, below_m)
+    return len(set(zip(met.first.tolist(), met.second.tolist(), strict=True)))
+
+
+def _finite(value: float) -> float | None:
+    return float(value) if np.isfinite(value) else None
+
+
+def _extra_pct(mission: Mission, columns: Columns) -> float | None:
+    """All paths together against all straight lines together."""
+    straight_m = sum(entry.straight_m for entry in mission.roster)
+    return 100 * (float(columns.step_m.sum()) / straight_m - 1) if straight_m else None
+
+
+def _extra_mean_pct(mission: Mission, columns: Columns) -> float | None:
+    """Mean over the UAVs that have somewhere to go of each one's own percentage."""
+    straight_m = np.array([entry.straight_m for entry in mission.roster])
+    going = straight_m > ARRIVED_M
+    if not going.any():
+        return None
+    return float(np.mean(100 * (columns.step_m.sum(axis=0)[going] / straight_m[going] - 1)))
+
+
+def _propulsion_j(mission: Mission, columns: Columns, arrival: NDArray[np.int64], first: int | None) -> float:
+    """Energy of flying and hovering of each UAV, from the first commanded slot until it has arrived."""
+    if first is None:
+        return 0.0
+    flown_s = mission.dt_s - 2 * mission.guard_s
+    flying_j = propulsion_powers_w(columns.step_m / flown_s, mission.energy) * flown_s
+    hovering_j = propulsion_power_w(0.0, mission.energy) * (mission.dt_s - flown_s)
+    slot = np.arange(len(columns.step_m))[:, None]
+    return float(np.sum((flying_j + hovering_j)[(slot >= first) & (slot <= arrival)]))
+
+
+def _straight_energy_j(mission: Mission) -> float:
+    total_m = sum(entry.straight_m for entry in mission.roster)
+    return propulsion_power_w(mission.v_max_mps, mission.energy) * total_m / mission.v_max_mps
+
+
+def _quantiles(values: Floats) -> Quantiles:
+    if not len(values):
+        return Quantiles(None, None, None)
+    p50, p99 = np.percentile(values, [50, 99])
+    return Quantiles(float(p50), float(p99), float(values.max()))
+
+
+def _fix_to_command_ms(recording: Recording) -> Floats:
+    """For each command, its send time minus that of its UAV's last fix of the slot before."""
+    sent: dict[tuple[str, int], list[int]] = {}
+    for fix in recording.fixes:
+        sent.setdefault((fix.uav, fix.slot), []).append(fix.sent_ns)
+    delays_ns = []
+    for command in recording.commands:
+        earlier = [ns for ns in sent.get((command.uav, command.slot - 1), ()) if ns <= command.sent_ns]
+        if earlier:
+            delays_ns.append(command.sent_ns - max(earlier))
+    return np.array(delays_ns, np.float64) / 1e6
+
+
+def _slots_held(executed: NDArray[np.bool_], at_target: NDArray[np.bool_], first: int | None, last: int) -> int:
+    """UAV-slots in first..last that begin away from the target and in which nothing is executed."""
+    if first is None:
+        return 0
+    held = ~executed & ~at_target[:-1]
+    return int(held[first : last + 1].sum())
+
+
+def _ticks_late_pct(recording: Recording) -> float:
+    """Late ticks among all slots begun; `late_ticks` counts within one life of a process."""
+    late: dict[tuple[str, str], int] = {}
+    for fix in recording.fixes:
+        late[fix.uav, fix.instance] = max(fix.late_ticks, late.get((fix.uav, fix.instance), 0))
+    ticks = len({(fix.uav, fix.slot) for fix in recording.fixes})
+    return 100 * sum(late.values()) / ticks if ticks else 0.0
+
+
+def _heads(reports: Sequence[Report]) -> list[HeadTerm]:
+    """Heads that planned, by term."""
+    slots: dict[tuple[int, str], list[int]] = {}
+    for report in reports:
+        if report.has_quorum:
+            slots.setdefault((report.term, report.head), []).append(report.slot)
+    return [HeadTerm(term, head, min(led), max(led)) for (term, head), led in sorted(slots.items())]

@@ -1,0 +1,101 @@
+"""Which pairs of a moving swarm come how close: the broad and the exact phase, over whole missions.
+
+Arrays are (S, K, 2) in metres: K points over S slots; within a slot all move linearly and together.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from edc_swarm.geometry import closest_approach_m, segment_distance_m
+
+Floats = NDArray[np.float64]
+Ints = NDArray[np.int64]
+
+_BLOCK = 1 << 19
+
+
+@dataclass(frozen=True, slots=True)
+class Encounters:
+    """Pairs (first < second, indices) in a slot, and their least gap in it.
+
+    `gap_m` is distance minus the sum of the two radii: negative where discs overlap.
+    """
+
+    slot: Ints
+    first: Ints
+    second: Ints
+    gap_m: Floats
+
+
+def encounters(from_m: Floats, to_m: Floats, radius_m: Floats, below_m: float) -> Encounters:
+    """Pairs whose discs come closer than a gap of `below_m`, by exact closest approach."""
+    slot, first, second, sum_m = _candidates(from_m, to_m, radius_m, below_m)
+    ends = (from_m[slot, first], to_m[slot, first], from_m[slot, second], to_m[slot, second])
+    return _kept(slot, first, second, closest_approach_m(*ends) - sum_m, below_m)
+
+
+def swept_encounters(from_m: Floats, to_m: Floats, radius_m: Floats, below_m: float) -> Encounters:
+    """As `encounters`, but whenever in the slot either of the two is where on its segment."""
+    slot, first, second, sum_m = _candidates(from_m, to_m, radius_m, below_m)
+    ends = (from_m[slot, first], to_m[slot, first], from_m[slot, second], to_m[slot, second])
+    return _kept(slot, first, second, segment_distance_m(*ends) - sum_m, below_m)
+
+
+def least_gap_m(from_m: Floats, to_m: Floats, radius_m: Floats) -> float:
+    """Least gap of any two discs in any slot; NaN for fewer than two UAVs, or no slot."""
+    if not from_m.size or from_m.shape[1] < 2:
+        return float("nan")
+    bound_m = min(_least_start_gap_m(points_m, radius_m) for points_m in from_m)
+    found = encounters(from_m, to_m, radius_m, np.nextafter(bound_m, np.inf))
+    return float(np.min(found.gap_m, initial=bound_m))
+
+
+def closest_moment(from_m: Floats, to_m: Floats, slot: int, first: int, second: int) -> float:
+    """Share of the slot, in [0, 1], at which two points that move together are closest."""
+    apart_m = from_m[slot, first] - from_m[slot, second]
+    closing_m = (to_m[slot, first] - to_m[slot, second]) - apart_m
+    squared = float(closing_m @ closing_m)
+    return float(np.clip(-(apart_m @ closing_m) / squared, 0.0, 1.0)) if squared > 0 else 0.0
+
+
+def _least_start_gap_m(points_m: Floats, radius_m: Floats) -> float:
+    first, second = np.triu_indices(len(points_m), 1)
+    apart_m = points_m[first] - points_m[second]
+    return float(np.nanmin(np.hypot(*apart_m.T) - radius_m[first] - radius_m[second], initial=np.inf))
+
+
+def _candidates(from_m: Floats, to_m: Floats, radius_m: Floats, below_m: float) -> tuple[Ints, Ints, Ints, Floats]:
+    """Slot, first, second and radius sum of all pairs that could come closer than `below_m`.
+
+    Two points cannot come closer than their distance at the start minus both lengths of way. Pairs
+    with an unknown (NaN) position are never candidates.
+    """
+    slots, count, _ = from_m.shape
+    first, second = np.triu_indices(count, 1)
+    way_m = np.hypot(to_m[..., 0] - from_m[..., 0], to_m[..., 1] - from_m[..., 1])
+    reach_m = way_m + radius_m
+    found: list[tuple[Ints, Ints]] = []
+    block = max(1, _BLOCK // max(1, len(first)))
+    for begin in range(0, slots, block):
+        rows = slice(begin, begin + block)
+        x_m, y_m, far_m = from_m[rows, :, 0], from_m[rows, :, 1], reach_m[rows]
+        dx_m, dy_m = x_m[:, first] - x_m[:, second], y_m[:, first] - y_m[:, second]
+        limit_m = np.maximum(far_m[:, first] + far_m[:, second] + below_m, 0.0)
+        slot, pair = np.nonzero(dx_m * dx_m + dy_m * dy_m <= limit_m * limit_m * (1 + 1e-12))
+        found.append((slot + begin, pair))
+    slot, pair = (np.concatenate(part) for part in zip(*found, strict=True)) if found else _nothing()
+    first, second = first[pair], second[pair]
+    return slot, first, second, radius_m[first] + radius_m[second]
+
+
+def _nothing() -> tuple[Ints, Ints]:
+    return np.empty(0, np.int64), np.empty(0, np.int64)
+
+
+def _kept(slot: Ints, first: Ints, second: Ints, gap_m: Floats, below_m: float) -> Encounters:
+    near = gap_m < below_m
+    return Encounters(slot[near], first[near], second[near], gap_m[near])
