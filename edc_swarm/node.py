@@ -160,7 +160,7 @@ class UavNode:
         self._instance = instance
         self._voter = promise is not None
         entry = next(entry for entry in mission.roster if entry.uav == uav)
-        self._vehicle = Vehicle(mission, entry, airframe)
+        self._vehicle = Vehicle(mission, entry, promise, airframe)
         grant: Grant = promise.grant if promise is not None else (0, "")
         self.slot = promise.slot if promise is not None else -1
         self._knowledge = Knowledge(mission.roster)

@@ -40,7 +40,7 @@ from edc_swarm.node import (
 )
 from edc_swarm.planner.interface import Planner
 from edc_swarm.progress import MissionMonitor
-from edc_swarm.vehicle import Airframe, Promise, first_airframe, first_promise
+from edc_swarm.vehicle import LATE_FRACTION, Airframe, Promise, first_airframe, first_promise
 
 TRANSIT_NS = 500_000
 """What the transport takes for a message when the link model adds nothing."""
@@ -63,12 +63,16 @@ Recorder = Callable[[str, Message, int], None]
 
 @dataclass(frozen=True, slots=True)
 class Motion:
-    """A step that was accepted: `uav` flies the segment at some pace within slot `slot`."""
+    """A step that was accepted: `uav` flies the segment at some pace within slot `slot`.
+
+    `late` is set when it was accepted so late that it cannot be over when the slot is.
+    """
 
     slot: int
     uav: str
     from_m: tuple[float, float]
     to_m: tuple[float, float]
+    late: bool = False
 
 
 @dataclass(slots=True)
@@ -145,6 +149,7 @@ class Simulation:
         self.monitor = MissionMonitor(mission)
         self.motions: list[Motion] = []
         self._router_up_at_ns = 0
+        self._guard_ns = round(mission.guard_s * NS_PER_S / mission.time_scale)
         self._computers = {entry.uav: self._computer(index) for index, entry in enumerate(mission.roster)}
         self._faults = parse_faults(mission)
         self._to_restart = [fault for fault in self._faults if fault.verb == "restart"]
@@ -363,7 +368,10 @@ class Simulation:
         before = computer.airframe
         if (before.x_m, before.y_m) != (airframe.x_m, airframe.y_m):
             slot = promise.slot if promise is not None else self.slot
-            self.motions.append(Motion(slot, computer.uav, (before.x_m, before.y_m), (airframe.x_m, airframe.y_m)))
+            begun_ns = self.mission.epoch_ns + slot * self.mission.slot_ns
+            late = self._now_ns - begun_ns > LATE_FRACTION * self.mission.slot_ns + self._guard_ns
+            here_m, there_m = (before.x_m, before.y_m), (airframe.x_m, airframe.y_m)
+            self.motions.append(Motion(slot, computer.uav, here_m, there_m, late))
         computer.promise, computer.airframe = promise, airframe
 
     def _publish(self, computer: Computer, message: Message) -> None:

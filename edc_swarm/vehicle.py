@@ -96,12 +96,14 @@ class Vehicle:
     The disc's centre and the true position move by the same vector, so their offset never changes.
     """
 
-    def __init__(self, mission: Mission, entry: RosterEntry, airframe: Airframe) -> None:
+    def __init__(self, mission: Mission, entry: RosterEntry, promise: Promise | None, airframe: Airframe) -> None:
         self._mission = mission
         self._entry = entry
         self._gps = self._receiver(mission.gps_model, "gps")
         self._offset_m = self._gps.true_offset_m
         self.waypoint_m = (airframe.x_m, airframe.y_m)
+        if promise is not None:
+            self.waypoint_m = (promise.waypoint_x_m, promise.waypoint_y_m)
         self.from_m = self.waypoint_m
         self.energy_j = airframe.energy_j
         self.position_m = self.waypoint_m

@@ -1,0 +1,332 @@
+"""Searching for faults: random missions under random fault schedules, every guarantee checked.
+
+A run is a function of its seed: `scenario(seed)` draws a mission and a schedule, `fly` simulates it
+and returns what was broken. `smallest` drops faults one by one while the failure stays. The
+generator is biased towards what breaks such systems: grants late in a slot, fixes lost just after a
+grant, freezes just before a tick, processes stopped between two effects, and a planner that steers
+UAVs at each other, since safety must not depend on guidance.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Collection, Sequence
+from dataclasses import dataclass
+from random import Random
+from typing import Any
+
+import numpy as np
+
+from edc_swarm.config import Mission, mission_from_dict
+from edc_swarm.errors import PlacementError
+from edc_swarm.geometry import Floats, length_m, segment_distance_m
+from edc_swarm.invariants import check
+from edc_swarm.messages import Message, MissionMessage
+from edc_swarm.planner.edc import Edc
+from edc_swarm.planner.registry import make_planner
+from edc_swarm.planner.request import Arrays
+from edc_swarm.recording import Recording
+from edc_swarm.roster import complete_mission
+from edc_swarm.simulation import Motion, Simulation, mission_message
+
+TOLERANCE_M = 1e-9
+CHECKED = ("G1", "G2", "G3", "G4", "G5")
+LAST_FAULT_SLOT = 45
+MAX_SLOTS = 70
+RECKLESS = "edc_swarm.fuzzing:Reckless"
+
+
+@dataclass(frozen=True, slots=True)
+class Finding:
+    """A run that broke a guarantee: its seed, the faults kept (indices), what was broken."""
+
+    seed: int
+    kept: tuple[int, ...]
+    broken: tuple[str, ...]
+
+    @property
+    def command(self) -> str:
+        """The command line that flies this run again."""
+        kept = ",".join(str(index) for index in self.kept)
+        return f"edc-swarm fuzz --seed {self.seed} --runs 1 --keep {kept or 'none'}"
+
+
+class Reckless(Edc):
+    """The slot QP under the worst guidance there is: each UAV wants to be where another one is."""
+
+    def _wishes(self, arrays: Arrays) -> Floats:
+        """Head straight for another UAV, a hull or the target, by turns."""
+        aims = [arrays.target_m]
+        if len(arrays.uav) > 1:
+            aims.append(arrays.position_m)
+        if len(arrays.obstacles.keep_m):
+            aims.append((arrays.obstacles.a_m + arrays.obstacles.b_m) / 2)
+        rng = Random(f"{arrays.slot // 6}/{len(arrays.uav)}")
+        wish_m = np.empty_like(arrays.position_m)
+        for k, here_m in enumerate(arrays.position_m):
+            aim = rng.choice(aims)
+            to_m = (arrays.target_m[k] if aim is arrays.target_m else rng.choice(list(aim))) - here_m
+            far_m = float(length_m(to_m))
+            wish_m[k] = to_m * min(1.0, self._u_max_m / far_m) if far_m > 0 else 0.0
+        return wish_m
+
+
+def scenario(seed: int, kept: Collection[int] | None = None) -> Mission:
+    """The mission of `seed`, with all its faults or only those at the indices `kept`."""
+    rng = Random(f"fuzz/{seed}")
+    uavs = rng.choice([2, 3, 3, 4, 4, 5, 5, 6, 7, 8])
+    fields: dict[str, Any] = {
+        "name": f"fuzz-{seed}",
+        "seed": seed,
+        "uavs": uavs,
+        "area_m2": uavs * rng.choice([250.0, 400.0, 900.0]),
+        "gps_model": rng.choice(["none", "bias", "white", "gauss-markov"]),
+        "elect": rng.choice(["energy", "response-time"]),
+        "guard_s": rng.choice([0.0, 0.0, 0.04]),
+        "lag_slots": rng.choice([0, 0, 0, 1]),
+        "lease_slots": rng.choice([1, 2, 2, 3]),
+        "standbys": rng.choice([0, 1, 3, 3]),
+        "handover_margin": rng.choice([0.0, 0.1]),
+        "planner": rng.choice([RECKLESS, RECKLESS, "edc"]),
+        "max_slots": MAX_SLOTS,
+        "link": _links(rng),
+    }
+    mission = _placed(fields)
+    faults = _schedule(rng, mission)
+    chosen = faults if kept is None else [fault for index, fault in enumerate(faults) if index in kept]
+    return mission_from_dict({**fields, "area_m2": mission.area_m2, "fault": chosen})
+
+
+def fly(mission: Mission) -> list[str]:
+    """Simulate a mission; what was broken, one line each (empty: every guarantee was kept)."""
+    message = mission_message(complete_mission(mission))
+    said: list[Message] = []
+    simulation = Simulation(
+        message, lambda: make_planner(mission.planner, message), lambda _key, said_now, _ns: said.append(said_now)
+    )
+    try:
+        end = simulation.run()
+    except AssertionError as error:
+        return [f"assertion: {error}"]
+    return [*overlaps(message, end.motions), *_broken(Recording.from_messages(said))]
+
+
+def search(seed: int, kept: Collection[int] | None = None) -> Finding | None:
+    """Fly the scenario of `seed`; None when every guarantee was kept."""
+    mission = scenario(seed, kept)
+    broken = fly(mission)
+    if not broken:
+        return None
+    indices = tuple(sorted(kept)) if kept is not None else tuple(range(len(mission.fault)))
+    return Finding(seed, indices, tuple(broken))
+
+
+def smallest(finding: Finding) -> Finding:
+    """Drop faults one by one as long as something stays broken."""
+    index = 0
+    while index < len(finding.kept):
+        fewer = search(finding.seed, finding.kept[:index] + finding.kept[index + 1 :])
+        if fewer is None:
+            index += 1
+        else:
+            finding = fewer
+    return finding
+
+
+def overlaps(mission: MissionMessage, motions: Sequence[Motion]) -> list[str]:
+    """Pairs whose discs could overlap while flying `motions`, at whatever pace within each slot.
+
+    The two segments flown in a slot are compared as sets of points; with `lag_slots` 1 each is
+    joined by the one before it. A UAV that dies or freezes stays where its last step ends.
+    """
+    first, last = _paths(mission, motions)
+    r_m = np.array([entry.r_m for entry in mission.roster])
+    i, j = np.triu_indices(len(r_m), 1)
+    gap_m = _gaps(first, last, first, last, i, j)
+    if mission.lag_slots:
+        late = np.minimum(
+            _gaps(first[:-1], last[:-1], first[1:], last[1:], i, j),
+            _gaps(first[1:], last[1:], first[:-1], last[:-1], i, j),
+        )
+        gap_m[1:] = np.minimum(gap_m[1:], late)
+    bad = np.argwhere(gap_m < r_m[i] + r_m[j] - TOLERANCE_M)
+    ids = [entry.uav for entry in mission.roster]
+    return [
+        f"G3: {ids[i[pair]]} and {ids[j[pair]]} can come within {gap_m[slot, pair]:.6f} m in slot {slot}"
+        for slot, pair in bad[:10]
+    ]
+
+
+def _gaps(a: Floats, b: Floats, c: Floats, d: Floats, i: Any, j: Any) -> Floats:
+    """Distances (slots, pairs) of the segments a-b of UAVs i from the segments c-d of UAVs j."""
+    return segment_distance_m(a[:, i], b[:, i], c[:, j], d[:, j])
+
+
+def _paths(mission: MissionMessage, motions: Sequence[Motion]) -> tuple[Floats, Floats]:
+    """Start and end points (slots, UAVs, 2) of what each UAV flew in each slot."""
+    index = {entry.uav: k for k, entry in enumerate(mission.roster)}
+    starts = np.array([(entry.start_x_m, entry.start_y_m) for entry in mission.roster])
+    slots = max((motion.slot for motion in motions), default=0) + 2
+    first = np.broadcast_to(starts, (slots, *starts.shape)).copy()
+    last = first.copy()
+    for motion in motions:
+        k = index[motion.uav]
+        first[motion.slot, k] = motion.from_m
+        last[motion.slot, k] = motion.to_m
+        first[motion.slot + 1 :, k] = last[motion.slot + 1 :, k] = motion.to_m
+        if motion.late:
+            first[motion.slot + 1, k] = motion.from_m
+    return first, last
+
+
+def _broken(recording: Recording) -> list[str]:
+    results = check(recording)
+    return [
+        f"{r.guarantee}: {where}" for r in results if r.guarantee in CHECKED and not r.held for where in r.where[:5]
+    ]
+
+
+def _placed(fields: dict[str, Any]) -> Mission:
+    """The mission, with as much more room as its UAVs need."""
+    while True:
+        mission = mission_from_dict(fields)
+        try:
+            return complete_mission(mission)
+        except PlacementError:
+            fields = {**fields, "area_m2": 1.5 * fields["area_m2"]}
+
+
+def _links(rng: Random) -> list[dict[str, Any]]:
+    """A network that is good, slow, lossy, or all of that."""
+    kind = rng.choice(["good", "good", "lossy", "slow", "bad"])
+    if kind == "good":
+        return []
+    link: dict[str, Any] = {"distribution": rng.choice(["uniform", "normal", "lognormal"])}
+    if kind in {"lossy", "bad"}:
+        link["loss"] = rng.choice([0.1, 0.3, 0.5])
+    if kind in {"slow", "bad"}:
+        link |= {"delay_ms": rng.choice([50.0, 120.0, 180.0, 260.0]), "jitter_ms": rng.choice([0.0, 50.0, 200.0])}
+    if rng.random() < 0.5:
+        link |= {"duplicate": 0.2, "reorder": 0.2}
+    return [link]
+
+
+def _schedule(rng: Random, mission: Mission) -> list[str]:
+    """Up to eight faults, some of them aimed sequences of two or three."""
+    faults: list[str] = []
+    while len(faults) < rng.randint(1, 8):
+        faults += rng.choice(_AIMS)(rng, mission)
+    return faults[:12]
+
+
+def _slot(rng: Random) -> int:
+    return rng.randint(1, LAST_FAULT_SLOT)
+
+
+def _uav(rng: Random, mission: Mission) -> str:
+    return rng.choice([entry.uav for entry in mission.roster] + ["head", "head", "standby"])
+
+
+def _id(rng: Random, mission: Mission) -> str:
+    return rng.choice([entry.uav for entry in mission.roster])
+
+
+def _crash_and_return(rng: Random, mission: Mission) -> list[str]:
+    """A process dies, perhaps between two effects, and perhaps comes back soon."""
+    uav, at_s = _id(rng, mission), _slot(rng) * mission.dt_s + rng.choice([0.001, 0.01, 0.2, 0.3, 0.45])
+    mid_step = " mid-step" if rng.random() < 0.5 else ""
+    back_s = at_s + rng.choice([0.004, 0.1, 0.5, 0.6, 1.0, 4.0])
+    memory = " lose-memory" if rng.random() < 0.15 else ""
+    return [f"kill {uav}{mid_step} @{at_s:.3f}s", f"restart {uav}{memory} @{back_s:.3f}s"]
+
+
+def _death(rng: Random, mission: Mission) -> list[str]:
+    return [f"kill {_uav(rng, mission)} @{_slot(rng) * mission.dt_s + rng.random() * mission.dt_s:.3f}s"]
+
+
+def _freeze_before_tick(rng: Random, mission: Mission) -> list[str]:
+    """Stopped just before a slot begins, going on late in it or some slots later."""
+    at_s = _slot(rng) * mission.dt_s - rng.choice([0.0005, 0.002, 0.01, 0.05])
+    for_s = rng.choice([0.06, 0.2, 0.9 * mission.dt_s, 1.3, 2.6])
+    mid_step = " mid-step" if rng.random() < 0.3 else ""
+    return [f"freeze {_uav(rng, mission)}{mid_step} @{max(at_s, 0.0):.4f}s for {for_s:.3f}s"]
+
+
+def _partition(rng: Random, mission: Mission) -> list[str]:
+    ids = [entry.uav for entry in mission.roster]
+    rng.shuffle(ids)
+    split = rng.randint(1, len(ids) - 1)
+    groups = rng.choice(
+        [
+            "halves",
+            f"{','.join(ids[:split])}|{','.join(ids[split:])}",
+            f"{','.join(ids[:split])}>{','.join(ids[split:])}",
+            "head|rest",
+            "head>rest",
+            "rest>head",
+        ]
+    )
+    return [f"partition {groups} @{_slot(rng) * mission.dt_s + rng.random() * 0.4:.3f}s for {rng.randint(1, 15)}"]
+
+
+def _mute_after_grant(rng: Random, mission: Mission) -> list[str]:
+    """The head dies; while the others grant anew, one of them is not heard for a while."""
+    at_s, uav = _slot(rng) * mission.dt_s + rng.choice([0.0, 0.1, 0.3, 0.4, 0.48]), _id(rng, mission)
+    mute_s = at_s + rng.choice([0.0035, 0.004, 0.0045, 0.2, 0.5])
+    groups = rng.choice([f"{uav}>rest", f"rest>{uav}", f"{uav}|rest"])
+    return [f"kill head @{at_s:.4f}s", f"partition {groups} @{mute_s:.4f}s for {rng.randint(1, 6)}"]
+
+
+def _late_grant(rng: Random, mission: Mission) -> list[str]:
+    """One UAV's messages take most of a slot while the head changes."""
+    at_s, uav = _slot(rng) * mission.dt_s + rng.random() * mission.dt_s, _id(rng, mission)
+    slow = f"link {uav}>* delay {rng.choice([150, 300, 440, 480, 700])} @{max(0.0, at_s - 0.6):.3f}s for 6"
+    return [slow, f"{rng.choice(['kill', 'restart', 'freeze'])} head @{at_s:.3f}s"]
+
+
+def _lossy_while(rng: Random, mission: Mission) -> list[str]:
+    del mission
+    slot = _slot(rng)
+    loss = rng.choice([0.3, 0.6, 0.9])
+    return [f"link *>* loss {loss} duplicate 0.3 reorder 0.3 @{slot} for {rng.randint(1, 10)}"]
+
+
+def _clock(rng: Random, mission: Mission) -> list[str]:
+    """Offsets stay within the guard, as promised to the guarantees."""
+    guard_ms = 1e3 * mission.guard_s
+    if guard_ms == 0:
+        return []
+    offset_ms = round(rng.uniform(-0.95, 0.95) * guard_ms, 3)
+    return [f"clock {_id(rng, mission)} offset {offset_ms} @{rng.choice([0, _slot(rng)])}"]
+
+
+def _slow_solver(rng: Random, mission: Mission) -> list[str]:
+    return [f"slow {_uav(rng, mission)} {rng.choice([50, 290, 450, 600, 1200])} @{_slot(rng)} for {rng.randint(1, 20)}"]
+
+
+def _router(rng: Random, mission: Mission) -> list[str]:
+    del mission
+    return [f"restart router @{_slot(rng)}"]
+
+
+def _gps(rng: Random, mission: Mission) -> list[str]:
+    return [f"gps {_id(rng, mission)} {rng.choice(['bias', 'white', 'gauss-markov'])} @{_slot(rng)}"]
+
+
+_AIMS = (
+    _crash_and_return,
+    _crash_and_return,
+    _death,
+    _freeze_before_tick,
+    _freeze_before_tick,
+    _partition,
+    _partition,
+    _mute_after_grant,
+    _mute_after_grant,
+    _late_grant,
+    _late_grant,
+    _lossy_while,
+    _clock,
+    _slow_solver,
+    _router,
+    _gps,
+)

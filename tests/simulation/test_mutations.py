@@ -1,0 +1,255 @@
+"""Every safety rule, removed once: the fuzzer must notice, or it proves nothing.
+
+Each defect is planted in the production code and the fuzzer is run over the stated seeds until it
+finds a broken guarantee. `tests/simulation/test_mutations.py --durations=0` shows what each costs.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import Any
+
+import msgspec
+import numpy as np
+import pytest
+
+from edc_swarm import fuzzing, head, node, vehicle
+from edc_swarm.config import Mission
+from edc_swarm.election import Election
+from edc_swarm.head import Head, Office
+from edc_swarm.knowledge import Knowledge
+from edc_swarm.messages import Command, Fix
+from edc_swarm.node import Effect, Persist, Received, UavNode
+from edc_swarm.solver import certificate, slot_qp
+
+Patch = pytest.MonkeyPatch
+Defect = Callable[[Patch], None]
+
+
+def quorum_of_half(patch: Patch) -> None:
+    """Half of the roster is enough."""
+    patch.setattr(Mission, "quorum", property(lambda mission: max(1, len(mission.roster) // 2)))
+
+
+def second_grant_in_one_term(patch: Patch) -> None:
+    """A UAV may change the head within its term."""
+    adopt = Election._adopt
+
+    def mutant(self: Election, grant: tuple[int, str]) -> None:
+        if grant[0] == self.term and grant[1] != self.head:
+            self.term -= 1
+        adopt(self, grant)
+
+    patch.setattr(Election, "_adopt", mutant)
+    hear = Election.hear_report
+
+    def eager(self: Election, report: Any) -> None:
+        if report.term >= self.term and report.head != self.head:
+            self._adopt((report.term, report.head))
+        hear(self, report)
+
+    patch.setattr(Election, "hear_report", eager)
+
+
+def term_goes_back(patch: Patch) -> None:
+    """A report of an older term is believed."""
+    hear = Election.hear_report
+
+    def mutant(self: Election, report: Any) -> None:
+        if report.has_quorum and report.term < self.term:
+            self.term = report.term - 1
+        hear(self, report)
+
+    patch.setattr(Election, "hear_report", mutant)
+
+
+def _at_start(patch: Patch, change: Callable[[Any, Any], Any]) -> None:
+    init = UavNode.__init__
+
+    def mutant(self: UavNode, mission: Any, uav: str, instance: str, promise: Any, airframe: Any, **rest: Any) -> None:
+        entry = next(e for e in mission.roster if e.uav == uav)
+        init(self, mission, uav, instance, change(promise, entry), airframe, **rest)
+
+    patch.setattr(UavNode, "__init__", mutant)
+
+
+def grant_forgotten_over_a_restart(patch: Patch) -> None:
+    """The promise on disk loses its term and head."""
+    _at_start(patch, lambda p, _: p and msgspec.structs.replace(p, term=0, head=""))
+
+
+def waypoint_forgotten_over_a_restart(patch: Patch) -> None:
+    """The promise on disk loses its waypoint."""
+    _at_start(
+        patch, lambda p, e: p and msgspec.structs.replace(p, waypoint_x_m=e.start_x_m, waypoint_y_m=e.start_y_m)
+    )
+
+
+def promise_written_after_the_step_began(patch: Patch) -> None:
+    """Truth and fix are out before the promise is on disk."""
+    step = UavNode.step
+
+    def mutant(self: UavNode, event: Any, now_ns: int) -> list[Effect]:
+        return sorted(step(self, event, now_ns), key=lambda effect: isinstance(effect, Persist))
+
+    patch.setattr(UavNode, "step", mutant)
+
+
+def lost_memory_that_grants(patch: Patch) -> None:
+    """A UAV without its promise starts over as if new."""
+    _at_start(patch, lambda p, e: p or vehicle.first_promise(e))
+
+
+def start_not_checked(patch: Patch) -> None:
+    """A command that starts elsewhere is flown."""
+
+    def mutant(command: Command, now: Any) -> str | None:
+        x_m, y_m = now.waypoint_m
+        return vehicle.refusal(msgspec.structs.replace(command, start_x_m=x_m, start_y_m=y_m), now)
+
+    patch.setattr(node, "refusal", mutant)
+
+
+def late_command_accepted(patch: Patch) -> None:
+    """A command that comes after its slot began is flown at once."""
+    take = UavNode._take_command
+
+    def mutant(self: UavNode, command: Command) -> None:
+        take(self, command)
+        ours = command.uav == self.uav and (command.term, command.head) == self.grant
+        if ours and command.slot == self.slot and self._flown is None and self._said is not None:
+            self._flown = command
+            self._vehicle.from_m = self._vehicle.waypoint_m
+            self._vehicle.waypoint_m = (command.target_x_m, command.target_y_m)
+            self._said = None
+
+    patch.setattr(UavNode, "_take_command", mutant)
+    settle = UavNode._settle
+
+    def settled(self: UavNode, now_ns: int) -> None:
+        if self._said is None and self._flown is not None and self.slot >= 0 and not self.ended:
+            self._say(now_ns, with_truth=True)
+        settle(self, now_ns)
+
+    patch.setattr(UavNode, "_settle", settled)
+
+
+def frozen_uav_executes_late(patch: Patch) -> None:
+    """A tick at 0.9 of the slot still flies."""
+    patch.setattr(node, "LATE_FRACTION", 0.95)
+
+
+def ungranted_uav_commanded(patch: Patch) -> None:
+    """A head counts and commands whoever has sent a fix of the slot."""
+
+    def mutant(self: Knowledge, slot: int, grant: Any) -> list[str]:
+        del grant
+        return [uav for uav in self._roster if self.last_slot(uav) == slot]
+
+    patch.setattr(Knowledge, "heard", mutant)
+    patch.setattr(vehicle, "refusal", lambda *_: None)
+
+
+def quorum_remembered(patch: Patch) -> None:
+    """A head that once had a quorum in its term goes on without."""
+    has = Head.has_quorum
+
+    def mutant(self: Head, slot: int) -> bool:
+        return has(self, slot) or (self.office.t0 >= 0 and self._uav in self.heard(slot))
+
+    patch.setattr(Head, "has_quorum", mutant)
+
+
+def planning_twice_in_a_slot(patch: Patch) -> None:
+    """A fix that comes after the plan makes the head plan again."""
+    receive = UavNode._receive
+
+    def mutant(self: UavNode, message: Any, now_ns: int) -> None:
+        known = isinstance(message, Fix) and self._knowledge.last_slot(message.uav)
+        receive(self, message, now_ns)
+        if isinstance(message, Fix) and known != self.slot and message.slot == self.slot and self.slot >= 0:
+            self._head.office.planned_slot = min(self._head.office.planned_slot, self.slot - 1)
+
+    patch.setattr(UavNode, "_receive", mutant)
+
+
+def restarted_head_plans_in_its_term(patch: Patch) -> None:
+    """Nothing bars the term on disk."""
+    init = Head.__init__
+
+    def mutant(self: Head, mission: Any, uav: str, barred_term: int, knowledge: Any) -> None:
+        init(self, mission, uav, -1, knowledge)
+        if barred_term:
+            self.office = Office((barred_term, uav))
+
+    patch.setattr(Head, "__init__", mutant)
+
+
+def memory_of_an_older_term_used(patch: Patch) -> None:
+    """t0 and the commands sent survive a change of term."""
+
+    def mutant(self: Head, grant: Any) -> None:
+        self.office.grant = grant
+
+    patch.setattr(Head, "take_office", mutant)
+
+
+def never_heard_uav_left_out(patch: Patch) -> None:
+    """No hull is kept for a UAV that has never been heard."""
+    hulls = Head.hulls
+
+    def mutant(self: Head, slot: int) -> Any:
+        return {uav: hull for uav, hull in hulls(self, slot).items() if uav in self._knowledge.newest}
+
+    patch.setattr(Head, "hulls", mutant)
+
+
+def ball_one_slot_short(patch: Patch) -> None:
+    """The ball about an unheard UAV grows until t0 instead of t0 + 1."""
+    hull = Knowledge.hull
+
+    def mutant(self: Knowledge, uav: str, grant: Any, t0: int, sent: Any, rules: Any) -> Any:
+        return hull(self, uav, grant, t0 - 1, sent, rules)
+
+    patch.setattr(Knowledge, "hull", mutant)
+
+
+def hull_reset_by_a_duplicate_fix(patch: Patch) -> None:
+    """The last fix to arrive counts, not the newest."""
+
+    def mutant(self: Knowledge, fix: Fix, slot: int) -> None:
+        if fix.uav in self._roster and fix.voter and fix.slot <= slot:
+            self.newest[fix.uav] = fix
+
+    patch.setattr(Knowledge, "hear_fix", mutant)
+
+
+DEFECTS: list[tuple[Defect, int, int]] = [
+    (quorum_of_half, 0, 60),
+    (second_grant_in_one_term, 0, 60),
+    (term_goes_back, 0, 60),
+    (grant_forgotten_over_a_restart, 0, 200),
+    (waypoint_forgotten_over_a_restart, 0, 60),
+    (promise_written_after_the_step_began, 0, 200),
+    (lost_memory_that_grants, 0, 200),
+    (start_not_checked, 0, 200),
+    (late_command_accepted, 0, 200),
+    (frozen_uav_executes_late, 0, 200),
+    (ungranted_uav_commanded, 0, 60),
+    (quorum_remembered, 0, 200),
+    (planning_twice_in_a_slot, 0, 200),
+    (restarted_head_plans_in_its_term, 0, 200),
+    (memory_of_an_older_term_used, 0, 200),
+    (never_heard_uav_left_out, 0, 200),
+    (ball_one_slot_short, 0, 200),
+    (hull_reset_by_a_duplicate_fix, 0, 200),
+]
+
+
+@pytest.mark.parametrize(("defect", "first", "runs"), DEFECTS, ids=[defect.__name__ for defect, *_ in DEFECTS])
+def test_the_fuzzer_finds(defect: Defect, first: int, runs: int, monkeypatch: Patch) -> None:
+    """A planted defect breaks a guarantee within the stated number of runs."""
+    defect(monkeypatch)
+    found = next((finding for seed in range(first, first + runs) if (finding := fuzzing.search(seed))), None)
+    assert found is not None, f"{defect.__name__} went unnoticed in {runs} runs from seed {first}"
+    print(defect.__name__, found.seed, found.broken[0])
