@@ -1,0 +1,146 @@
+"""A UAV's ears: what it subscribes to, and what of it gets through its links.
+
+Callbacks only hand bytes over to the inbox; decoding, loss and delay happen in the loop.
+"""
+
+from __future__ import annotations
+
+import heapq
+from dataclasses import dataclass
+from itertools import count
+
+import zenoh
+
+from edc_swarm.errors import MessageError
+from edc_swarm.links import LinkEmulator
+from edc_swarm.messages import Command, Fix, Keys, Message, Report, decode
+from processes.bus import hand_over
+from processes.inbox import Inbox
+
+OPERATOR = "operator"
+MAX_POSTPONED = 100_000
+MAX_COUNTED_KEYS = 1000
+
+
+@dataclass(frozen=True, slots=True)
+class Heard:
+    """Bytes from the bus."""
+
+    key: str
+    payload: bytes
+
+
+@dataclass(frozen=True, slots=True)
+class Token:
+    """A liveliness token has appeared or vanished."""
+
+    uav: str
+    instance: str
+    alive: bool
+
+
+Item = Heard | Token | object
+
+
+class Ears:
+    """Subscriptions of one UAV. Samples and tokens go to `inbox`."""
+
+    def __init__(self, session: zenoh.Session, keys: Keys, uav: str, inbox: Inbox[Item]) -> None:
+        self._session = session
+        self._keys = keys
+        self._inbox = inbox
+        self._fixes: zenoh.Subscriber[None] | None = None
+        for key in (keys.mission, keys.commands_to(uav), keys.all_reports, keys.event(OPERATOR)):
+            self._subscribe(key)
+        session.liveliness().declare_subscriber(keys.all_alive, hand_over(self._take_token), history=True)
+
+    def ask_for_mission(self) -> None:
+        """Ask for what a late joiner has missed: the mission, and the faults in force."""
+        for key in (self._keys.mission, self._keys.event(OPERATOR)):
+            self._session.get(key, hand_over(self._take_reply), consolidation=zenoh.ConsolidationMode.NONE)
+
+    def listen_to_fixes(self, wanted: bool) -> None:
+        """Subscribe to every UAV's fixes, or no longer."""
+        if wanted and self._fixes is None:
+            self._fixes = self._subscribe(self._keys.all_fixes)
+        elif not wanted and self._fixes is not None:
+            self._fixes.undeclare()
+            self._fixes = None
+
+    def _subscribe(self, key: str) -> zenoh.Subscriber[None]:
+        handler = hand_over(self._take_sample)
+        return self._session.declare_subscriber(key, handler, allowed_origin=zenoh.Locality.REMOTE)
+
+    def _take_sample(self, sample: zenoh.Sample) -> None:
+        self._inbox.put(Heard(str(sample.key_expr), sample.payload.to_bytes()))
+
+    def _take_reply(self, reply: zenoh.Reply) -> None:
+        if reply.ok is not None:
+            self._take_sample(reply.ok)
+
+    def _take_token(self, sample: zenoh.Sample) -> None:
+        uav, instance = str(sample.key_expr).split("/")[-2:]
+        self._inbox.put(Token(uav, instance, sample.kind == zenoh.SampleKind.PUT))
+
+
+class Malformed:
+    """Counts bytes that are no message, by key, and says when that is worth telling.
+
+    Told are the first, second, fourth, eighth ... of a key: a flood of garbage makes no flood of
+    events.
+    """
+
+    def __init__(self) -> None:
+        self._counts: dict[str, int] = {}
+
+    def count(self, error: MessageError) -> str | None:
+        """Count one, and return what to tell about it, if anything."""
+        key = error.key if error.key in self._counts or len(self._counts) < MAX_COUNTED_KEYS else "others"
+        number = self._counts[key] = self._counts.get(key, 0) + 1
+        return f"{number} on {key[:200]}: {error.reason[:200]}" if number & (number - 1) == 0 else None
+
+
+class Postbox:
+    """Messages that the link model lets through now or later."""
+
+    def __init__(self, links: LinkEmulator) -> None:
+        self.links = links
+        self._later: list[tuple[int, int, Message]] = []
+        self._order = count()
+
+    def arrive(self, message: Message, now_ns: int, at_s: float) -> bool:
+        """Take in a swarm message at mission time `at_s`; whether it is to be delivered right now."""
+        at_once = False
+        for delay_ns in self.links.arrivals_ns(sender_of(message), at_s):
+            if delay_ns == 0 and not at_once:
+                at_once = True
+            elif len(self._later) < MAX_POSTPONED:
+                heapq.heappush(self._later, (now_ns + delay_ns, next(self._order), message))
+        return at_once
+
+    @property
+    def next_ns(self) -> int | None:
+        """When the next postponed message is due."""
+        return self._later[0][0] if self._later else None
+
+    def take_due(self, now_ns: int) -> Message | None:
+        """Hand out one postponed message that is due."""
+        if self._later and self._later[0][0] <= now_ns:
+            return heapq.heappop(self._later)[2]
+        return None
+
+
+def sender_of(message: Message) -> str:
+    """Id of the UAV that sent a swarm message, "" for all others."""
+    match message:
+        case Fix():
+            return message.uav
+        case Command() | Report():
+            return message.head
+        case _:
+            return ""
+
+
+def decoded(heard: Heard) -> Message:
+    """The message in bytes from the bus; raises `MessageError`."""
+    return decode(heard.key, heard.payload)

@@ -1,0 +1,146 @@
+"""The recorder: `python -m processes.recorder` with its orders, a `RecorderSettings`, on standard input.
+
+It subscribes to everything of one mission, outside the link model, and writes the bytes it
+received. Zenoh's thread only queues; the main thread writes, and flushes every second, so a killed
+recorder loses at most that. The file is NAME.mcap.part until it is whole.
+"""
+
+from __future__ import annotations
+
+import errno
+import fcntl
+import os
+import secrets
+import signal
+import sys
+import time
+from pathlib import Path
+from typing import BinaryIO
+
+import msgspec
+import zenoh
+from msgspec import Struct
+
+from edc_swarm.messages import Event, Keys, encode
+from edc_swarm.recording import RecordingWriter
+from processes.bus import hand_over, open_client, put
+from processes.inbox import Inbox
+from processes.parent import die_with_parent
+
+NAME = "recorder"
+FLUSH_S = 1.0
+QUEUE_LIMIT = 200_000
+
+Sample = tuple[str, bytes, int]
+STOP: Sample = ("", b"", 0)
+"""Stands in the queue for the order to stop."""
+
+
+class RecorderSettings(Struct, frozen=True, kw_only=True):
+    """What the recorder must be told. `parent` is 0 for one that outlives whoever started it."""
+
+    endpoint: str
+    mission: str
+    part: str
+    run: dict[str, str]
+    parent: int = 0
+
+
+class Recorder:
+    """Writes one mission to a stream."""
+
+    def __init__(self, settings: RecorderSettings, stream: BinaryIO) -> None:
+        self._keys = Keys(settings.mission)
+        self._stream = stream
+        self._writer = RecordingWriter(stream, settings.run)
+        self._inbox: Inbox[Sample] = Inbox(QUEUE_LIMIT)
+        self._instance = f"{os.getpid()}-{secrets.token_hex(4)}"
+        self._seq = -1
+        self._told_dropped = 0
+        self._messages = 0
+        self._last_word = self._keys.event("operator")
+        self._stopping = False
+        self._session = open_client(settings.endpoint)
+        self._session.declare_subscriber(self._keys.everything, hand_over(self._take))
+        self._token = self._session.liveliness().declare_token(self._keys.alive(NAME, self._instance))
+
+    def stop(self) -> None:
+        """Ask to end after what is queued; may be called from a signal handler."""
+        self._inbox.put_always(STOP)
+
+    def record(self) -> None:
+        """Write until the operator's last word, or until told to stop."""
+        next_flush_s = time.monotonic() + FLUSH_S
+        while not self._stopping:
+            for key, payload, received_ns in self._inbox.wait(next_flush_s - time.monotonic()):
+                self._write(key, payload, received_ns)
+            if time.monotonic() >= next_flush_s:
+                self._flush()
+                next_flush_s = time.monotonic() + FLUSH_S
+
+    def finish(self) -> None:
+        """Make the file whole."""
+        self._session.close()
+        facts = {"messages": str(self._messages), "dropped": str(self._inbox.dropped)}
+        self._writer.finish(facts)
+        self._stream.flush()
+
+    def tell(self, kind: str, detail: str) -> None:
+        """Publish an event of the recorder."""
+        self._seq += 1
+        event = Event(
+            source=NAME, instance=self._instance, seq=self._seq, sent_ns=time.time_ns(), kind=kind, detail=detail
+        )
+        put(self._session, self._keys.event(NAME), encode(event))
+
+    def _take(self, sample: zenoh.Sample) -> None:
+        self._inbox.put((str(sample.key_expr), sample.payload.to_bytes(), time.time_ns()))
+
+    def _write(self, key: str, payload: bytes, received_ns: int) -> None:
+        if not key:
+            self._stopping = True
+            return
+        self._writer.write(key, payload, received_ns)
+        self._messages += 1
+        if key == self._last_word and b'"kind":"closed"' in payload:
+            self._stopping = True
+
+    def _flush(self) -> None:
+        self._writer.flush()
+        self._stream.flush()
+        if self._inbox.dropped > self._told_dropped:
+            self._told_dropped = self._inbox.dropped
+            self.tell("recorder-dropped", f"{self._told_dropped} messages in all, the queue was full")
+
+
+def reason_of(error: OSError) -> str:
+    """What to tell a user about a file that could not be written."""
+    if error.errno == errno.ENOSPC:
+        return "the disk is full"
+    return (error.strerror or str(error)).lower()
+
+
+def main() -> int:
+    """Record one mission; status 3 when the file could not be written."""
+    settings = msgspec.json.decode(sys.stdin.buffer.read(), type=RecorderSettings)
+    if settings.parent:
+        die_with_parent(settings.parent)
+        signal.signal(signal.SIGINT, signal.SIG_IGN)
+    signal.signal(signal.SIGXFSZ, signal.SIG_IGN)
+    with Path(settings.part).open("r+b") as stream:
+        fcntl.flock(stream, fcntl.LOCK_EX)
+        recorder = Recorder(settings, stream)
+        signal.signal(signal.SIGTERM, lambda *_: recorder.stop())
+        try:
+            recorder.record()
+            recorder.finish()
+        except OSError as error:
+            text = f"{settings.part}: cannot be written ({reason_of(error)})"
+            recorder.tell("recording-failed", text)
+            print(f"error: {text}", file=sys.stderr, flush=True)
+            os._exit(3)
+    return 0
+
+
+if __name__ == "__main__":
+    sys.exit(main())

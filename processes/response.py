@@ -1,0 +1,48 @@
+"""The response time of this computer: how long planning a reference slot takes it."""
+
+from __future__ import annotations
+
+import math
+import statistics
+import time
+
+from edc_swarm.config import Mission, RosterEntry
+from edc_swarm.planner.interface import PlanRequest
+
+UAVS = 12
+TRIALS = 5
+
+
+def measured_response_ms(mission: Mission, entry: RosterEntry) -> float:
+    """Milliseconds for the reference slot times the UAV's `compute_factor`; 0 unless it decides who leads.
+
+    Processor time, not wall time: K processes that measure at once on few cores would otherwise
+    measure one another. The factor lets unlike computers be emulated on one host.
+    """
+    if mission.elect != "response-time":
+        return 0.0
+    from edc_swarm.planner import make_planner, warm_up  # noqa: PLC0415  (imports numpy)
+
+    warm_up(mission)
+    request = _reference_slot(mission)
+    times_ns = []
+    for _ in range(TRIALS):
+        planner = make_planner("edc", mission)
+        start_ns = time.thread_time_ns()
+        planner.plan(request)
+        times_ns.append(time.thread_time_ns() - start_ns)
+    return statistics.median(times_ns) / 1e6 * entry.compute_factor
+
+
+def _reference_slot(mission: Mission) -> PlanRequest:
+    """UAVs on a ring, as close as may be, each bound for the opposite side."""
+    radius_m = 1.1 * mission.r_m / math.sin(math.pi / UAVS)
+    angles = [math.tau * k / UAVS for k in range(UAVS)]
+    ring_m = [(radius_m * math.cos(angle), radius_m * math.sin(angle)) for angle in angles]
+    return PlanRequest(
+        slot=0,
+        uav=range(UAVS),
+        position_m=ring_m,
+        target_m=[(-x_m, -y_m) for x_m, y_m in ring_m],
+        r_m=[mission.r_m] * UAVS,
+    )

@@ -1,0 +1,283 @@
+"""One UAV: `python -m processes.uav --endpoint tcp/HOST:PORT --mission ID --uav ID --state FOLDER`.
+
+One loop feeds `UavNode` with what came from the bus and with its own clock, and carries the effects
+out in their order. Zenoh's callbacks only hand over to the loop, and no Zenoh call is made from a
+callback.
+"""
+
+from __future__ import annotations
+
+import argparse
+import os
+import secrets
+import signal
+import sys
+import time
+from collections.abc import Sequence
+from dataclasses import dataclass
+from functools import partial
+from pathlib import Path
+
+import msgspec
+from msgspec import Struct
+
+from edc_swarm.config import NS_PER_S
+from edc_swarm.errors import InputError, MessageError, SwarmError
+from edc_swarm.links import LinkEmulator, mission_s
+from edc_swarm.messages import Event, Keys, Message, MissionMessage, encode
+from edc_swarm.node import (
+    Effect,
+    Listen,
+    NodeEvent,
+    PeerGone,
+    Persist,
+    PlannerReady,
+    Publish,
+    Received,
+    Stop,
+    Tick,
+    UavNode,
+    WantPlanner,
+)
+from edc_swarm.planner.interface import Planner
+from processes.bus import is_connected, open_client, put
+from processes.clock import WallClock
+from processes.ears import OPERATOR, Ears, Heard, Item, Malformed, Postbox, Token, decoded, sender_of
+from processes.faulty import Faulty
+from processes.inbox import Inbox
+from processes.peers import Peers
+from processes.planning import SlowPlanner, load_planner
+from processes.response import measured_response_ms
+from processes.state import UavState
+
+IDLE_S = 1.0
+"""Longest wait of the loop while there is no mission."""
+
+
+class UavSettings(Struct, frozen=True, kw_only=True):
+    """What a UAV process must be told; all else is in the mission message."""
+
+    endpoint: str
+    mission: str
+    uav: str
+    state: str
+
+
+@dataclass(frozen=True, slots=True)
+class Leave:
+    """The order to close and go."""
+
+
+class UavProcess:
+    """A UAV on the bus, from its connection to its last word."""
+
+    def __init__(self, settings: UavSettings) -> None:
+        self._settings = settings
+        self._keys = Keys(settings.mission)
+        self._state = UavState(Path(settings.state), settings.uav)
+        self._instance = f"{os.getpid()}-{secrets.token_hex(4)}"
+        self._clock = WallClock()
+        self._inbox: Inbox[Item] = Inbox()
+        self._malformed = Malformed()
+        self._peers = Peers()
+        self._flight: Flight | None = None
+        self._leaving = False
+        self._session = open_client(settings.endpoint)
+        self._ears = Ears(self._session, self._keys, settings.uav, self._inbox)
+        self._token = self._session.liveliness().declare_token(self._keys.alive(settings.uav, self._instance))
+        self._ears.ask_for_mission()
+
+    def leave(self) -> None:
+        """Ask the loop to end; may be called from a signal handler."""
+        self._inbox.put_always(Leave())
+
+    def run(self) -> None:
+        """Work until told to leave, then say the last sequence numbers and go."""
+        while not self._leaving:
+            for item in self._inbox.wait(self._timeout_s()):
+                self._take(item)
+            self._deliver_postponed()
+            self._look_for_gone_peers()
+            self._tick()
+        self._close()
+
+    def _timeout_s(self) -> float:
+        if self._flight is None:
+            return IDLE_S
+        now_ns = self._clock.now_ns()
+        wakeups = (self._flight.node.wakeup_ns(now_ns), self._flight.postbox.next_ns, self._peers.next_ns)
+        return (min(when for when in wakeups if when is not None) - now_ns) / NS_PER_S
+
+    # --- taking in ---------------------------------------------------------------------------
+
+    def _take(self, item: Item) -> None:
+        match item:
+            case Heard():
+                self._hear(item)
+            case Token():
+                self._peers.take(item, self._clock.now_ns())
+            case PlannerReady():
+                self._step(item)
+            case Leave():
+                self._leaving = True
+
+    def _hear(self, heard: Heard) -> None:
+        try:
+            message = decoded(heard)
+        except MessageError as error:
+            self._tell_malformed(error)
+            return
+        match message:
+            case MissionMessage():
+                self._begin(message)
+            case Event(source="operator"):
+                self._obey(message)
+            case _:
+                self._receive(message)
+
+    def _tell_malformed(self, error: MessageError) -> None:
+        detail = self._malformed.count(error)
+        if detail is not None and self._flight is not None:
+            self._carry_out([self._flight.node.event("malformed", detail)])
+
+    def _begin(self, mission: MissionMessage) -> None:
+        """Make the node of this mission; a mission that has begun is never replaced."""
+        if self._flight is not None:
+            return
+        entry = next((entry for entry in mission.roster if entry.uav == self._settings.uav), None)
+        if entry is None:
+            raise InputError("uav", self._settings.uav, f"in the roster of mission {mission.name}")
+        node = UavNode(
+            mission,
+            entry.uav,
+            self._instance,
+            self._state.promise,
+            self._state.airframe,
+            response_ms=measured_response_ms(mission, entry),
+            cpu_s=time.process_time,
+        )
+        postbox = Postbox(LinkEmulator(mission, entry.uav))
+        self._flight = Flight(mission, node, postbox, Faulty(mission, entry.uav, postbox.links, self._clock))
+        self._tick()
+
+    def _obey(self, event: Event) -> None:
+        """Do what the operator's event says: end, or suffer a fault."""
+        if event.kind == "end":
+            self._leaving = True
+        elif event.kind == "fault" and self._flight is not None:
+            for node_event in self._flight.faulty.suffer(event.detail):
+                self._step(node_event)
+
+    def _receive(self, message: Message) -> None:
+        if self._flight is None or sender_of(message) == self._settings.uav:
+            return
+        now_ns = self._clock.now_ns()
+        if self._flight.postbox.arrive(message, now_ns, self._flight.mission_s(now_ns)):
+            self._step(Received(message))
+
+    def _deliver_postponed(self) -> None:
+        if self._flight is None:
+            return
+        while (message := self._flight.postbox.take_due(self._clock.now_ns())) is not None:
+            self._step(Received(message))
+
+    def _look_for_gone_peers(self) -> None:
+        """Believe a vanished token only while the own link to the router is up and not cut off."""
+        now_ns = self._clock.now_ns()
+        for uav in self._peers.gone(now_ns):
+            flight = self._flight
+            if flight is None or not is_connected(self._session):
+                continue
+            if not flight.postbox.links.is_cut(uav, flight.mission_s(now_ns)):
+                self._step(PeerGone(uav))
+
+    def _tick(self) -> None:
+        if self._flight is not None and self._flight.node.wakeup_ns(self._clock.now_ns()) <= self._clock.now_ns():
+            self._step(Tick())
+
+    # --- carrying out ------------------------------------------------------------------------
+
+    def _step(self, event: NodeEvent) -> None:
+        if self._flight is not None:
+            self._carry_out(self._flight.node.step(event, self._clock.now_ns()))
+
+    def _carry_out(self, effects: Sequence[Effect]) -> None:
+        for effect in effects:
+            match effect:
+                case Persist(promise, airframe):
+                    self._state.write(promise, airframe)
+                case Publish(message):
+                    self._publish(message)
+                case Listen(all_fixes):
+                    self._ears.listen_to_fixes(all_fixes)
+                case WantPlanner():
+                    self._want_planner()
+                case Stop():
+                    self._leaving = True
+
+    def _publish(self, message: Message) -> None:
+        stamped = msgspec.structs.replace(message, sent_ns=self._clock.now_ns())
+        put(self._session, self._keys.of(stamped), encode(stamped))
+
+    def _want_planner(self) -> None:
+        assert self._flight is not None
+        load_planner(self._flight.mission, partial(self._take_planner, self._flight.faulty))
+
+    def _take_planner(self, faulty: Faulty, planner: Planner) -> None:
+        faulty.planner = SlowPlanner(planner)
+        self._inbox.put_always(PlannerReady(faulty.planner))
+
+    def _close(self) -> None:
+        if self._flight is not None:
+            last = msgspec.json.encode(self._flight.node.last_seqs).decode()
+            self._carry_out([self._flight.node.event("closed", last)])
+        self._session.close()
+
+
+@dataclass(slots=True)
+class Flight:
+    """What there is once the mission is known."""
+
+    mission: MissionMessage
+    node: UavNode
+    postbox: Postbox
+    faulty: Faulty
+
+    def mission_s(self, now_ns: int) -> float:
+        """Mission seconds at `now_ns` of the own clock."""
+        return mission_s(now_ns - self.mission.epoch_ns, self.mission.time_scale)
+
+
+def fly(settings: UavSettings, *, obey_ctrl_c: bool) -> int:
+    """Be the UAV of `settings` until the mission ends; the exit status.
+
+    The launcher's UAVs leave Ctrl-C to the launcher, which ends them in order.
+    """
+    try:
+        process = UavProcess(settings)
+        signal.signal(signal.SIGTERM, lambda *_: process.leave())
+        signal.signal(signal.SIGINT, (lambda *_: process.leave()) if obey_ctrl_c else signal.SIG_IGN)
+        process.run()
+    except (SwarmError, OSError) as error:
+        print(f"error: {error}", file=sys.stderr)
+        return 2
+    return 0
+
+
+def main() -> int:
+    """Fly one UAV that nobody forked."""
+    parser = argparse.ArgumentParser(prog="python -m processes.uav", description="One UAV on the bus.")
+    for name, text in (
+        ("endpoint", "the router, tcp/HOST:PORT"),
+        ("mission", "id of the mission"),
+        ("uav", "own id, one of the roster"),
+        ("state", "folder with the files of promise and airframe"),
+    ):
+        parser.add_argument(f"--{name}", required=True, help=text)
+    return fly(UavSettings(**vars(parser.parse_args())), obey_ctrl_c=True)
+
+
+__all__ = ["OPERATOR", "UavProcess", "UavSettings", "fly", "main"]
+
+if __name__ == "__main__":
+    sys.exit(main())
