@@ -10,6 +10,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass
 from itertools import pairwise
+from operator import attrgetter
 from pathlib import Path
 from typing import NamedTuple
 
@@ -27,6 +28,8 @@ from edc_swarm.recording.living import living_at_end
 from edc_swarm.separation import encounters, least_gap_m
 
 Floats = NDArray[np.float64]
+
+_CELL, _SENT = attrgetter("uav", "slot"), attrgetter("sent_ns")
 
 OVERLAP_TOLERANCE_M = 1e-9
 BODY_TOLERANCE_M = 1e-6
@@ -204,7 +207,7 @@ def compute_metrics(recording: Recording, timings: Sequence[Timing] = ()) -> Met
         fix_to_command_ms=_quantiles(columns.fix_to_command_ms),
         slots_held=_slots_held(columns.executed, at_target, first, last),
         slots_missed=len(set(range(first, last + 1)) - commanded) if first is not None else 0,
-        ticks_late_pct=_ticks_late_pct(recording),
+        ticks_late_pct=_ticks_late_pct(recording, int(tracks.heard.sum())),
         messages=recording.message_count,
         gaps=sum(gap.count for gap in find_gaps(recording) if not gap.duplicate),
         heads=heads,
@@ -329,14 +332,18 @@ def _quantiles(values: Floats) -> Quantiles:
 
 def _fix_to_command_ms(recording: Recording) -> Floats:
     """For each command, its send time minus that of its UAV's last fix of the slot before."""
-    sent: dict[tuple[str, int], list[int]] = {}
-    for fix in recording.fixes:
-        sent.setdefault((fix.uav, fix.slot), []).append(fix.sent_ns)
+    sent: dict[tuple[str, int], int | list[int]] = {}
+    for cell, sent_ns in zip(map(_CELL, recording.fixes), map(_SENT, recording.fixes), strict=True):
+        if sent.setdefault(cell, sent_ns) is not sent_ns:
+            earlier = sent[cell]
+            sent[cell] = [*(earlier if isinstance(earlier, list) else [earlier]), sent_ns]
     delays_ns = []
     for command in recording.commands:
-        earlier = [ns for ns in sent.get((command.uav, command.slot - 1), ()) if ns <= command.sent_ns]
-        if earlier:
-            delays_ns.append(command.sent_ns - max(earlier))
+        fixes_ns = sent.get((command.uav, command.slot - 1), [])
+        if isinstance(fixes_ns, list):
+            fixes_ns = max((ns for ns in fixes_ns if ns <= command.sent_ns), default=-1)
+        if 0 <= fixes_ns <= command.sent_ns:
+            delays_ns.append(command.sent_ns - fixes_ns)
     return np.array(delays_ns, np.float64) / 1e6
 
 
@@ -348,12 +355,12 @@ def _slots_held(executed: NDArray[np.bool_], at_target: NDArray[np.bool_], first
     return int(held[first : last + 1].sum())
 
 
-def _ticks_late_pct(recording: Recording) -> float:
+def _ticks_late_pct(recording: Recording, ticks: int) -> float:
     """Late ticks among all slots begun; `late_ticks` counts within one life of a process."""
     late: dict[tuple[str, str], int] = {}
     for fix in recording.fixes:
-        late[fix.uav, fix.instance] = max(fix.late_ticks, late.get((fix.uav, fix.instance), 0))
-    ticks = len({(fix.uav, fix.slot) for fix in recording.fixes})
+        if fix.late_ticks:
+            late[fix.uav, fix.instance] = max(fix.late_ticks, late.get((fix.uav, fix.instance), 0))
     return 100 * sum(late.values()) / ticks if ticks else 0.0
 
 

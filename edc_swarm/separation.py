@@ -49,9 +49,10 @@ def least_gap_m(from_m: Floats, to_m: Floats, radius_m: Floats) -> float:
     """Least gap of any two discs in any slot; NaN for fewer than two UAVs, or no slot."""
     if not from_m.size or from_m.shape[1] < 2:
         return float("nan")
-    bound_m = min(_least_start_gap_m(points_m, radius_m) for points_m in from_m)
+    bound_m = _sampled_gap_m(from_m, radius_m)
     found = encounters(from_m, to_m, radius_m, np.nextafter(bound_m, np.inf))
-    return float(np.min(found.gap_m, initial=bound_m))
+    least_m = float(np.min(found.gap_m, initial=bound_m))
+    return least_m if np.isfinite(least_m) else float("nan")
 
 
 def closest_moment(from_m: Floats, to_m: Floats, slot: int, first: int, second: int) -> float:
@@ -62,10 +63,14 @@ def closest_moment(from_m: Floats, to_m: Floats, slot: int, first: int, second: 
     return float(np.clip(-(apart_m @ closing_m) / squared, 0.0, 1.0)) if squared > 0 else 0.0
 
 
-def _least_start_gap_m(points_m: Floats, radius_m: Floats) -> float:
-    first, second = np.triu_indices(len(points_m), 1)
-    apart_m = points_m[first] - points_m[second]
-    return float(np.nanmin(np.hypot(*apart_m.T) - radius_m[first] - radius_m[second], initial=np.inf))
+def _sampled_gap_m(points_m: Floats, radius_m: Floats) -> float:
+    """Least gap at the start of every 16th slot: a bound from above on the least gap of all."""
+    first, second = np.triu_indices(points_m.shape[1], 1)
+    sum_m, least_m = radius_m[first] + radius_m[second], np.inf
+    for x_m, y_m in np.moveaxis(points_m[::16], 2, 1):
+        gap_m = np.hypot(x_m[first] - x_m[second], y_m[first] - y_m[second]) - sum_m
+        least_m = min(least_m, float(np.nanmin(gap_m, initial=np.inf)))
+    return least_m
 
 
 def _candidates(from_m: Floats, to_m: Floats, radius_m: Floats, below_m: float) -> tuple[Ints, Ints, Ints, Floats]:

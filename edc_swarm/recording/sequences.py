@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections import defaultdict
 from collections.abc import Iterator
 from dataclasses import dataclass
 from operator import attrgetter
@@ -23,7 +24,7 @@ _KEYS: dict[type, tuple[str, tuple[str, ...]]] = {
     Command: ("head/{}/command/{}", ("head", "uav")),
     Report: ("head/{}/report", ("head",)),
     Event: ("event/{}", ("source",)),
-    MissionMessage: ("mission", ()),
+    MissionMessage: ("mission", ("name",)),
 }
 """How the key of a message, without its `swarm/{mission}/`, is made of its fields."""
 
@@ -68,10 +69,12 @@ def sequence_numbers(recording: Recording) -> dict[Stream, list[int]]:
     numbers: dict[Stream, list[int]] = {}
     for kind, messages in recording.lists().items():
         form, names = _KEYS[kind]
-        groups: dict[tuple[str, ...], list[int]] = {}
-        for *ends, instance, seq in map(attrgetter(*names, "instance", "seq"), messages):
-            groups.setdefault((*ends, instance), []).append(seq)
-        numbers.update({(form.format(*ends), instance): g for (*ends, instance), g in groups.items()})
+        groups: defaultdict[tuple[str, ...], list[int]] = defaultdict(list)
+        for source, seq in zip(
+            map(attrgetter("instance", *names), messages), map(attrgetter("seq"), messages), strict=True
+        ):
+            groups[source].append(seq)
+        numbers.update({(form.format(*ends), instance): seqs for (instance, *ends), seqs in groups.items()})
     return numbers
 
 

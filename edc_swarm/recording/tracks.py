@@ -96,9 +96,7 @@ def tracks_of(recording: Recording, accepted: Iterable[Accepted] = ()) -> Tracks
     voters = [f for f in fixes if f.voter]
     slot, uav = _cells(voters, index)
     centre_m[slot + 1, uav] = _points(voters, "waypoint")
-    moved: Moved = {(t.slot, index[t.uav]): (t.from_x_m, t.from_y_m) != (t.to_x_m, t.to_y_m) for t in truths}
-    moved.update({(slot, index[uav]): to_m for slot, uav, to_m in accepted})
-    silent = list(_silent_steps(recording, centre_m, executed, moved))
+    silent = list(_silent_steps(recording, centre_m, executed, accepted))
     for step in silent:
         executed[step.slot, step.uav] = True
         centre_m[step.slot + 1, step.uav] = (step.command.target_x_m, step.command.target_y_m)
@@ -140,7 +138,9 @@ def _true_motion(truths: list[Truth], cells: tuple[Ints, Ints], centre_m: Floats
     return true_from_m, true_to_m
 
 
-def _silent_steps(recording: Recording, centre_m: Floats, executed: Bools, moved: Moved) -> Iterator[Step]:
+def _silent_steps(
+    recording: Recording, centre_m: Floats, executed: Bools, accepted: Iterable[Accepted]
+) -> Iterator[Step]:
     """Steps in slots without a (trustworthy) fix, for every UAV that has such slots."""
     unsaid = np.isnan(centre_m[1:, :, 0])
     if not unsaid.any():
@@ -150,6 +150,12 @@ def _silent_steps(recording: Recording, centre_m: Floats, executed: Bools, moved
     for command in recording.commands:
         if command.uav in index:
             commands.setdefault((command.slot, index[command.uav]), []).append(command)
+    moved: Moved = {
+        (t.slot, index[t.uav]): (t.from_x_m, t.from_y_m) != (t.to_x_m, t.to_y_m)
+        for t in recording.truths
+        if t.uav in index
+    }
+    moved.update({(slot, index[uav]): to_m for slot, uav, to_m in accepted})
     for k in np.flatnonzero(unsaid.any(axis=0)):
         for first, after in _runs(unsaid[:, k]):
             yield from _explained(int(k), first, after, commands, moved, centre_m, executed)
