@@ -69,7 +69,7 @@ def _sampled_gap_m(points_m: Floats, radius_m: Floats) -> float:
     sum_m, least_m = radius_m[first] + radius_m[second], np.inf
     for x_m, y_m in np.moveaxis(points_m[::16], 2, 1):
         gap_m = np.hypot(x_m[first] - x_m[second], y_m[first] - y_m[second]) - sum_m
-        least_m = min(least_m, float(np.nanmin(gap_m, initial=np.inf)))
+        least_m = float(np.fmin.reduce(gap_m, initial=least_m))
     return least_m
 
 

@@ -1,0 +1,42 @@
+"""The guarantees, checked on a recording alone: real and simulated missions alike.
+
+G1 one head per term, G2 fencing, G3 separation, G4 hold on silence, G5 no loss in the record,
+G7 progress. (G6, same seed same bytes, compares two recordings.)
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+
+from edc_swarm.invariants.completeness import check_no_loss
+from edc_swarm.invariants.evidence import gather
+from edc_swarm.invariants.fencing import check_fencing
+from edc_swarm.invariants.heads import check_one_head
+from edc_swarm.invariants.holding import check_hold_on_silence
+from edc_swarm.invariants.progress import check_progress
+from edc_swarm.invariants.report import CheckReport, GuaranteeResult, Violation
+from edc_swarm.invariants.spacing import check_separation
+from edc_swarm.recording import Recording
+from edc_swarm.recording.tracks import Accepted
+
+CHECKERS = (
+    check_one_head,
+    check_fencing,
+    check_separation,
+    check_hold_on_silence,
+    check_no_loss,
+    check_progress,
+)
+
+
+def check(recording: Recording, accepted: Iterable[Accepted] = ()) -> CheckReport:
+    """Check every guarantee.
+
+    `accepted` are steps known to have been flown though nothing in the record says so: a UAV can
+    die between accepting a step and publishing it, which only the simulator sees.
+    """
+    evidence = gather(recording, accepted)
+    return CheckReport([checker(evidence) for checker in CHECKERS])
+
+
+__all__ = ["CheckReport", "GuaranteeResult", "Violation", "check"]

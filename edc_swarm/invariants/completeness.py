@@ -1,0 +1,34 @@
+"""G5: nothing published is missing from the record, and what is missing is named."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+
+from edc_swarm.invariants.evidence import Evidence
+from edc_swarm.invariants.report import GuaranteeResult, Violation, verdict
+from edc_swarm.recording import Gap, unknown_tails
+
+
+def check_no_loss(evidence: Evidence) -> GuaranteeResult:
+    """G5. Publishers that never said their last number leave a tail unknown: a note, not a loss."""
+    recording = evidence.recording
+    found = [_lost(gap) for gap in evidence.gaps]
+    found += [Violation("unreadable", problem) for problem in recording.problems]
+    found += _dropped(evidence)
+    notes = [f"tail unknown: {key} of {instance or 'unnamed'}" for key, instance in unknown_tails(recording)]
+    notes += [f"not a message: {g.topic} ({g.reason})" for g in recording.garbage]
+    return verdict("G5", "No loss in the record", found, notes)
+
+
+def _lost(gap: Gap) -> Violation:
+    publisher = f"{gap.key} of {gap.instance or 'unnamed'}"
+    if gap.duplicate:
+        return Violation("duplicate", f"{publisher}: message {gap.first} is recorded more than once")
+    return Violation("gap", f"{publisher}: messages {gap.first} to {gap.last} are missing ({gap.count})")
+
+
+def _dropped(evidence: Evidence) -> Iterator[Violation]:
+    """What the recorder itself says it dropped."""
+    dropped = (evidence.recording.run_end or {}).get("dropped", "0")
+    if dropped != "0":
+        yield Violation("dropped", f"the recorder dropped {dropped} messages")
