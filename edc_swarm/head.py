@@ -61,6 +61,7 @@ class Head:
         self._uav = uav
         self._barred_term = barred_term
         self._knowledge = knowledge
+        self._quorum = mission.quorum
         self._rules = HullRules(mission.u_max_m, mission.lag_slots)
         self._roster = {entry.uav: entry for entry in mission.roster}
         self._index = {entry.uav: index for index, entry in enumerate(mission.roster)}
@@ -81,8 +82,13 @@ class Head:
 
     def has_quorum(self, slot: int) -> bool:
         """Whether more than half of the roster is heard in `slot`, this UAV among them."""
-        heard = self.heard(slot)
-        return len(heard) >= self._mission.quorum and self._uav in heard
+        own = self._knowledge.newest.get(self._uav)
+        return (
+            own is not None
+            and own.slot == slot
+            and (own.term, own.head) == self.office.grant
+            and self._knowledge.count_heard(slot, self.office.grant) >= self._quorum
+        )
 
     def complete(self, slot: int, gone: Collection[str]) -> bool:
         """Whether everyone worth waiting for is heard; those in `gone` have left the bus."""
@@ -124,7 +130,7 @@ class Head:
             heard=heard,
             unheard=[uav for uav in self._roster if uav not in set(heard)],
             grants=heard,
-            quorum=self._mission.quorum,
+            quorum=self._quorum,
         )
 
     def _request(self, slot: int, fixes: Sequence[Fix], hulls: dict[str, Stadium]) -> PlanRequest:
@@ -186,7 +192,7 @@ class Head:
             heard=heard,
             unheard=list(hulls),
             grants=heard,
-            quorum=self._mission.quorum,
+            quorum=self._quorum,
             plan_ms=plan.guidance_ms + plan.assemble_ms + plan.solve_ms,
             guidance_ms=plan.guidance_ms,
             assemble_ms=plan.assemble_ms,

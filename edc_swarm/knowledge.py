@@ -12,6 +12,7 @@ Rules kept here (named as in ARCHITECTURE.md):
 from __future__ import annotations
 
 import math
+from collections import Counter
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 
@@ -43,6 +44,7 @@ class Knowledge:
     def __init__(self, roster: Sequence[RosterEntry]) -> None:
         self._roster = {entry.uav: entry for entry in roster}
         self.newest: dict[str, Fix] = {}
+        self._granting: Counter[tuple[int, int, str]] = Counter()
         self._early: dict[str, Fix] = {}
         self._relayed: dict[str, tuple[int, Stadium]] = {}
 
@@ -52,8 +54,19 @@ class Knowledge:
             return
         table = self._early if fix.slot > slot else self.newest
         known = table.get(fix.uav)
-        if known is None or _age(fix, known) > 0:
-            table[fix.uav] = fix
+        if known is not None and _age(fix, known) <= 0:
+            return
+        table[fix.uav] = fix
+        if table is self.newest:
+            self._count(known, -1)
+            self._count(fix, 1)
+
+    def _count(self, fix: Fix | None, by: int) -> None:
+        if fix is not None:
+            key = (fix.slot, fix.term, fix.head)
+            self._granting[key] += by
+            if self._granting[key] <= 0:
+                del self._granting[key]
 
     def hear_report(self, report: Report) -> None:
         """Take in the hulls of a report of slot s: each serves like a fix of slot s."""
@@ -77,6 +90,10 @@ class Knowledge:
             for uav in self._roster
             if (fix := self.newest.get(uav)) is not None and fix.slot == slot and (fix.term, fix.head) == grant
         ]
+
+    def count_heard(self, slot: int, grant: Grant) -> int:
+        """Length of `heard`, without making the list."""
+        return self._granting.get((slot, *grant), 0)
 
     def recent(self, since_slot: int) -> Iterator[Fix]:
         """Newest fixes, in roster order, that are not older than `since_slot`."""

@@ -155,6 +155,8 @@ class UavNode:
         cpu_s: Callable[[], float] = lambda: 0.0,
     ) -> None:
         self._mission = mission
+        self._epoch_ns, self._slot_ns = mission.epoch_ns, mission.slot_ns
+        self._tau_ns = round(mission.tau_s * 1e9 / mission.time_scale)
         self._keys = Keys(mission.name)
         self.uav = uav
         self._instance = instance
@@ -196,13 +198,13 @@ class UavNode:
 
     def wakeup_ns(self, now_ns: int) -> int:
         """When to send the next `Tick`, in nanoseconds of the clock of `step`."""
+        next_slot_ns = self._start_ns(self._slot_at(now_ns) + 1)
+        if not self._collecting():
+            return next_slot_ns
         if self._plan_due(now_ns):
             return now_ns
-        slot_ns = self._start_ns(self._slot_at(now_ns) + 1)
         deadline_ns = self._deadline_ns()
-        if self._collecting() and now_ns < deadline_ns:
-            return min(slot_ns, deadline_ns)
-        return slot_ns
+        return min(next_slot_ns, deadline_ns) if now_ns < deadline_ns else next_slot_ns
 
     def step(self, event: NodeEvent, now_ns: int) -> list[Effect]:
         """Take in one event at `now_ns` (wall nanoseconds of the own clock); effects in order.
@@ -244,7 +246,7 @@ class UavNode:
         if slot <= self.slot or slot < 0:
             return False
         self._report_missed_quorum()
-        late = now_ns - self._start_ns(slot) > LATE_FRACTION * self._mission.slot_ns
+        late = now_ns - self._start_ns(slot) > LATE_FRACTION * self._slot_ns
         self._late_ticks += late
         self._fly(slot, late)
         self._knowledge.begin_slot(slot)
@@ -388,8 +390,8 @@ class UavNode:
 
     def _deadline_ns(self) -> int:
         """When the head stops waiting for fixes; later in the slot in which it took office."""
-        tau_ns = self._start_ns(self.slot) + round(self._mission.tau_s * 1e9 / self._mission.time_scale)
-        return max(tau_ns, self._office_ns + round(CLAIM_WAIT_FRACTION * self._mission.slot_ns))
+        tau_ns = self._start_ns(self.slot) + self._tau_ns
+        return max(tau_ns, self._office_ns + round(CLAIM_WAIT_FRACTION * self._slot_ns))
 
     def _plan_due(self, now_ns: int) -> bool:
         if self.ended or self._planner is None or not self._collecting() or not self._head.has_quorum(self.slot):
@@ -498,7 +500,7 @@ class UavNode:
     # --- the clock ---------------------------------------------------------------------------
 
     def _slot_at(self, now_ns: int) -> int:
-        return (now_ns - self._mission.epoch_ns) // self._mission.slot_ns
+        return (now_ns - self._epoch_ns) // self._slot_ns
 
     def _start_ns(self, slot: int) -> int:
-        return self._mission.epoch_ns + slot * self._mission.slot_ns
+        return self._epoch_ns + slot * self._slot_ns

@@ -101,7 +101,8 @@ class Computer:
 
     def read_clock(self, now_ns: int) -> int:
         """What this computer's clock shows at true time `now_ns`."""
-        return self.clock_ns + round((now_ns - self.clock_base_ns) * self.clock_rate)
+        elapsed_ns = now_ns - self.clock_base_ns
+        return self.clock_ns + (elapsed_ns if self.clock_rate == 1.0 else round(elapsed_ns * self.clock_rate))
 
     def set_clock(self, now_ns: int, offset_ns: int, drift_ppm: float) -> None:
         """From now on the clock is `offset_ns` ahead and gains `drift_ppm`."""
