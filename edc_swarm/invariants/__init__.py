@@ -6,18 +6,15 @@ G7 progress. (G6, same seed same bytes, compares two recordings.)
 
 from __future__ import annotations
 
-from collections.abc import Iterable
-
 from edc_swarm.invariants.completeness import check_no_loss
 from edc_swarm.invariants.evidence import gather
 from edc_swarm.invariants.fencing import check_fencing
 from edc_swarm.invariants.heads import check_one_head
 from edc_swarm.invariants.holding import check_hold_on_silence
 from edc_swarm.invariants.progress import check_progress
-from edc_swarm.invariants.report import CheckReport, GuaranteeResult, Violation
+from edc_swarm.invariants.report import GuaranteeResult, Violation
 from edc_swarm.invariants.spacing import check_separation
 from edc_swarm.recording import Recording
-from edc_swarm.recording.tracks import Accepted
 
 CHECKERS = (
     check_one_head,
@@ -29,14 +26,10 @@ CHECKERS = (
 )
 
 
-def check(recording: Recording, accepted: Iterable[Accepted] = ()) -> CheckReport:
-    """Check every guarantee.
-
-    `accepted` are steps known to have been flown though nothing in the record says so: a UAV can
-    die between accepting a step and publishing it, which only the simulator sees.
-    """
-    evidence = gather(recording, accepted)
-    return CheckReport([checker(evidence) for checker in CHECKERS])
+def check(recording: Recording) -> list[GuaranteeResult]:
+    """The verdict on every guarantee, in order."""
+    evidence = gather(recording)
+    return [checker(evidence) for checker in CHECKERS]
 
 
-__all__ = ["CheckReport", "GuaranteeResult", "Violation", "check"]
+__all__ = ["GuaranteeResult", "Violation", "check"]

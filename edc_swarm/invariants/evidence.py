@@ -3,12 +3,10 @@
 from __future__ import annotations
 
 from collections import defaultdict
-from collections.abc import Iterable
 from dataclasses import dataclass
 
 from edc_swarm.messages import Command, Fix, MissionMessage, Report, roster_index
 from edc_swarm.recording import Gap, Recording, Tracks, find_gaps, tracks_of
-from edc_swarm.recording.tracks import Accepted
 
 PLANNED = frozenset({"planned", "no-qp-needed", "failed"})
 
@@ -47,7 +45,7 @@ class Evidence:
         return ["the record has gaps (see G5): what is missing here may have been said"] if self.gaps else []
 
 
-def gather(recording: Recording, accepted: Iterable[Accepted] = ()) -> Evidence:
+def gather(recording: Recording) -> Evidence:
     """Evidence of a recording."""
     index = roster_index(recording.mission.roster)
     fixes: dict[str, list[Fix]] = {uav: [] for uav in index}
@@ -61,7 +59,7 @@ def gather(recording: Recording, accepted: Iterable[Accepted] = ()) -> Evidence:
         recording=recording,
         mission=recording.mission,
         index=index,
-        tracks=tracks_of(recording, accepted),
+        tracks=tracks_of(recording),
         fixes=fixes,
         commands=dict(commands),
         plans=[report for report in recording.reports if report.status in PLANNED],

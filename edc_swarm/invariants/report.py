@@ -35,6 +35,12 @@ class Violation(Struct, frozen=True):
     time_s: float | None = None
     value_m: float | None = None
 
+    def __str__(self) -> str:
+        """Slot, time, what: one line."""
+        slot = f"slot {self.slot}" if self.slot >= 0 else ""
+        time = f"{self.time_s:.3f} s" if self.time_s is not None else ""
+        return ": ".join([", ".join(filter(None, [slot, time])), self.text]).removeprefix(": ")
+
 
 class GuaranteeResult(Struct, frozen=True):
     """The verdict on one guarantee; `notes` say what weakens it or why it does not apply."""
@@ -45,20 +51,15 @@ class GuaranteeResult(Struct, frozen=True):
     violations: list[Violation] = []
     notes: list[str] = []
 
-
-class CheckReport(Struct, frozen=True):
-    """The verdict on all guarantees."""
-
-    results: list[GuaranteeResult]
-
     @property
     def held(self) -> bool:
-        """Whether nothing is broken."""
-        return all(result.status != "broken" for result in self.results)
+        """Whether nothing is broken (also where the guarantee does not apply)."""
+        return self.status != "broken"
 
-    def __getitem__(self, guarantee: str) -> GuaranteeResult:
-        """The verdict on `guarantee`, such as "G3"."""
-        return next(result for result in self.results if result.guarantee == guarantee)
+    @property
+    def where(self) -> list[str]:
+        """Every violation in one line: slot, time, what."""
+        return [str(violation) for violation in self.violations]
 
 
 def verdict(guarantee: str, title: str, violations: list[Violation], notes: list[str] | None = None) -> GuaranteeResult:

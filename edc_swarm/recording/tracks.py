@@ -8,7 +8,7 @@ stayed, unless its truth or its next fix shows that it had accepted a step and t
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from operator import attrgetter
 from typing import Any
@@ -23,10 +23,8 @@ Floats = NDArray[np.float64]
 Bools = NDArray[np.bool_]
 Ints = NDArray[np.int64]
 Point = tuple[float, float]
-Accepted = tuple[int, str, Point]
-"""Slot, UAV and end point of a step that was accepted."""
-Moved = dict[tuple[int, int], bool | Point]
-"""By slot and UAV: whether it moved, or where to, as far as that is known."""
+Moved = dict[tuple[int, int], bool]
+"""By slot and UAV: whether the recorded truth moved."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -73,12 +71,8 @@ class Tracks:
         return len(self.heard)
 
 
-def tracks_of(recording: Recording, accepted: Iterable[Accepted] = ()) -> Tracks:
-    """Tracks of all UAVs of the mission, from slot 0 to the last slot with a fix or a truth.
-
-    A UAV that accepts a step and dies before it says a word leaves no trace in the record;
-    whoever knows of such steps (the simulator does) hands them in as `accepted`.
-    """
+def tracks_of(recording: Recording) -> Tracks:
+    """Tracks of all UAVs of the mission, from slot 0 to the last slot with a fix or a truth."""
     roster = recording.mission.roster
     index = roster_index(roster)
     fixes = [f for f in recording.fixes if f.slot >= 0 and f.uav in index]
@@ -96,7 +90,7 @@ def tracks_of(recording: Recording, accepted: Iterable[Accepted] = ()) -> Tracks
     voters = [f for f in fixes if f.voter]
     slot, uav = _cells(voters, index)
     centre_m[slot + 1, uav] = _points(voters, "waypoint")
-    silent = list(_silent_steps(recording, centre_m, executed, accepted))
+    silent = list(_silent_steps(recording, centre_m, executed))
     for step in silent:
         executed[step.slot, step.uav] = True
         centre_m[step.slot + 1, step.uav] = (step.command.target_x_m, step.command.target_y_m)
@@ -138,9 +132,7 @@ def _true_motion(truths: list[Truth], cells: tuple[Ints, Ints], centre_m: Floats
     return true_from_m, true_to_m
 
 
-def _silent_steps(
-    recording: Recording, centre_m: Floats, executed: Bools, accepted: Iterable[Accepted]
-) -> Iterator[Step]:
+def _silent_steps(recording: Recording, centre_m: Floats, executed: Bools) -> Iterator[Step]:
     """Steps in slots without a (trustworthy) fix, for every UAV that has such slots."""
     unsaid = np.isnan(centre_m[1:, :, 0])
     if not unsaid.any():
@@ -155,7 +147,6 @@ def _silent_steps(
         for t in recording.truths
         if t.uav in index
     }
-    moved.update({(slot, index[uav]): to_m for slot, uav, to_m in accepted})
     for k in np.flatnonzero(unsaid.any(axis=0)):
         for first, after in _runs(unsaid[:, k]):
             yield from _explained(int(k), first, after, commands, moved, centre_m, executed)
@@ -199,7 +190,7 @@ def _explained(
 
 
 def _advanced(
-    paths: dict[Point, tuple[Step, ...]], k: int, slot: int, commands: list[Command], moved: bool | Point | None
+    paths: dict[Point, tuple[Step, ...]], k: int, slot: int, commands: list[Command], moved: bool | None
 ) -> dict[Point, tuple[Step, ...]]:
     reached = {} if moved else dict(paths)
     if moved is False:
@@ -207,7 +198,7 @@ def _advanced(
     for command in commands:
         end = (command.target_x_m, command.target_y_m)
         path = paths.get((command.start_x_m, command.start_y_m))
-        if path is not None and (not isinstance(moved, tuple) or end == moved):
+        if path is not None:
             reached.setdefault(end, (*path, Step(k, slot, command)))
     return reached or paths
 
