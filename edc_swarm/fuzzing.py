@@ -179,10 +179,8 @@ def _paths(mission: MissionMessage, motions: Sequence[Motion]) -> tuple[Floats, 
 
 
 def _broken(recording: Recording) -> list[str]:
-    results = check(recording)
-    return [
-        f"{r.guarantee}: {where}" for r in results if r.guarantee in CHECKED and not r.held for where in r.where[:5]
-    ]
+    results = [result for result in check(recording) if result.guarantee in CHECKED]
+    return [f"{r.guarantee}: {found.text}" for r in results for found in r.violations[:5]]
 
 
 def _placed(fields: dict[str, Any]) -> Mission:
