@@ -187,7 +187,10 @@ def test_recover_changes_nothing_of_a_whole_file(tmp_path: Path, messages: list[
     assert recover(saved(tmp_path / "a.mcap", stream.getvalue()), again) == []
     before, after = (list(make_reader(io.BytesIO(s.getvalue())).iter_messages()) for s in (stream, again))
     assert before == after
-    assert {a.name for a in make_reader(io.BytesIO(again.getvalue())).iter_attachments()} == {"layout.json", "mission.json"}
+    assert {a.name for a in make_reader(io.BytesIO(again.getvalue())).iter_attachments()} == {
+        "layout.json",
+        "mission.json",
+    }
 
 
 @pytest.mark.parametrize(

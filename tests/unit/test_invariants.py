@@ -1,0 +1,480 @@
+"""Every checker can fail: one fault planted in a faultless mission is found, where and when."""
+
+from __future__ import annotations
+
+import msgspec
+import pytest
+from synthetic import EPOCH_NS, OFFSET_M, SLOT_NS, at, change, flight, parallel, recorded, straight
+
+from edc_swarm.invariants import GuaranteeResult, Violation, check
+from edc_swarm.messages import Command, Event, Fix, Message, MissionMessage, Report, Truth
+
+ALL = ("G1", "G2", "G3", "G4", "G5", "G7")
+
+
+@pytest.fixture
+def messages() -> list[Message]:
+    """Three UAVs that fly north side by side; u0 leads."""
+    return flight(parallel())
+
+
+def results(messages: list[Message]) -> dict[str, GuaranteeResult]:
+    """Verdicts by guarantee."""
+    return {result.guarantee: result for result in check(recorded(messages))}
+
+
+def broken(messages: list[Message]) -> set[str]:
+    """Guarantees that are broken."""
+    return {guarantee for guarantee, result in results(messages).items() if not result.held}
+
+
+def found(messages: list[Message], guarantee: str, kind: str) -> Violation:
+    """The first violation of that kind."""
+    return next(v for v in results(messages)[guarantee].violations if v.kind == kind)
+
+
+def drop(messages: list[Message], kind: type, **fields: object) -> None:
+    """Take out of the record every message whose fields are these."""
+    messages[:] = [
+        m
+        for m in messages
+        if not (type(m) is kind and all(getattr(m, name) == value for name, value in fields.items()))
+    ]
+
+
+def test_a_faultless_mission_holds_every_guarantee(messages: list[Message]) -> None:
+    """Nothing planted, nothing found."""
+    assert {guarantee: result.status for guarantee, result in results(messages).items()} == dict.fromkeys(ALL, "held")
+    assert all(not result.notes for result in results(messages).values())
+
+
+def test_an_empty_record_says_nothing_and_does_not_fail() -> None:
+    """A run that ended before its first fix has no slots to check."""
+    assert broken(flight(parallel())[:1]) == set()
+
+
+# --- G1 --------------------------------------------------------------------------------------
+
+
+def test_g1_finds_two_heads_of_one_term(messages: list[Message]) -> None:
+    """A second head's commands in the same term are enough."""
+    template = next(m for m in messages if isinstance(m, Command) and m.slot == 5)
+    messages.append(msgspec.structs.replace(template, head="u1", instance="i9", seq=0, uav="u1"))
+    violation = found(messages, "G1", "two-heads")
+    assert violation.uavs == ["u0", "u1"]
+    assert violation.slot == 4
+
+
+def test_g1_finds_a_plan_without_a_quorum(messages: list[Message]) -> None:
+    """The mission's roster counts, whatever the report says is needed."""
+    change(messages, {"slot": 3}, Report, grants=["u0"], quorum=1)
+    assert found(messages, "G1", "no-quorum").slot == 3
+
+
+def test_g1_finds_grants_that_no_fix_gives(messages: list[Message]) -> None:
+    """Every grant in a report is backed by a fix of that slot; a UAV without memory gives none."""
+    change(messages, {"uav": "u2", "slot": 3}, Fix, voter=False)
+    violation = found(messages, "G1", "grant-without-fix")
+    assert (violation.slot, violation.uavs) == (3, ["u2"])
+
+
+def test_g1_finds_commands_to_the_unheard(messages: list[Message]) -> None:
+    """Only UAVs whose fix grants the term are commanded."""
+    change(messages, {"uav": "u2", "slot": 3}, Fix, term=0, head="")
+    violation = found(messages, "G1", "command-to-unheard")
+    assert (violation.slot, violation.uavs) == (4, ["u2"])
+
+
+def test_g1_finds_commands_without_report_or_quorum(messages: list[Message]) -> None:
+    """A head that dies before its report is judged by the fixes."""
+    drop(messages, Report, slot=7)
+    assert "G1" not in broken(messages)
+    for uav in ("u1", "u2"):
+        drop(messages, Fix, uav=uav, slot=7)
+    assert found(messages, "G1", "no-quorum").slot == 7
+
+
+def test_g1_finds_a_second_plan(messages: list[Message]) -> None:
+    """One plan per term and slot."""
+    report = next(m for m in messages if isinstance(m, Report) and m.slot == 2)
+    command = next(m for m in messages if isinstance(m, Command) and m.slot == 6)
+    messages += [
+        msgspec.structs.replace(report, seq=99),
+        msgspec.structs.replace(command, seq=99, target_y_m=0.0),
+    ]
+    slots = {v.slot for v in results(messages)["G1"].violations if v.kind == "planned-twice"}
+    assert slots == {2, 6}
+
+
+def test_g1_finds_a_term_that_goes_down(messages: list[Message]) -> None:
+    """Terms only grow, at every UAV."""
+    change(messages, {"uav": "u1", "slot": 4}, Fix, term=0, head="")
+    violation = found(messages, "G1", "term-decreased")
+    assert (violation.slot, violation.uavs) == (4, ["u1"])
+
+
+def test_g1_finds_a_changed_grant(messages: list[Message]) -> None:
+    """Within a term the head never changes."""
+    change(messages, {"uav": "u1", "slot": 4}, Fix, head="u2")
+    kinds = [(v.kind, v.slot) for v in results(messages)["G1"].violations if v.uavs == ["u1"]]
+    assert ("grant-changed", 4) in kinds
+
+
+# --- G2 --------------------------------------------------------------------------------------
+
+
+def test_g2_finds_an_unpublished_command(messages: list[Message]) -> None:
+    """What is executed is in the record."""
+    change(messages, {"uav": "u1", "slot": 3}, Fix, command_seq=77)
+    violation = found(messages, "G2", "no-such-command")
+    assert (violation.slot, violation.uavs) == (3, ["u1"])
+
+
+def test_g2_finds_a_command_of_another_slot(messages: list[Message]) -> None:
+    """Executing yesterday's command again is executing it twice."""
+    change(messages, {"uav": "u1", "slot": 4}, Fix, command_seq=2)
+    violation = found(messages, "G2", "other-slot")
+    assert (violation.slot, violation.uavs) == (4, ["u1"])
+    assert "slot 3" in violation.text
+
+
+def test_g2_finds_a_command_of_a_head_not_granted(messages: list[Message]) -> None:
+    """The command's term and head are those of the grant."""
+    for slot in range(20):
+        change(messages, {"uav": "u1", "slot": slot}, Fix, term=1, head="u2")
+    violation = found(messages, "G2", "not-granted")
+    assert (violation.slot, violation.uavs) == (1, ["u1"])
+
+
+def test_g2_finds_a_command_of_a_term_already_left(messages: list[Message]) -> None:
+    """A newer grant before the tick discards what is pending; one given in the slot does not."""
+    change(messages, {"uav": "u1", "slot": 3}, Fix, term=2, head="u2")
+    violations = [v for v in results(messages)["G2"].violations if v.kind == "not-granted"]
+    assert [(v.slot, v.uavs) for v in violations] == [(slot, ["u1"]) for slot in range(4, 9)]
+
+
+def test_g2_accepts_the_handover_slot() -> None:
+    """The command of the old term is flown in the slot whose fix grants the new one."""
+    messages = flight(parallel(steps=3))
+    for k in range(3):
+        change(messages, {"uav": f"u{k}", "slot": 3}, Fix, term=2, head="u1")
+    drop(messages, Report, slot=3)
+    messages[:] = [m for m in messages if not (isinstance(m, Command) and m.slot == 4)]
+    assert results(messages)["G2"].status == "held"
+
+
+def test_g2_finds_a_late_command(messages: list[Message]) -> None:
+    """A command is sent before its slot begins."""
+    change(messages, {"uav": "u1", "slot": 5}, Command, sent_ns=EPOCH_NS + 5 * SLOT_NS + 3_000_000)
+    violation = found(messages, "G2", "late")
+    assert (violation.slot, violation.uavs) == (5, ["u1"])
+    assert "3.0 ms" in violation.text
+
+
+def test_g2_finds_a_start_elsewhere(messages: list[Message]) -> None:
+    """A step starts exactly at the own waypoint."""
+    change(messages, {"uav": "u1", "slot": 5}, Command, start_y_m=8.0 + 1e-12)
+    violation = found(messages, "G2", "other-start")
+    assert (violation.slot, violation.uavs) == (5, ["u1"])
+
+
+def test_g2_finds_a_target_elsewhere(messages: list[Message]) -> None:
+    """A step ends exactly where it was commanded to."""
+    change(messages, {"uav": "u1", "slot": 5}, Command, target_y_m=9.5)
+    violation = found(messages, "G2", "other-target")
+    assert (violation.slot, violation.value_m) == (5, pytest.approx(0.5))
+
+
+def test_g2_finds_a_step_too_long() -> None:
+    """No step is longer than a slot allows."""
+    messages = flight([straight((0, 0), (0, 9), 3)])
+    assert found(messages, "G2", "too-long").value_m == pytest.approx(3.0)
+
+
+def test_g2_finds_a_truth_that_goes_its_own_way(messages: list[Message]) -> None:
+    """The true position moves by the same vector as the disc."""
+    change(messages, {"uav": "u1", "slot": 5}, Truth, to_y_m=10.0 + OFFSET_M[1] + 1e-6)
+    violation = found(messages, "G2", "truth-differs")
+    assert (violation.slot, violation.value_m) == (5, pytest.approx(1e-6, rel=1e-3))
+
+
+def test_g2_finds_execution_without_memory(messages: list[Message]) -> None:
+    """A UAV that lost its promise executes nothing."""
+    change(messages, {"uav": "u1", "slot": 5}, Fix, voter=False)
+    assert found(messages, "G2", "without-memory").slot == 5
+
+
+def test_a_fix_sent_again_in_its_slot_is_normal(messages: list[Message]) -> None:
+    """With another suspicion the same step is told once more."""
+    fix = next(m for m in messages if isinstance(m, Fix) and m.uav == "u1" and m.slot == 8)
+    position = messages.index(fix)
+    messages.insert(position + 1, msgspec.structs.replace(fix, suspects=True, seq=9))
+    detail = '{"uav/u1/fix":9,"uav/u1/truth":8}'
+    change(messages, {"instance": "i1"}, Event, detail=detail)
+    assert broken(messages) == set()
+
+
+# --- silent steps: accepted, then nothing said ------------------------------------------------
+
+
+def died_in_slot_4() -> list[Message]:
+    """u2 accepts its step of slot 4, dies before it says so, and is back in slot 6, holding."""
+    paths = parallel()
+    paths[2] = [*paths[2][:5], *[paths[2][4]] * 10]
+    messages = flight(paths)
+    for slot in (4, 5):
+        drop(messages, Fix, uav="u2", slot=slot)
+        drop(messages, Truth, uav="u2", slot=slot)
+    for slot in range(6, 20):
+        instance = {"instance": "i2b", "seq": slot - 6}
+        change(messages, {"uav": "u2", "slot": slot}, Fix, executing=False, command_term=-1, command_seq=-1, **instance)
+        change(messages, {"uav": "u2", "slot": slot}, Truth, **instance)
+    drop(messages, Event, instance="i2")
+    return messages
+
+
+def test_a_step_accepted_in_silence_is_found_in_the_commands() -> None:
+    """The next fix shows that the step was flown, and the command explains it."""
+    verdicts = results(died_in_slot_4())
+    assert verdicts["G2"].status == "held"
+    assert verdicts["G4"].status == "held"
+
+
+def test_a_step_accepted_in_silence_needs_a_command() -> None:
+    """Without a command the move is a move without a command."""
+    messages = died_in_slot_4()
+    drop(messages, Command, uav="u2", slot=4)
+    violation = found(messages, "G4", "moved-without-command")
+    assert (violation.slot, violation.uavs, violation.value_m) == (6, ["u2"], pytest.approx(2.0))
+
+
+def test_a_silent_step_must_obey_the_grant_too() -> None:
+    """Fencing holds for the steps that nobody spoke of."""
+    messages = died_in_slot_4()
+    change(messages, {"uav": "u2", "slot": 3}, Fix, term=2, head="u1")
+    assert [(v.slot, v.uavs) for v in results(messages)["G2"].violations if v.kind == "not-granted"] == [(4, ["u2"])]
+
+
+def test_the_truth_tells_of_a_last_step() -> None:
+    """A UAV whose battery ends says its truth and no fix any more."""
+    messages = flight(parallel())
+    for slot in range(4, 20):
+        drop(messages, Fix, uav="u2", slot=slot)
+    for slot in range(5, 20):
+        drop(messages, Truth, uav="u2", slot=slot)
+    verdicts = results(messages)
+    assert verdicts["G2"].status == verdicts["G4"].status == "held"
+    drop(messages, Command, uav="u2", slot=4)
+    assert found(messages, "G4", "truth-moved").slot == 4
+
+
+# --- G3 --------------------------------------------------------------------------------------
+
+
+def test_g3_finds_discs_that_overlap_between_slot_ends() -> None:
+    """Two UAVs that swap places within a slot are apart at both ends of it."""
+    paths = [
+        straight((0, 0), (12, 0), 1),
+        straight((12, 0.4), (0, 0.4), 1),
+        straight((100, 0), (100, 1), 1),
+    ]
+    messages = flight(paths, planner="straight", v_max_mps=30.0)
+    violation = found(messages, "G3", "overlap")
+    assert (violation.slot, violation.uavs) == (1, ["u0", "u1"])
+    assert violation.time_s == pytest.approx(0.75)
+    assert violation.value_m == pytest.approx(9.6)
+    assert found(messages, "G3", "true-collision").value_m == pytest.approx(0.1)
+
+
+def test_g3_counts_slots_of_an_overlap_once_per_pair() -> None:
+    """A pair is one violation, told at its first slot, with the greatest depth."""
+    messages = flight([straight((0, 0), (0, 20), 10), straight((9, 20), (9, 0), 10)], planner="straight")
+    overlaps = [v for v in results(messages)["G3"].violations if v.kind == "overlap"]
+    assert len(overlaps) == 1
+    assert overlaps[0].value_m == pytest.approx(1.0)
+    assert overlaps[0].slot == 4
+    assert "slots in all" in overlaps[0].text
+
+
+def test_g3_covers_the_dead_where_they_are() -> None:
+    """A UAV that fell silent is still in the way."""
+    messages = flight([straight((0, 0), (30, 0), 15), [(20, 0), (20, 0)]], planner="straight")
+    for slot in range(2, 30):
+        drop(messages, Fix, uav="u1", slot=slot)
+        drop(messages, Truth, uav="u1", slot=slot)
+    assert found(messages, "G3", "overlap").slot == 6
+
+
+def test_g3_finds_ways_that_are_only_safe_when_flown_together() -> None:
+    """With `edc`, steps must be safe however unevenly they are executed."""
+    paths = [straight((0, 0), (0.4, 0), 1), straight((10.5, 0), (12.5, 0), 1)]
+    assert "G3" not in broken(flight(paths))
+    crossing = [straight((0, 0), (8, 0), 1), straight((10.5, 0), (18.5, 0), 1)]
+    fast = {"v_max_mps": 20.0}
+    violation = found(flight(crossing, **fast), "G3", "uneven")
+    assert (violation.slot, violation.uavs, violation.value_m) == (1, ["u0", "u1"], pytest.approx(7.5))
+    assert "G3" not in broken(flight(crossing, planner="straight", **fast))
+
+
+def test_g3_with_lag_looks_one_slot_back() -> None:
+    """With `lag_slots` a UAV may still be on the way of the slot before."""
+    paths = [straight((0, 0), (2, 0), 1, wait=2), straight((10.5, 0), (14, 0), 2, wait=1)]
+    assert "G3" not in broken(flight(paths, lag_slots=0, v_max_mps=4.0))
+    violation = found(flight(paths, lag_slots=1, v_max_mps=4.0), "G3", "uneven")
+    assert (violation.slot, violation.value_m) == (2, pytest.approx(1.5))
+
+
+def test_g3_finds_bodies_that_meet(messages: list[Message]) -> None:
+    """True positions are judged by the bodies' radii, at every instant."""
+    for slot in range(20):
+        fix = at(parallel()[0], slot)
+        change(messages, {"uav": "u1", "slot": slot}, Truth, from_x_m=0.9, from_y_m=fix[1], to_x_m=0.9, to_y_m=fix[1])
+    violation = found(messages, "G3", "true-collision")
+    assert (violation.slot, violation.uavs) == (0, ["u0", "u1"])
+    assert found(messages, "G3", "outside-disc").uavs == ["u1"]
+
+
+# --- G4 --------------------------------------------------------------------------------------
+
+
+def test_g4_finds_a_move_without_a_command(messages: list[Message]) -> None:
+    """A UAV that says it holds stays exactly where it was."""
+    change(messages, {"uav": "u2", "slot": 6}, Fix, executing=False, command_term=-1, command_seq=-1)
+    violation = found(messages, "G4", "moved-without-command")
+    assert (violation.slot, violation.uavs, violation.value_m) == (6, ["u2"], pytest.approx(2.0))
+    assert found(messages, "G4", "truth-moved").slot == 6
+
+
+def test_g4_finds_a_truth_that_jumps_between_slots(messages: list[Message]) -> None:
+    """What a slot ends with, the next begins with."""
+    change(messages, {"uav": "u2", "slot": 6}, Truth, from_x_m=24.5 + 1e-3, to_x_m=24.5 + 1e-3)
+    jumps = [v.slot for v in results(messages)["G4"].violations if v.kind == "truth-jumped"]
+    assert jumps == [6, 7]
+
+
+def test_g4_trusts_no_waypoint_of_a_uav_without_memory(messages: list[Message]) -> None:
+    """Its disc stays where it last was, whatever it says."""
+    for slot in range(9, 20):
+        drop(messages, Fix, uav="u2", slot=slot)
+    last = next(m for m in messages if isinstance(m, Fix) and m.uav == "u2" and m.slot == 8)
+    lost = msgspec.structs.replace(
+        last, instance="i2b", seq=0, slot=9, voter=False, executing=False, waypoint_x_m=0.0, waypoint_y_m=0.0
+    )
+    messages.append(lost)
+    verdicts = results(messages)
+    assert verdicts["G3"].held
+    assert verdicts["G4"].held
+
+
+# --- G5 --------------------------------------------------------------------------------------
+
+
+def test_g5_finds_a_hole(messages: list[Message]) -> None:
+    """Sequence numbers have no holes; what may only be missing is said to be so."""
+    drop(messages, Fix, uav="u1", slot=3)
+    result = results(messages)["G5"]
+    assert [v.text for v in result.violations] == ["uav/u1/fix of i1: messages 3 to 3 are missing (1)"]
+    assert any("gaps" in note for note in results(messages)["G1"].notes)
+
+
+def test_g5_finds_a_missing_beginning_and_end(messages: list[Message]) -> None:
+    """Counting starts at 0 and ends where the publisher said."""
+    drop(messages, Truth, uav="u1", slot=0)
+    drop(messages, Truth, uav="u2", slot=8)
+    texts = results(messages)["G5"].where
+    assert texts == [
+        "uav/u1/truth of i1: messages 0 to 0 are missing (1)",
+        "uav/u2/truth of i2: messages 8 to 8 are missing (1)",
+    ]
+
+
+def test_g5_finds_a_stream_that_is_missing_altogether(messages: list[Message]) -> None:
+    """A key of which only the publisher's last word is recorded."""
+    messages[:] = [m for m in messages if not (isinstance(m, Truth) and m.uav == "u1")]
+    assert "messages 0 to 8" in results(messages)["G5"].where[0]
+
+
+def test_g5_finds_a_duplicate(messages: list[Message]) -> None:
+    """The same number twice is no proof of anything."""
+    messages.append(next(m for m in messages if isinstance(m, Fix)))
+    assert results(messages)["G5"].violations[0].kind == "duplicate"
+
+
+def test_g5_names_unknown_tails(messages: list[Message]) -> None:
+    """A publisher that never closed may have said more: a note, no violation."""
+    drop(messages, Event, instance="i2")
+    result = results(messages)["G5"]
+    assert result.status == "held"
+    assert result.notes == ["tail unknown: uav/u2/fix of i2", "tail unknown: uav/u2/truth of i2"]
+
+
+def test_g5_reports_what_was_dropped_or_cannot_be_read(messages: list[Message]) -> None:
+    """The recorder's own count and a torn file are losses."""
+    recording = recorded(messages)
+    recording.run_end = {"dropped": "7"}
+    recording.problems.append("torn: 3 bytes are unreadable")
+    result = next(r for r in check(recording) if r.guarantee == "G5")
+    assert [v.kind for v in result.violations] == ["unreadable", "dropped"]
+
+
+# --- G7 --------------------------------------------------------------------------------------
+
+
+def unfinished(**fields: object) -> list[Message]:
+    """u2 stops half-way and stays there until the record ends."""
+    paths = parallel()
+    messages = flight([paths[0], paths[1], paths[2]], **fields)
+    mission = messages[0]
+    assert isinstance(mission, MissionMessage)
+    far = msgspec.structs.replace(mission.roster[2], target_y_m=40.0)
+    messages[0] = msgspec.structs.replace(mission, roster=[*mission.roster[:2], far])
+    return messages
+
+
+def test_g7_finds_who_has_not_arrived() -> None:
+    """Everyone who lives is at the target within `max_slots`."""
+    violation = found(unfinished(max_slots=9), "G7", "not-arrived")
+    assert (violation.uavs, violation.value_m) == (["u2"], pytest.approx(24.0))
+
+
+def test_g7_does_not_judge_a_record_that_is_cut_short() -> None:
+    """Before `max_slots` are over nothing is proved; the last healed fault counts anew."""
+    assert results(unfinished(max_slots=10))["G7"].status == "not-applicable"
+    late = unfinished(max_slots=5, fault=["partition halves @2 for 3"])
+    assert results(late)["G7"].status == "not-applicable"
+    healed = unfinished(max_slots=4, fault=["partition halves @2 for 3"])
+    assert results(healed)["G7"].status == "broken"
+
+
+def test_g7_does_not_judge_an_unhealed_fault() -> None:
+    """A partition for good may keep a UAV away for good."""
+    result = results(unfinished(max_slots=4, fault=["partition halves @2"]))["G7"]
+    assert (result.status, result.notes) == ("not-applicable", ["a fault was never healed"])
+    assert results(unfinished(max_slots=4, fault=["partition halves @2", "heal @4"]))["G7"].status == "broken"
+
+
+def test_g7_excuses_the_dead() -> None:
+    """A UAV that was killed need not arrive, and without a quorum of living nobody need."""
+    messages = unfinished(max_slots=4)
+    for uav in ("u2", "u1"):
+        messages.append(Event(source="operator", slot=8, kind="fault", detail=f"kill {uav} @8"))
+        expected = {"u2": "held", "u1": "not-applicable"}[uav]
+        assert results(messages)["G7"].status == expected
+
+
+def test_g7_excuses_targets_that_a_dead_uav_covers() -> None:
+    """Nobody can land where somebody lies."""
+    messages = unfinished(max_slots=4)
+    mission = messages[0]
+    assert isinstance(mission, MissionMessage)
+    onto = msgspec.structs.replace(mission.roster[1], target_x_m=24.0 - 9.0, target_y_m=16.0)
+    messages[0] = msgspec.structs.replace(mission, roster=[mission.roster[0], onto, mission.roster[2]])
+    assert results(messages)["G7"].status == "broken"
+    messages.append(Event(source="u2", slot=8, kind="battery-empty"))
+    assert results(messages)["G7"].status == "held"
+
+
+def test_a_violation_is_told_in_one_line() -> None:
+    """Slot and time come first, where there are any."""
+    assert str(Violation("gap", "x is missing")) == "x is missing"
+    assert str(Violation("overlap", "a and b", 3, ["a", "b"], 1.75)) == "slot 3, 1.750 s: a and b"
