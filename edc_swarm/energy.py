@@ -1,4 +1,4 @@
-"""What flying, talking and thinking cost: propulsion power, radio, head computation, battery.
+"""What flying and thinking cost: propulsion power, head computation.
 
 Reference: Y. Zeng, J. Xu, R. Zhang, "Energy Minimization for Wireless Communication With
 Rotary-Wing UAV", IEEE Trans. Wireless Commun. 18(4), 2019, eq. 12. Hovering costs more than slow
@@ -10,8 +10,6 @@ Every UAV process imports this module, so it does not import numpy.
 from __future__ import annotations
 
 from typing import TYPE_CHECKING, Any
-
-from msgspec import Struct
 
 from edc_swarm.config import EnergyModel, HeadModel
 
@@ -32,38 +30,9 @@ def propulsion_powers_w(speed_mps: NDArray[np.float64], model: EnergyModel) -> N
     return power_w
 
 
-def flight_energy_j(distance_m: float, dt_s: float, model: EnergyModel) -> float:
-    """Energy, in joules, of flying `distance_m` at constant speed within `dt_s` (0 m = hovering)."""
-    return propulsion_power_w(distance_m / dt_s, model) * dt_s
-
-
-def radio_energy_j(messages: int, model: EnergyModel) -> float:
-    """Energy, in joules, of sending and receiving that many messages."""
-    return messages * model.radio_j_per_message
-
-
 def compute_energy_j(cpu_s: float, model: HeadModel) -> float:
     """Energy, in joules, that a head spends on `cpu_s` seconds of processor time."""
     return cpu_s * model.p_active_w
-
-
-class Battery(Struct):
-    """What a UAV has left, in joules; it never falls below zero."""
-
-    energy_j: float
-
-    @property
-    def empty(self) -> bool:
-        """Whether nothing is left: the UAV lands where it is."""
-        return self.energy_j <= 0
-
-    def covers(self, need_j: float) -> bool:
-        """Whether a step that costs `need_j` can be completed."""
-        return self.energy_j >= need_j
-
-    def drain(self, used_j: float) -> None:
-        """Take `used_j` out, or all there is."""
-        self.energy_j = max(0.0, self.energy_j - used_j)
 
 
 def _power_w(speed_mps: Any, model: EnergyModel) -> Any:

@@ -23,8 +23,9 @@ from edc_swarm.config import ARRIVED_M, Mission
 from edc_swarm.energy import compute_energy_j, propulsion_power_w, propulsion_powers_w
 from edc_swarm.errors import RecordingError
 from edc_swarm.messages import Report
-from edc_swarm.recording import Recording, Tracks, find_gaps, tracks_of
+from edc_swarm.recording import Recording, find_gaps
 from edc_swarm.recording.living import living_at_end
+from edc_swarm.recording.tracks import Tracks, tracks_of
 from edc_swarm.separation import encounters, least_gap_m
 
 Floats = NDArray[np.float64]

@@ -6,7 +6,8 @@ from collections import defaultdict
 from dataclasses import dataclass
 
 from edc_swarm.messages import Command, Fix, MissionMessage, Report, roster_index
-from edc_swarm.recording import Gap, Recording, Tracks, find_gaps, tracks_of
+from edc_swarm.recording import Gap, Recording, find_gaps
+from edc_swarm.recording.tracks import Tracks, tracks_of
 
 PLANNED = frozenset({"planned", "no-qp-needed", "failed"})
 

@@ -11,7 +11,7 @@ from edc_swarm.config import NS_PER_S
 from edc_swarm.invariants.evidence import Evidence
 from edc_swarm.invariants.report import GuaranteeResult, Violation, verdict
 from edc_swarm.messages import Command, Fix
-from edc_swarm.recording import Step
+from edc_swarm.recording.tracks import Step
 
 TRUTH_TOLERANCE_M = 1e-9
 LENGTH_TOLERANCE_M = 1e-9

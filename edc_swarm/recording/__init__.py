@@ -2,13 +2,13 @@
 
 `RecordingWriter` writes one, `read_recording` reads one back as a `Recording`, `recover` makes a
 whole file of a torn one. Every metric and every guarantee is computed from a `Recording` alone;
-the simulator makes one without a file, by `Recording.from_messages`.
+the simulator makes one without a file, by `Recording.from_messages`. Importing this imports no numpy:
+`recording.tracks`, which does, is for metrics and guarantees.
 """
 
 from edc_swarm.recording.model import Garbage, Recording
 from edc_swarm.recording.reader import read_recording, recover
 from edc_swarm.recording.sequences import Gap, find_gaps, unknown_tails
-from edc_swarm.recording.tracks import Step, Tracks, tracks_of
 from edc_swarm.recording.writer import RecordingWriter
 
 __all__ = [
@@ -16,11 +16,8 @@ __all__ = [
     "Garbage",
     "Recording",
     "RecordingWriter",
-    "Step",
-    "Tracks",
     "find_gaps",
     "read_recording",
     "recover",
-    "tracks_of",
     "unknown_tails",
 ]

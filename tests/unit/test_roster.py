@@ -56,9 +56,7 @@ def test_charge_does_not_move_anyone() -> None:
 def test_an_unplaceable_density_is_a_clear_error(monkeypatch: pytest.MonkeyPatch) -> None:
     """The error names the field, the value and what would fit."""
     monkeypatch.setattr("edc_swarm.roster.TRIES", 200)
-    with pytest.raises(
-        PlacementError, match=r"uavs = 200: must be few enough for area_m2 = 10000 and r_m = 5"
-    ):
+    with pytest.raises(PlacementError, match=r"uavs = 200: must be few enough for area_m2 = 10000 and r_m = 5"):
         complete_mission(Mission(uavs=200))
 
 

@@ -1,0 +1,217 @@
+"""Metrics, by their definitions, on missions small enough to compute by hand."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import msgspec
+import numpy as np
+import pytest
+from synthetic import change, flight, parallel, recorded, straight
+
+from edc_swarm.config import EnergyModel
+from edc_swarm.energy import propulsion_power_w
+from edc_swarm.errors import RecordingError
+from edc_swarm.messages import Command, Event, Fix, Message, Report, Truth
+from edc_swarm.metrics import HeadTerm, Metrics, Timing, columns_of, compute_metrics, load_timings
+
+PROMISED = {
+    "heads",
+    "plan_ms",
+    "makespan_s",
+    "makespan_ratio",
+    "energy_straight_j",
+    "gaps",
+    "duration_s",
+    "failover_slots",
+    "min_true_distance_m",
+    "completed",
+    "uavs",
+    "energy_compute_j",
+    "slots_held",
+    "ticks_late_pct",
+    "extra_distance_mean_pct",
+    "true_collisions",
+    "slots",
+    "min_disc_gap_m",
+    "extra_distance_pct",
+    "straight_m",
+    "energy_propulsion_j",
+    "path_m",
+    "potential_collisions",
+    "slots_missed",
+    "arrived",
+    "messages",
+    "fix_to_command_ms",
+}
+
+
+@pytest.fixture
+def messages() -> list[Message]:
+    """Three UAVs 12 m apart that fly 16 m north in slots 1 to 8."""
+    return flight(parallel())
+
+
+def metrics(messages: list[Message]) -> Metrics:
+    """Metrics of the recording of `messages`."""
+    return compute_metrics(recorded(messages))
+
+
+def test_json_holds_every_promised_name(messages: list[Message]) -> None:
+    """The names are a promise to users."""
+    printed = msgspec.json.decode(msgspec.json.encode(metrics(messages)))
+    assert printed.keys() >= PROMISED
+    assert printed["plan_ms"].keys() == {"p50", "p99", "max"}
+    assert printed["heads"] == [{"term": 1, "head": "u0", "first_slot": 0, "last_slot": 8}]
+
+
+def test_a_straight_mission(messages: list[Message]) -> None:
+    """Everything that follows from the geometry."""
+    m = metrics(messages)
+    assert (m.uavs, m.slots, m.duration_s) == (3, 9, 4.5)
+    assert (m.completed, m.arrived, m.not_living) == (True, 3, [])
+    assert (m.potential_collisions, m.true_collisions) == (0, 0)
+    assert (m.min_disc_gap_m, m.min_true_distance_m) == (pytest.approx(2.0), pytest.approx(12.0))
+    assert (m.path_m, m.straight_m) == (pytest.approx(48.0), pytest.approx(48.0))
+    assert m.extra_distance_pct == pytest.approx(0.0, abs=1e-9)
+    assert m.makespan_s == pytest.approx(8 * 0.5)
+    assert m.makespan_ratio == pytest.approx(4.0 / (16.0 / 5.0))
+    assert (m.slots_held, m.slots_missed, m.gaps, m.ticks_late_pct) == (0, 0, 0, 0.0)
+    assert m.messages == len(messages)
+
+
+def test_energy_is_the_power_curve_over_the_flight(messages: list[Message]) -> None:
+    """4 m/s for 4 s each, against the same way at 5 m/s."""
+    m, model = metrics(messages), EnergyModel()
+    assert m.energy_propulsion_j == pytest.approx(3 * 4.0 * propulsion_power_w(4.0, model))
+    assert m.energy_straight_j == pytest.approx(48.0 / 5.0 * propulsion_power_w(5.0, model))
+    assert m.energy_compute_j == pytest.approx(5.0 * sum(2.0 + slot for slot in range(9)) / 1e3)
+
+
+def test_guards_are_flown_around() -> None:
+    """Within the guards a UAV hovers; in between it is faster."""
+    m = metrics(flight(parallel(), guard_s=0.05))
+    model = EnergyModel()
+    slot_j = 0.4 * propulsion_power_w(5.0, model) + 0.1 * propulsion_power_w(0.0, model)
+    assert m.energy_propulsion_j == pytest.approx(24 * slot_j)
+    assert m.makespan_s == pytest.approx(8 * 0.5 - 0.05)
+
+
+def test_a_detour_is_extra_distance() -> None:
+    """In total, and as the mean of each UAV's own; who has nowhere to go is left out of the mean."""
+    detour = [(0.0, 0.0), (0.0, 2.0), (2.0, 2.0), (2.0, 0.0)]
+    paths = [detour, straight((50, 0), (56, 0), 3), [(100.0, 0.0)] * 2]
+    m = metrics(flight(paths))
+    assert m.extra_distance_pct == pytest.approx(100 * (12 / 8 - 1))
+    assert m.extra_distance_mean_pct == pytest.approx((200 + 0) / 2)
+
+
+def test_collisions_are_pairs_at_any_instant() -> None:
+    """Two UAVs that swap places within one slot overlap once, however often."""
+    paths = [straight((0, 0), (12, 0), 1), straight((12, 0.4), (0, 0.4), 1), straight((90, 0), (91, 0), 1)]
+    m = metrics(flight(paths, v_max_mps=30.0))
+    assert (m.potential_collisions, m.true_collisions) == (1, 1)
+    assert m.min_disc_gap_m == pytest.approx(0.4 - 10)
+    assert m.min_true_distance_m == pytest.approx(0.4)
+
+
+def test_makespan_begins_with_the_first_command_and_ends_for_good() -> None:
+    """Waiting for a head does not count, leaving the target again does."""
+    paths = [straight((0, 0), (4, 0), 2), [(50, 0), (50, 0), (50, 2), (50, 2), (50, 0)]]
+    messages = flight(paths)
+    for slot in (0, 1):
+        messages[:] = [m for m in messages if not (isinstance(m, Command) and m.slot == slot + 1)]
+    m = metrics(messages)
+    assert m.makespan_s == pytest.approx((4 + 1 - 3) * 0.5)
+
+
+def test_an_unfinished_mission_has_no_makespan(messages: list[Message]) -> None:
+    """Who lives and has not arrived keeps the mission open."""
+    mission = messages[0]
+    far = msgspec.structs.replace(mission.roster[2], target_y_m=99.0)
+    messages[0] = msgspec.structs.replace(mission, roster=[*mission.roster[:2], far])
+    m = metrics(messages)
+    assert (m.completed, m.arrived, m.makespan_s, m.makespan_ratio) == (False, 2, None, None)
+
+
+def test_the_dead_do_not_keep_a_mission_open(messages: list[Message]) -> None:
+    """A killed UAV is named and need not arrive."""
+    mission = messages[0]
+    far = msgspec.structs.replace(mission.roster[2], target_y_m=99.0)
+    messages[0] = msgspec.structs.replace(mission, roster=[*mission.roster[:2], far])
+    messages.append(Event(source="operator", slot=8, kind="fault", detail="kill u2 @8"))
+    m = metrics(messages)
+    assert (m.completed, m.arrived, m.not_living) == (True, 2, ["u2"])
+
+
+def test_held_and_missed_slots() -> None:
+    """A held UAV-slot is one away from the target without a command; a missed slot has no command at all."""
+    paths = [[*path[:4], path[3], *path[4:]] for path in parallel(2)]
+    messages = flight(paths)
+    messages = [m for m in messages if not (isinstance(m, Command) and m.slot == 4)]
+    change(messages, {"slot": 4}, Fix, executing=False, command_term=-1, command_seq=-1)
+    m = metrics(messages)
+    assert (m.slots_held, m.slots_missed, m.gaps) == (2, 1, 2)
+
+
+def test_latency_is_counted_from_the_last_fix_before_the_command(messages: list[Message]) -> None:
+    """A fix that is sent again restarts the count, one sent after the command does not."""
+    fix = next(m for m in messages if isinstance(m, Fix) and m.uav == "u1" and m.slot == 3)
+    messages += [msgspec.structs.replace(fix, sent_ns=fix.sent_ns + ns) for ns in (4_000_000, 11_000_000)]
+    delays_ms = columns_of(recorded(messages)).fix_to_command_ms
+    assert sorted(set(np.round(delays_ms, 6))) == [6.0, 10.0]
+    assert metrics(messages).fix_to_command_ms.max == pytest.approx(10.0)
+
+
+def test_heads_and_failover() -> None:
+    """Who led when, and how many slots went by without commands at the change."""
+    messages = flight(parallel())
+    for slot in range(9):
+        if slot in (4, 5):
+            messages = [m for m in messages if not (isinstance(m, Report) and m.slot == slot)]
+        elif slot > 5:
+            change(messages, {"slot": slot}, Report, head="u1", term=3)
+    m = metrics(messages)
+    assert m.heads == [HeadTerm(1, "u0", 0, 3), HeadTerm(3, "u1", 6, 8)]
+    assert m.failover_slots == [2]
+
+
+def test_late_ticks_are_counted_per_life() -> None:
+    """`late_ticks` starts again with every instance."""
+    messages = flight(parallel(1))
+    change(messages, {"slot": 3}, Fix, late_ticks=1)
+    change(messages, {"slot": 8}, Fix, late_ticks=2, instance="i0b")
+    assert metrics(messages).ticks_late_pct == pytest.approx(100 * 3 / 9)
+
+
+def test_timings_replace_recorded_plan_times(tmp_path: Path, messages: list[Message]) -> None:
+    """A simulated recording carries none of its own."""
+    path = tmp_path / "run.timings.json"
+    path.write_bytes(b'[{"slot":0,"plan_ms":4.0,"solve_ms":1.0},{"slot":1,"plan_ms":6.0}]')
+    timings = load_timings(tmp_path / "run.mcap")
+    assert timings[0] == Timing(0, 4.0, solve_ms=1.0)
+    m = compute_metrics(recorded(messages), timings)
+    assert (m.plan_ms.p50, m.plan_ms.max) == (5.0, 6.0)
+    assert m.energy_compute_j == pytest.approx(0.05)
+
+
+def test_timings_are_optional_and_must_be_timings(tmp_path: Path) -> None:
+    """No file is fine, another file is one clear line."""
+    assert load_timings(tmp_path / "run.mcap") == []
+    (tmp_path / "run.timings.json").write_bytes(b'{"slot":1}')
+    with pytest.raises(RecordingError, match="holds no timings"):
+        load_timings(tmp_path / "run.mcap")
+
+
+def test_missing_truth_leaves_true_metrics_open(messages: list[Message]) -> None:
+    """Without truth there is no true distance, and everything else stands."""
+    m = metrics([m for m in messages if not isinstance(m, Truth)])
+    assert (m.min_true_distance_m, m.true_collisions, m.completed) == (None, 0, True)
+
+
+def test_a_mission_without_fixes_or_of_one_uav_has_metrics() -> None:
+    """What is not defined is None, never an exception."""
+    nothing = metrics(flight(parallel())[:1])
+    assert (nothing.slots, nothing.completed, nothing.makespan_s, nothing.plan_ms.p50) == (0, False, None, None)
+    alone = metrics(flight(parallel(1)))
+    assert (alone.completed, alone.min_disc_gap_m, alone.min_true_distance_m) == (True, None, None)
