@@ -216,6 +216,8 @@ def _decompressed(data: bytes, begin: int, end: int) -> bytes:
     compression, packed = fields.text(), fields.sized_u64()
     if size > MAX_CHUNK_BYTES:
         raise ValueError(f"{size} bytes, more than {MAX_CHUNK_BYTES}")
+    if compression == "zstd" and zstandard.frame_content_size(packed) not in {-1, size}:
+        raise ValueError("its sizes disagree")
     if compression == "zstd":
         plain = zstandard.ZstdDecompressor().decompress(packed, max_output_size=size) if size else b""
     elif not compression:

@@ -16,6 +16,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from edc_swarm.errors import RecordingError
 from edc_swarm.messages import Command, Truth, roster_index
 from edc_swarm.recording.model import Recording
 
@@ -23,6 +24,8 @@ Floats = NDArray[np.float64]
 Bools = NDArray[np.bool_]
 Ints = NDArray[np.int64]
 Point = tuple[float, float]
+MAX_CELLS = 100_000_000
+"""Most UAV-slots that are examined."""
 Moved = dict[tuple[int, int], bool]
 """By slot and UAV: whether the recorded truth moved."""
 
@@ -72,13 +75,21 @@ class Tracks:
 
 
 def tracks_of(recording: Recording) -> Tracks:
-    """Tracks of all UAVs of the mission, from slot 0 to the last slot with a fix or a truth."""
+    """Tracks of all UAVs of the mission, from slot 0 to the last slot with a fix or a truth.
+
+    Raises
+    ------
+    RecordingError
+        A message names a slot that no mission reaches: the arrays would not fit into memory.
+    """
     roster = recording.mission.roster
     index = roster_index(roster)
     fixes = [f for f in recording.fixes if f.slot >= 0 and f.uav in index]
     truths = [t for t in recording.truths if t.slot >= 0 and t.uav in index]
     cells, true_cells = _cells(fixes, index), _cells(truths, index)
     slots = 1 + max(int(cells[0].max(initial=-1)), int(true_cells[0].max(initial=-1)))
+    if slots * len(roster) > MAX_CELLS:
+        raise RecordingError("recording", f"slot {slots - 1} is beyond what can be examined")
     shape = (slots, len(roster))
     heard, executed, energy_j = np.zeros(shape, bool), np.zeros(shape, bool), np.full(shape, np.nan)
     heard[cells] = True
@@ -86,7 +97,7 @@ def tracks_of(recording: Recording) -> Tracks:
     flying = _column(fixes, "executing") > 0
     executed[cells[0][flying], cells[1][flying]] = True
     centre_m = np.full((slots + 1, len(roster), 2), np.nan)
-    centre_m[0] = [(entry.start_x_m, entry.start_y_m) for entry in roster]
+    centre_m[0] = np.array([(entry.start_x_m, entry.start_y_m) for entry in roster]).reshape(-1, 2)
     voters = [f for f in fixes if f.voter]
     slot, uav = _cells(voters, index)
     centre_m[slot + 1, uav] = _points(voters, "waypoint")

@@ -6,6 +6,7 @@ import msgspec
 import pytest
 from synthetic import EPOCH_NS, OFFSET_M, SLOT_NS, at, change, flight, parallel, recorded, straight
 
+from edc_swarm.errors import RecordingError
 from edc_swarm.invariants import GuaranteeResult, Violation, check
 from edc_swarm.messages import Command, Event, Fix, Message, MissionMessage, Report, Truth
 
@@ -478,3 +479,10 @@ def test_a_violation_is_told_in_one_line() -> None:
     """Slot and time come first, where there are any."""
     assert str(Violation("gap", "x is missing")) == "x is missing"
     assert str(Violation("overlap", "a and b", 3, ["a", "b"], 1.75)) == "slot 3, 1.750 s: a and b"
+
+
+def test_a_slot_beyond_reason_is_one_clear_line(messages: list[Message]) -> None:
+    """A garbled slot number must not fill the memory."""
+    change(messages, {"uav": "u1", "slot": 3}, Fix, slot=1 << 39)
+    with pytest.raises(RecordingError, match="beyond what can be examined"):
+        check(recorded(messages))

@@ -1,0 +1,75 @@
+"""Whatever happens to the bytes of a recording, reading it ends in a recording or in one clear line."""
+
+from __future__ import annotations
+
+import io
+import tempfile
+from functools import cache
+from pathlib import Path
+
+from hypothesis import given
+from hypothesis import strategies as st
+
+from edc_swarm.config import Mission
+from edc_swarm.errors import RecordingError
+from edc_swarm.messages import Fix, Keys, Message, MissionMessage, encode
+from edc_swarm.recording import RecordingWriter, read_recording, recover
+from edc_swarm.roster import complete_mission
+
+KEYS = Keys("mission")
+
+
+@cache
+def whole() -> tuple[list[Message], bytes]:
+    """A small recording in three chunks."""
+    mission = complete_mission(Mission(uavs=2))
+    fields = {name: getattr(mission, name) for name in mission.__struct_fields__}
+    messages: list[Message] = [MissionMessage(**fields, epoch_ns=1)]
+    place = {"x_m": 1.0, "y_m": 2.0, "r_m": 5.0, "waypoint_x_m": 1.0, "waypoint_y_m": 2.0}
+    messages += [Fix(uav="u001", seq=slot, sent_ns=slot, slot=slot, **place) for slot in range(30)]
+    stream = io.BytesIO()
+    writer = RecordingWriter(stream, {})
+    for number, message in enumerate(messages):
+        writer.write(KEYS.of(message), encode(message), message.sent_ns)
+        if number % 10 == 9:
+            writer.flush()
+    writer.finish({})
+    return messages, stream.getvalue()
+
+
+def read(data: bytes) -> int:
+    """Messages that are read, -1 where the file is refused; recovering it must agree."""
+    with tempfile.TemporaryDirectory() as folder:
+        path = Path(folder) / "a.mcap"
+        path.write_bytes(data)
+        try:
+            recording = read_recording(path, salvage=True)
+            recover(path, io.BytesIO())
+        except RecordingError as error:
+            assert "\n" not in str(error)  # noqa: PT017
+            return -1
+        return recording.message_count
+
+
+@given(changes=st.lists(st.tuples(st.integers(0, 10**6), st.integers(0, 255)), min_size=1, max_size=6))
+def test_changed_bytes_never_raise_anything_else(changes: list[tuple[int, int]]) -> None:
+    """Bytes overwritten anywhere."""
+    messages, data = whole()
+    damaged = bytearray(data)
+    for place, value in changes:
+        damaged[place % len(data)] = value
+    assert read(bytes(damaged)) <= len(messages)
+
+
+@given(begin=st.integers(0, 10**6), count=st.integers(1, 400))
+def test_missing_bytes_never_raise_anything_else(begin: int, count: int) -> None:
+    """A piece cut out anywhere."""
+    messages, data = whole()
+    begin %= len(data)
+    assert read(data[:begin] + data[begin + count :]) <= len(messages)
+
+
+@given(data=st.binary(max_size=300))
+def test_any_bytes_after_the_magic_never_raise_anything_else(data: bytes) -> None:
+    """A file that only begins like MCAP."""
+    assert read(b"\x89MCAP0\r\n" + data) == -1
