@@ -287,6 +287,13 @@ def _mute_after_grant(rng: Random, mission: Mission) -> list[str]:
     return [f"kill head @{at_s:.4f}s", f"partition {groups} @{mute_s:.4f}s for {rng.randint(1, 6)}"]
 
 
+def _restart_and_mute(rng: Random, mission: Mission) -> list[str]:
+    """The head comes back at once while one UAV that it has just commanded is not heard."""
+    at_s, uav = _slot(rng) * mission.dt_s + rng.choice([0.002, 0.01, 0.21, 0.4]), _id(rng, mission)
+    mute_s = at_s + rng.choice([0.0, 0.001, 0.2])
+    return [f"restart head @{at_s:.4f}s", f"partition {uav}>rest @{mute_s:.4f}s for {rng.randint(1, 6)}"]
+
+
 def _late_grant(rng: Random, mission: Mission) -> list[str]:
     """One UAV's messages take most of a slot while the head changes."""
     at_s, uav = _slot(rng) * mission.dt_s + rng.random() * mission.dt_s, _id(rng, mission)
@@ -333,6 +340,7 @@ _AIMS = (
     _partition,
     _mute_after_grant,
     _mute_after_grant,
+    _restart_and_mute,
     _late_grant,
     _late_grant,
     _lossy_while,
