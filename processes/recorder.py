@@ -29,6 +29,8 @@ from processes.parent import die_with_parent
 
 NAME = "recorder"
 FLUSH_S = 1.0
+CANNOT_WRITE = 3
+"""Exit status when the file could not be written."""
 QUEUE_LIMIT = 200_000
 
 Sample = tuple[str, bytes, int]
@@ -42,6 +44,7 @@ class RecorderSettings(Struct, frozen=True, kw_only=True):
     endpoint: str
     mission: str
     part: str
+    out: str
     run: dict[str, str]
     parent: int = 0
 
@@ -121,7 +124,7 @@ def reason_of(error: OSError) -> str:
 
 
 def main() -> int:
-    """Record one mission; status 3 when the file could not be written."""
+    """Record one mission."""
     settings = msgspec.json.decode(sys.stdin.buffer.read(), type=RecorderSettings)
     if settings.parent:
         die_with_parent(settings.parent)
@@ -134,11 +137,12 @@ def main() -> int:
         try:
             recorder.record()
             recorder.finish()
+            Path(settings.part).replace(settings.out)
         except OSError as error:
             text = f"{settings.part}: cannot be written ({reason_of(error)})"
             recorder.tell("recording-failed", text)
             print(f"error: {text}", file=sys.stderr, flush=True)
-            os._exit(3)
+            os._exit(CANNOT_WRITE)
     return 0
 
 

@@ -105,7 +105,8 @@ class UavProcess:
         if self._flight is None:
             return IDLE_S
         now_ns = self._clock.now_ns()
-        wakeups = (self._flight.node.wakeup_ns(now_ns), self._flight.postbox.next_ns, self._peers.next_ns)
+        self._flight.wake_ns = self._flight.node.wakeup_ns(now_ns)
+        wakeups = (self._flight.wake_ns, self._flight.postbox.next_ns, self._peers.next_ns)
         return (min(when for when in wakeups if when is not None) - now_ns) / NS_PER_S
 
     # --- taking in ---------------------------------------------------------------------------
@@ -158,7 +159,6 @@ class UavProcess:
         )
         postbox = Postbox(LinkEmulator(mission, entry.uav))
         self._flight = Flight(mission, node, postbox, Faulty(mission, entry.uav, postbox.links, self._clock))
-        self._tick()
 
     def _obey(self, event: Event) -> None:
         """Do what the operator's event says: end, or suffer a fault."""
@@ -192,7 +192,8 @@ class UavProcess:
                 self._step(PeerGone(uav))
 
     def _tick(self) -> None:
-        if self._flight is not None and self._flight.node.wakeup_ns(self._clock.now_ns()) <= self._clock.now_ns():
+        """Tick when the time has come that the node named before the wait."""
+        if self._flight is not None and self._clock.now_ns() >= self._flight.wake_ns:
             self._step(Tick())
 
     # --- carrying out ------------------------------------------------------------------------
@@ -242,6 +243,7 @@ class Flight:
     node: UavNode
     postbox: Postbox
     faulty: Faulty
+    wake_ns: int = 0
 
     def mission_s(self, now_ns: int) -> float:
         """Mission seconds at `now_ns` of the own clock."""

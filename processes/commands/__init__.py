@@ -1,0 +1,1 @@
+"""The commands of `edc-swarm`, one file each."""

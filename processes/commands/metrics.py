@@ -1,0 +1,28 @@
+"""`edc-swarm metrics`: every metric of a recording, from the recording alone."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+from edc_swarm.metrics import compute_metrics, load_timings
+from edc_swarm.recording import read_recording
+from processes.console import print_json, stdout_console
+from processes.summary import print_metrics
+
+
+def metrics(recording: Path, /, *, json: bool = False) -> int:
+    """Compute every metric of a recording.
+
+    Parameters
+    ----------
+    recording
+        The recording, FILE.mcap.
+    json
+        Print JSON.
+    """
+    found = compute_metrics(read_recording(recording), load_timings(recording))
+    if json:
+        print_json(found)
+    else:
+        print_metrics(found, stdout_console())
+    return 0

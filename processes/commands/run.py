@@ -1,0 +1,58 @@
+"""`edc-swarm run`: real processes over Zenoh."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Annotated
+
+from cyclopts import Parameter
+
+from processes.address import check_endpoint
+from processes.conclusion import conclude
+from processes.console import note
+from processes.launcher import Launcher, RunReport
+from processes.options import MISSION_HELP, MissionOptions
+from processes.output import Output, default_output, timestamp
+
+
+def run(
+    mission_file: Annotated[Path | None, Parameter(help=MISSION_HELP)] = None,
+    /,
+    *,
+    options: MissionOptions | None = None,
+    listen: str | None = None,
+) -> int:
+    """Fly a mission: a process for every UAV, a router, a recorder.
+
+    Parameters
+    ----------
+    listen
+        Where the router listens, tcp/HOST:PORT (a free port of this host).
+    """
+    options = options or MissionOptions()
+    mission = options.mission(mission_file)
+    if listen is not None:
+        check_endpoint(listen)
+    path = options.out or default_output(mission.name, mission.planner, timestamp())
+    with Output(path, force=options.force) as output:
+        for found in output.salvaged:
+            note(f"recovered {found} from a run that was killed")
+        report = Launcher(mission, output, listen=listen, show_progress=not options.json).run()
+        if not output.path.exists():
+            note(f"the recorder died; recovered {path}: {'; '.join(output.recover_part()) or 'nothing is missing'}")
+    _tell(report, len(mission.roster))
+    return conclude(path, as_json=options.json)
+
+
+def _tell(report: RunReport, uavs: int) -> None:
+    """How the processes did."""
+    for text in report.notes:
+        note(text)
+    if report.interrupted:
+        note("interrupted")
+    if report.publishing_s is not None:
+        note(
+            f"{uavs} UAVs connected {report.connected_s:.2f} s and publishing {report.publishing_s:.2f} s after the "
+            f"fork source was ready (warm in {report.warm_s:.1f} s); first commands flown in slot "
+            f"{report.first_flown_slot}"
+        )

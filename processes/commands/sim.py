@@ -1,0 +1,85 @@
+"""`edc-swarm sim`: the same mission in one process, in virtual time."""
+
+from __future__ import annotations
+
+import time
+from pathlib import Path
+from typing import Annotated
+
+import msgspec
+from cyclopts import Parameter
+
+from edc_swarm.config import Mission
+from edc_swarm.messages import Message, MissionMessage, encode
+from edc_swarm.metrics import Timing
+from edc_swarm.planner import make_planner, warm_up
+from edc_swarm.planner.interface import Plan, Planner, PlanRequest
+from edc_swarm.recording import RecordingWriter
+from edc_swarm.simulation import Simulation, SimulationEnd, mission_message
+from processes.conclusion import conclude
+from processes.options import MISSION_HELP, MissionOptions
+from processes.output import Output, default_output
+from processes.progress_bar import ProgressBar
+from processes.run_facts import run_facts
+
+
+def sim(
+    mission_file: Annotated[Path | None, Parameter(help=MISSION_HELP)] = None,
+    /,
+    *,
+    options: MissionOptions | None = None,
+) -> int:
+    """Simulate a mission: one process, a virtual clock, the same agents, the same recording."""
+    options = options or MissionOptions()
+    mission = options.mission(mission_file)
+    path = options.out or default_output(mission.name, mission.planner, str(mission.seed))
+    with Output(path, force=options.force) as output:
+        timings = _simulate(mission, output, show_progress=not options.json)
+    path.with_suffix(".timings.json").write_bytes(msgspec.json.encode(timings))
+    return conclude(path, as_json=options.json)
+
+
+def _simulate(mission: Mission, output: Output, *, show_progress: bool) -> list[Timing]:
+    message, timings = mission_message(mission), list[Timing]()
+    warm_up(mission)
+    with output.part.open("r+b") as stream:
+        writer = RecordingWriter(stream, run_facts("virtual"))
+
+        def record(key: str, said: Message, now_ns: int) -> None:
+            writer.write(key, encode(said), now_ns)
+
+        simulation = Simulation(message, lambda: TimedPlanner(message, timings), record)
+        end = _fly(simulation, message, show_progress=show_progress)
+        writer.finish({"completed": str(end.completed).lower()})
+    output.part.replace(output.path)
+    return sorted(timings, key=lambda timing: timing.slot)
+
+
+def _fly(simulation: Simulation, mission: MissionMessage, *, show_progress: bool) -> SimulationEnd:
+    with ProgressBar(mission, shown=show_progress) as bar:
+        for _ in simulation.slots():
+            bar.show(simulation.monitor)
+    return simulation.end()
+
+
+class TimedPlanner:
+    """A planner whose times go into a list, not into its plans: recordings of `sim` have none."""
+
+    def __init__(self, mission: Mission, timings: list[Timing]) -> None:
+        self._planner: Planner = make_planner(mission.planner, mission, time.perf_counter_ns)
+        self._timings = timings
+
+    def plan(self, request: PlanRequest) -> Plan:
+        """Plan as the planner does, in no time."""
+        start_ns = time.perf_counter_ns()
+        plan = self._planner.plan(request)
+        self._timings.append(
+            Timing(
+                slot=request.slot - 1,
+                plan_ms=(time.perf_counter_ns() - start_ns) / 1e6,
+                guidance_ms=plan.guidance_ms,
+                assemble_ms=plan.assemble_ms,
+                solve_ms=plan.solve_ms,
+            )
+        )
+        return Plan(plan.waypoint_m, plan.status, plan.min_gap_m, iterations=plan.iterations)

@@ -1,0 +1,31 @@
+"""The end of `run` and `sim`: metrics and guarantees, read back from the recording that was written."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+from edc_swarm.metrics import Metrics, compute_metrics, load_timings
+from edc_swarm.recording import read_recording
+from processes.console import FAILED, note, print_json, stdout_console
+from processes.summary import print_metrics
+
+OVERLOADED_PCT = 1.0
+"""With more late ticks than this it was the machine, not the network, that was slow."""
+
+
+def conclude(path: Path, *, as_json: bool) -> int:
+    """Print what the recording at `path` says; the exit status."""
+    recording = read_recording(path)
+    metrics = compute_metrics(recording, load_timings(path))
+    if as_json:
+        print_json(metrics)
+    else:
+        print_metrics(metrics, stdout_console())
+        print(path)
+    _warn(metrics)
+    return 0 if metrics.completed else FAILED
+
+
+def _warn(metrics: Metrics) -> None:
+    if metrics.ticks_late_pct > OVERLOADED_PCT:
+        note(f"warning: the machine was overloaded: {metrics.ticks_late_pct:.1f} % of the ticks were late")

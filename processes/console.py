@@ -1,0 +1,34 @@
+"""What the command prints: results on standard output, all else on standard error."""
+
+from __future__ import annotations
+
+import sys
+
+import msgspec
+from rich.console import Console
+
+from edc_swarm.errors import SwarmError
+
+BAD_INPUT = 2
+FAILED = 1
+
+
+def note(text: str) -> None:
+    """Tell the user something beside the result."""
+    print(text, file=sys.stderr, flush=True)
+
+
+def complain(error: SwarmError | str) -> int:
+    """Print the one line about bad input; the exit status."""
+    note(f"error: {' '.join(str(error).split())}")
+    return BAD_INPUT
+
+
+def print_json(value: object) -> None:
+    """Print `value` as JSON, and nothing else, on standard output."""
+    sys.stdout.write(msgspec.json.format(msgspec.json.encode(value), indent=2).decode() + "\n")
+
+
+def stdout_console() -> Console:
+    """A console on standard output that wraps nothing where nobody looks."""
+    return Console(highlight=False, soft_wrap=True)

@@ -1,0 +1,91 @@
+"""Carries out the mission's faults on real processes, at their times."""
+
+from __future__ import annotations
+
+import heapq
+import math
+import signal
+import time
+from collections.abc import Callable
+from functools import partial
+from itertools import count
+from typing import Protocol
+
+from edc_swarm.config import NS_PER_S
+from edc_swarm.faults import PROCESS_VERBS, RECORDER, ROUTER, Fault, parse_faults, resolve
+from edc_swarm.messages import MissionMessage
+from processes.operator import Operator
+
+ROUTER_OUTAGE_S = 1.0
+"""A router that is restarted is away for this long."""
+
+
+class Processes(Protocol):
+    """What the injector needs of the launcher."""
+
+    @property
+    def bus(self) -> Operator:
+        """The operator's side of the bus."""
+
+    def signal(self, name: str, number: int) -> None:
+        """Send a signal to a process."""
+
+    def restart(self, name: str, *, lose_memory: bool) -> None:
+        """Start a process again, after its death."""
+
+
+class Injector:
+    """A heap of what is to be done when, filled from the mission's `fault` list."""
+
+    def __init__(self, mission: MissionMessage, processes: Processes) -> None:
+        self._mission = mission
+        self._processes = processes
+        self._order = count()
+        self._due: list[tuple[int, int, Callable[[], None]]] = []
+        for fault in parse_faults(mission):
+            self._at(fault.at_s, partial(self._inject, fault))
+
+    def next_in_s(self) -> float:
+        """Wall seconds until the next fault; infinite when there is none."""
+        return (self._due[0][0] - time.time_ns()) / NS_PER_S if self._due else math.inf
+
+    def inject_due(self) -> None:
+        """Do all that is due."""
+        while self._due and self._due[0][0] <= time.time_ns():
+            heapq.heappop(self._due)[2]()
+
+    def _at(self, mission_s: float, action: Callable[[], None]) -> None:
+        when_ns = self._mission.epoch_ns + round(mission_s * NS_PER_S / self._mission.time_scale)
+        heapq.heappush(self._due, (when_ns, next(self._order), action))
+
+    def _inject(self, fault: Fault) -> None:
+        bus = self._processes.bus
+        assert bus.monitor is not None
+        roster = [entry.uav for entry in self._mission.roster]
+        concrete = resolve(fault, bus.monitor.head, bus.monitor.standbys, roster)
+        if concrete is None or (concrete.verb == "restart" and concrete.target == RECORDER):
+            bus.publish_event("fault-without-target", str(fault))
+            return
+        bus.publish_event("fault", str(concrete))
+        if concrete.verb in PROCESS_VERBS:
+            getattr(self, f"_{concrete.verb}")(concrete)
+
+    def _kill(self, fault: Fault) -> None:
+        self._processes.signal(fault.target, signal.SIGKILL)
+        if math.isfinite(fault.for_s):
+            self._at(fault.end_s, partial(self._restart, fault))
+
+    def _restart(self, fault: Fault) -> None:
+        if fault.target == ROUTER and fault.verb == "restart":
+            self._processes.signal(ROUTER, signal.SIGKILL)
+            self._at(fault.at_s + ROUTER_OUTAGE_S, partial(self._restart, Fault("kill", (ROUTER,))))
+        else:
+            self._processes.restart(fault.target, lose_memory="lose-memory" in fault.flags)
+
+    def _freeze(self, fault: Fault) -> None:
+        self._processes.signal(fault.target, signal.SIGSTOP)
+        if math.isfinite(fault.for_s):
+            self._at(fault.end_s, partial(self._resume, fault))
+
+    def _resume(self, fault: Fault) -> None:
+        self._processes.signal(fault.target, signal.SIGCONT)

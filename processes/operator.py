@@ -1,0 +1,146 @@
+"""The operator's side of the bus: the mission, the faults, the end, and a view of what goes on."""
+
+from __future__ import annotations
+
+import os
+import secrets
+import time
+from itertools import count
+
+import msgspec
+import zenoh
+
+from edc_swarm.errors import MessageError
+from edc_swarm.faults import PROCESS_VERBS
+from edc_swarm.messages import Event, Fix, Keys, MissionMessage, Report, decode, encode
+from edc_swarm.progress import MissionMonitor
+from processes.bus import hand_over, open_client, put
+from processes.ears import OPERATOR, Heard, Token
+from processes.inbox import Inbox
+
+OPEN_TIMEOUT_MS = 5000
+
+
+class Operator:
+    """Publishes mission and events, answers late joiners, and follows fixes, reports and events.
+
+    Attributes
+    ----------
+    closed
+        Publishers that have said their last sequence numbers.
+    monitor
+        Who leads and who has arrived; None before the mission.
+    first_flown_slot
+        First slot in which any UAV executed a command.
+    """
+
+    def __init__(self, endpoint: str, mission_id: str, inbox: Inbox[object]) -> None:
+        self._keys = Keys(mission_id)
+        self._inbox = inbox
+        self._instance = f"{os.getpid()}-{secrets.token_hex(4)}"
+        self._event_seq = count()
+        self._last_event_seq = -1
+        self._mission: MissionMessage | None = None
+        self._in_force: list[bytes] = []
+        self._tokens: set[tuple[str, str]] = set()
+        self.closed: set[str] = set()
+        self.heard: set[str] = set()
+        self.first_flown_slot = -1
+        self.monitor: MissionMonitor | None = None
+        self._session = open_client(endpoint, timeout_ms=OPEN_TIMEOUT_MS)
+        self._declare()
+
+    def _declare(self) -> None:
+        keys, session = self._keys, self._session
+        for key in (keys.all_fixes, keys.all_reports, keys.event("*")):
+            session.declare_subscriber(key, hand_over(self._take), allowed_origin=zenoh.Locality.REMOTE)
+        for key in (keys.mission, keys.event(OPERATOR)):
+            session.declare_queryable(key, hand_over(self._inbox.put_always))
+        session.liveliness().declare_subscriber(keys.all_alive, hand_over(self._take_token), history=True)
+
+    def publish_mission(self, mission: MissionMessage) -> None:
+        """Start the mission."""
+        self._mission = msgspec.structs.replace(mission, instance=self._instance, sent_ns=time.time_ns())
+        self.monitor = MissionMonitor(mission)
+        put(self._session, self._keys.mission, encode(self._mission))
+
+    def publish_event(self, kind: str, detail: str = "") -> None:
+        """Tell the swarm and the record."""
+        self._last_event_seq = next(self._event_seq)
+        event = Event(
+            source=OPERATOR,
+            instance=self._instance,
+            seq=self._last_event_seq,
+            sent_ns=time.time_ns(),
+            slot=self.slot_now(),
+            kind=kind,
+            detail=detail,
+        )
+        payload = encode(event)
+        if kind == "fault" and detail.split(maxsplit=1)[0] not in PROCESS_VERBS:
+            self._in_force.append(payload)
+        put(self._session, self._keys.event(OPERATOR), payload)
+
+    def close(self) -> None:
+        """Say the last sequence numbers; the recorder ends with this."""
+        last = {self._keys.event(OPERATOR): self._last_event_seq, self._keys.mission: 0 if self._mission else -1}
+        known = {key: seq for key, seq in last.items() if seq >= 0}
+        self.publish_event("closed", msgspec.json.encode(known).decode())
+
+    def disconnect(self) -> None:
+        """Leave the bus."""
+        self._session.close()
+
+    def slot_now(self) -> int:
+        """The slot by this host's clock, -1 before the mission."""
+        if self._mission is None:
+            return -1
+        return max(-1, (time.time_ns() - self._mission.epoch_ns) // self._mission.slot_ns)
+
+    @property
+    def alive(self) -> set[str]:
+        """Ids (UAVs, the recorder) with a liveliness token."""
+        return {uav for uav, _ in self._tokens}
+
+    def take(self, item: object) -> None:
+        """Work on what the bus has handed over."""
+        match item:
+            case Heard(key, payload):
+                self._hear(key, payload)
+            case Token(uav, instance, alive):
+                (self._tokens.add if alive else self._tokens.discard)((uav, instance))
+            case zenoh.Query():
+                self._answer(item)
+
+    def _hear(self, key: str, payload: bytes) -> None:
+        try:
+            message = decode(key, payload)
+        except MessageError:
+            return
+        if self.monitor is None:
+            return
+        match message:
+            case Fix():
+                self.heard.add(message.uav)
+                self.monitor.hear_fix(message)
+                if message.executing and self.first_flown_slot < 0:
+                    self.first_flown_slot = message.slot
+            case Report():
+                self.monitor.hear_report(message)
+            case Event(kind="closed"):
+                self.closed.add(message.source)
+
+    def _answer(self, query: zenoh.Query) -> None:
+        """Give a late joiner the mission, or the faults in force."""
+        key = str(query.key_expr)
+        if self._mission is not None:
+            for payload in [encode(self._mission)] if key == self._keys.mission else self._in_force:
+                query.reply(key, payload)
+        query.drop()
+
+    def _take(self, sample: zenoh.Sample) -> None:
+        self._inbox.put(Heard(str(sample.key_expr), sample.payload.to_bytes()))
+
+    def _take_token(self, sample: zenoh.Sample) -> None:
+        uav, instance = str(sample.key_expr).split("/")[-2:]
+        self._inbox.put_always(Token(uav, instance, sample.kind == zenoh.SampleKind.PUT))

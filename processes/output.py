@@ -1,0 +1,150 @@
+"""Where a run writes: one recording, the logs beside it, the UAVs' files while it lasts."""
+
+from __future__ import annotations
+
+import fcntl
+import os
+import shutil
+import time
+from pathlib import Path
+from types import TracebackType
+
+from edc_swarm.errors import InputError, RecordingError
+from edc_swarm.recording import recover
+
+SUFFIX = ".mcap"
+PART = ".part"
+TORN = ".torn"
+FOLDER = Path("recordings")
+
+
+class Output:
+    """The files of one run. Claimed at the start, so nothing is overwritten and nobody else has them.
+
+    Attributes
+    ----------
+    path
+        The recording when it is whole; `part` until then.
+    salvaged
+        Recordings recovered from what killed runs have left in the same folder.
+    logs
+        Folder with the output of every process; gone at the end if nobody said anything.
+    state
+        Folder with the UAVs' promises and airframes; gone at the end.
+    """
+
+    def __init__(self, path: Path, *, force: bool) -> None:
+        check_output(path, force=force)
+        self.path = path
+        self.part = path.with_name(path.name + PART)
+        self.logs = path.with_name(path.name.removesuffix(SUFFIX) + ".logs")
+        self.state = self.logs / "state"
+        try:
+            path.parent.mkdir(parents=True, exist_ok=True)
+            self.salvaged = salvage_parts(path.parent)
+            os.close(os.open(self.part, os.O_RDWR | os.O_CREAT | os.O_EXCL, 0o644))
+        except FileExistsError:
+            raise InputError("--out", str(path), f"a file that no other run is writing ({self.part.name})") from None
+        except OSError as error:
+            raise InputError("--out", str(path), f"in a folder that can be written ({_why(error)})") from None
+        shutil.rmtree(self.logs, ignore_errors=True)
+        self.state.mkdir(parents=True)
+
+    def __enter__(self) -> Output:
+        return self
+
+    def __exit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
+    ) -> None:
+        shutil.rmtree(self.state, ignore_errors=True)
+        _remove_empty_logs(self.logs)
+        if self.part.exists() and self.part.stat().st_size == 0:
+            self.part.unlink()
+
+    def log(self, name: str) -> Path:
+        """Log file of the process `name`."""
+        return self.logs / f"{name}.log"
+
+    def tail(self, name: str, lines: int = 8) -> str:
+        """The last lines that the process `name` wrote."""
+        try:
+            return "\n".join(self.log(name).read_text(errors="replace").splitlines()[-lines:])
+        except OSError:
+            return ""
+
+    def recover_part(self) -> list[str]:
+        """Make the recording of a recorder that died; what is missing, one line each."""
+        with self.path.open("wb") as stream:
+            missing = recover(self.part, stream)
+        self.part.unlink()
+        return missing
+
+
+def default_output(name: str, planner: str, which: str) -> Path:
+    """`recordings/NAME-PLANNER-WHICH.mcap`, with a number where that is taken."""
+    stem = f"{name}-{planner.rpartition(':')[2]}-{which}"
+    for number in range(1, 1000):
+        path = FOLDER / (f"{stem}{SUFFIX}" if number == 1 else f"{stem}-{number}{SUFFIX}")
+        if not path.exists() and not path.with_name(path.name + PART).exists():
+            return path
+    raise InputError("--out", str(FOLDER / stem), "given: every default name is taken")
+
+
+def timestamp() -> str:
+    """Now, for a file name."""
+    return time.strftime("%Y%m%d-%H%M%S")
+
+
+def check_output(path: Path, *, force: bool) -> None:
+    """Raise `InputError` where writing `path` would overwrite something."""
+    if path.suffix != SUFFIX:
+        raise InputError("--out", str(path), f"a name that ends in {SUFFIX}")
+    if path.is_dir():
+        raise InputError("--out", str(path), "a file, not a folder")
+    if path.exists() and not force:
+        raise InputError("--out", str(path), "a new file (or give --force)")
+
+
+def salvage_parts(folder: Path) -> list[Path]:
+    """Recover what killed runs have left in `folder`; the originals are kept as NAME.mcap.part.torn.
+
+    A part that a recorder still holds locked is a run in progress and is left alone.
+    """
+    return [found for part in sorted(folder.glob(f"*{SUFFIX}{PART}")) if (found := _salvage(part)) is not None]
+
+
+def _salvage(part: Path) -> Path | None:
+    try:
+        with part.open("rb") as held:
+            fcntl.flock(held, fcntl.LOCK_SH | fcntl.LOCK_NB)
+            if part.stat().st_size == 0 and time.time() - part.stat().st_mtime < 60:
+                return None
+            whole = part.with_name(part.name.removesuffix(SUFFIX + PART) + ".recovered" + SUFFIX)
+            _recover_new(part, whole)
+            part.rename(part.with_name(part.name + TORN))
+    except (BlockingIOError, FileNotFoundError):
+        return None
+    return whole if whole.exists() else None
+
+
+def _recover_new(part: Path, whole: Path) -> None:
+    """Recover `part` unless there is a recovered file already, or nothing can be read of it."""
+    try:
+        with whole.open("xb") as stream:
+            recover(part, stream)
+    except FileExistsError:
+        return
+    except RecordingError:
+        whole.unlink()
+
+
+def _remove_empty_logs(logs: Path) -> None:
+    for log in logs.glob("*.log"):
+        if log.stat().st_size == 0:
+            log.unlink()
+    if logs.exists() and not any(logs.iterdir()):
+        logs.rmdir()
+
+
+def _why(error: OSError) -> str:
+    return (error.strerror or str(error)).lower()
