@@ -178,6 +178,7 @@ def compute_metrics(recording: Recording, timings: Sequence[Timing] = ()) -> Met
     at_target = columns.away_m <= ARRIVED_M
     completed = bool(living.any() and at_target[-1][living].all())
     arrival = _arrival_slots(at_target)
+    slots = 1 + max((fix.slot for fix in recording.fixes), default=-1)
     commanded = {command.slot for command in recording.commands}
     first = min(commanded, default=None)
     last = int(arrival[living].max()) if completed else tracks.slots - 1
@@ -186,8 +187,8 @@ def compute_metrics(recording: Recording, timings: Sequence[Timing] = ()) -> Met
     separation = _separation(mission, tracks)
     return Metrics(
         uavs=len(tracks.uavs),
-        slots=1 + max((fix.slot for fix in recording.fixes), default=-1),
-        duration_s=mission.dt_s * (1 + max((fix.slot for fix in recording.fixes), default=-1)),
+        slots=slots,
+        duration_s=mission.dt_s * slots,
         completed=completed,
         arrived=int(at_target[-1].sum()),
         not_living=[uav for uav, alive in zip(tracks.uavs, living, strict=True) if not alive],

@@ -6,6 +6,7 @@ the simulator makes one without a file, by `Recording.from_messages`. Importing 
 `recording.tracks`, which does, is for metrics and guarantees.
 """
 
+from edc_swarm.recording.mcap_file import McapFile
 from edc_swarm.recording.model import Garbage, Recording
 from edc_swarm.recording.reader import read_recording, recover
 from edc_swarm.recording.sequences import Gap, find_gaps, unknown_tails
@@ -14,6 +15,7 @@ from edc_swarm.recording.writer import RecordingWriter
 __all__ = [
     "Gap",
     "Garbage",
+    "McapFile",
     "Recording",
     "RecordingWriter",
     "find_gaps",
