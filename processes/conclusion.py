@@ -4,10 +4,13 @@ from __future__ import annotations
 
 from pathlib import Path
 
-from edc_swarm.metrics import Metrics, compute_metrics, load_timings
+import msgspec
+
+from edc_swarm.invariants import check
+from edc_swarm.metrics import compute_metrics, load_timings
 from edc_swarm.recording import read_recording
 from processes.console import FAILED, note, print_json, stdout_console
-from processes.summary import print_metrics
+from processes.summary import print_guarantees, print_metrics
 
 OVERLOADED_PCT = 1.0
 """With more late ticks than this it was the machine, not the network, that was slow."""
@@ -16,16 +19,14 @@ OVERLOADED_PCT = 1.0
 def conclude(path: Path, *, as_json: bool) -> int:
     """Print what the recording at `path` says; the exit status."""
     recording = read_recording(path)
-    metrics = compute_metrics(recording, load_timings(path))
+    metrics, guarantees = compute_metrics(recording, load_timings(path)), check(recording)
     if as_json:
-        print_json(metrics)
+        print_json({**msgspec.to_builtins(metrics), "guarantees": guarantees, "recording": str(path)})
     else:
-        print_metrics(metrics, stdout_console())
+        console = stdout_console()
+        print_metrics(metrics, console)
+        print_guarantees(guarantees, console, limit=3)
         print(path)
-    _warn(metrics)
-    return 0 if metrics.completed else FAILED
-
-
-def _warn(metrics: Metrics) -> None:
     if metrics.ticks_late_pct > OVERLOADED_PCT:
         note(f"warning: the machine was overloaded: {metrics.ticks_late_pct:.1f} % of the ticks were late")
+    return 0 if metrics.completed and all(result.held for result in guarantees) else FAILED

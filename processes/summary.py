@@ -2,11 +2,12 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
 
 from rich.console import Console
 from rich.table import Table
 
+from edc_swarm.invariants import GuaranteeResult
 from edc_swarm.metrics import Metrics, Quantiles
 
 
@@ -18,6 +19,17 @@ def print_metrics(metrics: Metrics, console: Console) -> None:
     for name, value in _rows(metrics):
         table.add_row(name, value)
     console.print(table)
+
+
+def print_guarantees(results: Sequence[GuaranteeResult], console: Console, limit: int = 1000) -> None:
+    """Print the verdict on every guarantee, with the first `limit` violations of each."""
+    for result in results:
+        notes = f" ({'; '.join(result.notes)})" if result.notes else ""
+        console.print(f"{result.guarantee} {result.title}: {result.status.replace('-', ' ')}{notes}", markup=False)
+        for where in result.where[:limit]:
+            console.print(f"    {where}", markup=False)
+        if len(result.where) > limit:
+            console.print(f"    ... {len(result.where)} in all", markup=False)
 
 
 def _rows(m: Metrics) -> Iterable[tuple[str, str]]:
