@@ -172,6 +172,7 @@ class UavNode:
         self._response_ms = response_ms
         self._cpu_s = cpu_s
         self._pending: dict[int, Command] = {}
+        self._own: Command | None = None
         self._flown: Command | None = None
         self._gone: set[str] = set()
         self._said: tuple[Grant, bool] | None = None
@@ -199,10 +200,10 @@ class UavNode:
     def wakeup_ns(self, now_ns: int) -> int:
         """When to send the next `Tick`, in nanoseconds of the clock of `step`."""
         next_slot_ns = self._start_ns(self._slot_at(now_ns) + 1)
+        if self._own is not None or self._plan_due(now_ns):
+            return now_ns
         if not self._collecting():
             return next_slot_ns
-        if self._plan_due(now_ns):
-            return now_ns
         deadline_ns = self._deadline_ns()
         return min(next_slot_ns, deadline_ns) if now_ns < deadline_ns else next_slot_ns
 
@@ -215,6 +216,7 @@ class UavNode:
         """
         if self.ended:
             return []
+        self._take_own_command(now_ns)
         began = self._begin_slots(now_ns)
         match event:
             case Received(message):
@@ -317,6 +319,12 @@ class UavNode:
         if command.slot > self.slot and len(self._pending) < MAX_PENDING:
             self._pending[command.slot] = command
 
+    def _take_own_command(self, now_ns: int) -> None:
+        """Receive what this head commanded itself: in the step after planning, which may have taken too long."""
+        own, self._own = self._own, None
+        if own is not None and self._slot_at(now_ns) < own.slot:
+            self._take_command(own)
+
     def _take_report(self, report: Report) -> None:
         if report.has_quorum:
             self._knowledge.hear_report(report)
@@ -403,7 +411,7 @@ class UavNode:
         for command in outcome.commands:
             stamped = self._publish(command)
             if command.uav == self.uav:
-                self._pending[command.slot] = stamped
+                self._own = stamped
         self._vehicle.spend(compute_energy_j(outcome.report.plan_ms / 1e3, self._mission.head))
         self._election.planned()
         report = self._publish(self._with_succession(outcome.report))

@@ -20,7 +20,7 @@ from random import Random
 import msgspec
 
 from edc_swarm.config import NS_PER_S, Mission
-from edc_swarm.faults import Fault, parse_faults, resolve
+from edc_swarm.faults import ROUTER, Fault, parse_faults, resolve
 from edc_swarm.links import LinkEmulator, cut_pair
 from edc_swarm.messages import Command, Event, Fix, Keys, Message, MissionMessage, Report
 from edc_swarm.node import (
@@ -88,7 +88,7 @@ class Computer:
     frozen: bool = False
     backlog: list[NodeEvent] = field(default_factory=list)
     stopped_effects: list[Effect] = field(default_factory=list)
-    stop_mid_step: str = ""
+    stop_mid_step: Fault | None = None
     listening: bool = False
     busy_until_ns: int = 0
     slow_ms: float = 0.0
@@ -145,7 +145,7 @@ class Simulation:
         self._now_ns = mission.epoch_ns
         self._heap: list[tuple[int, int, Callable[[], None]]] = []
         self._order = count()
-        self._operator_seq = count()
+        self._operator_seq = 0
         self._random = Random(f"{mission.seed}/mid-step")
         self.monitor = MissionMonitor(mission)
         self.motions: list[Motion] = []
@@ -182,12 +182,15 @@ class Simulation:
             if computer.node is not None and not computer.frozen:
                 self._close(computer, computer.node)
         self._publish_event("end", "completed" if completed else "max_slots")
+        last = {self._keys.mission: 0, self._keys.event(OPERATOR): self._operator_seq}
+        self._publish_event("closed", msgspec.json.encode(last).decode())
         return SimulationEnd(completed, self.slot + 1, self.motions)
 
     # --- the mission's course ----------------------------------------------------------------
 
     def _begin(self) -> None:
-        self._record(self._keys.mission, self.mission, self._now_ns)
+        said = msgspec.structs.replace(self.mission, instance=OPERATOR, sent_ns=self._now_ns)
+        self._record(self._keys.mission, said, self._now_ns)
         for computer in self._computers.values():
             self._start(computer)
         for fault in self._faults:
@@ -227,7 +230,7 @@ class Simulation:
         entry = self.mission.roster[self._roster.index(computer.uav)]
         computer.lives += 1
         computer.frozen, computer.listening, computer.busy_until_ns = False, False, 0
-        computer.backlog, computer.stopped_effects, computer.stop_mid_step = [], [], ""
+        computer.backlog, computer.stopped_effects, computer.stop_mid_step = [], [], None
         computer.wake_ns = -1
         computer.node = UavNode(
             self.mission,
@@ -240,13 +243,16 @@ class Simulation:
         self.monitor.revive(computer.uav)
         self._step(computer, Tick())
 
-    def _kill(self, computer: Computer) -> None:
+    def _kill(self, computer: Computer, fault: Fault) -> None:
         if computer.node is None:
             return
         computer.node = None
         computer.frozen, computer.backlog, computer.stopped_effects = False, [], []
         comes_back = any(f.at_s > self._mission_s and computer.uav in f.left for f in self._to_restart)
-        if not comes_back:
+        if fault.for_s < float("inf"):
+            again = Fault("restart", (computer.uav,))
+            self._at(self._now_ns + self._ns_of(fault.for_s) - self.mission.epoch_ns, partial(self._do_restart, again))
+        elif not comes_back:
             computer.ended = True
             self.monitor.end(computer.uav)
         self._at(self._now_ns + HINT_NS, partial(self._hint, computer, computer.lives))
@@ -331,23 +337,23 @@ class Simulation:
     # --- effects -----------------------------------------------------------------------------
 
     def _carry_out(self, computer: Computer, effects: list[Effect]) -> None:
-        if computer.stop_mid_step and len(effects) > 1:
-            self._break_off(computer, effects)
+        if computer.stop_mid_step is not None and len(effects) > 1:
+            self._break_off(computer, computer.stop_mid_step, effects)
             return
         for effect in effects:
             self._carry_out_one(computer, effect)
 
-    def _break_off(self, computer: Computer, effects: list[Effect]) -> None:
+    def _break_off(self, computer: Computer, fault: Fault, effects: list[Effect]) -> None:
         """Die or freeze between two effects of one step, drawn at random."""
-        verb, computer.stop_mid_step = computer.stop_mid_step, ""
+        computer.stop_mid_step = None
         after = self._random.randrange(1, len(effects))
         self._carry_out(computer, effects[:after])
         rest = effects[after:]
-        if verb == "kill":
-            self._kill(computer)
+        if fault.verb == "kill":
+            self._kill(computer, fault)
         else:
             computer.stopped_effects = rest
-            self._freeze(computer, Fault("freeze"))
+            self._freeze(computer, fault)
 
     def _carry_out_one(self, computer: Computer, effect: Effect) -> None:
         match effect:
@@ -415,32 +421,33 @@ class Simulation:
         event = Event(
             source=OPERATOR,
             instance=OPERATOR,
-            seq=next(self._operator_seq),
+            seq=self._operator_seq,
             sent_ns=self._now_ns,
             slot=self.slot,
             kind=kind,
             detail=detail,
         )
+        self._operator_seq += 1
         self._record(self._keys.of(event), event, self._now_ns)
 
     def _do_kill(self, fault: Fault) -> None:
         computer = self._computers.get(fault.target)
         if computer is not None and "mid-step" in fault.flags and not computer.frozen:
-            computer.stop_mid_step = "kill"
+            computer.stop_mid_step = fault
         elif computer is not None:
-            self._kill(computer)
-        elif fault.target == "router":
+            self._kill(computer, fault)
+        elif fault.target == ROUTER:
             self._router_up_at_ns = self._ns_of(fault.end_s) if fault.for_s < float("inf") else 1 << 62
 
     def _do_restart(self, fault: Fault) -> None:
         computer = self._computers.get(fault.target)
         if computer is None:
-            if fault.target == "router":
+            if fault.target == ROUTER:
                 self._router_up_at_ns = self._now_ns + self._ns_of(ROUTER_OUTAGE_S) - self.mission.epoch_ns
             return
         if computer.ended and computer.node is not None:
             return
-        self._kill(computer)
+        self._kill(computer, fault)
         computer.ended = False
         if "lose-memory" in fault.flags:
             computer.promise = None
@@ -449,18 +456,17 @@ class Simulation:
     def _do_freeze(self, fault: Fault) -> None:
         computer = self._computers.get(fault.target)
         if computer is None:
-            return
-        if "mid-step" in fault.flags and not computer.frozen:
-            computer.stop_mid_step = "freeze"
-            end_ns = self._ns_of(fault.end_s) if fault.for_s < float("inf") else None
-            if end_ns is not None:
-                self._at(end_ns, partial(self._resume, computer))
+            self._do_kill(fault)
+        elif "mid-step" in fault.flags and not computer.frozen:
+            computer.stop_mid_step = fault
         else:
             self._freeze(computer, fault)
 
     def _do_resume(self, fault: Fault) -> None:
         if (computer := self._computers.get(fault.target)) is not None:
             self._resume(computer)
+        elif fault.target == ROUTER:
+            self._router_up_at_ns = self._now_ns
 
     def _do_partition(self, fault: Fault) -> None:
         cuts = cut_pair(
