@@ -37,6 +37,8 @@ class Child:
     """One `python -m MODULE`. Its first line and its end are told to `tell`; its errors go to `log`.
 
     Started from the main thread: the parent-death signal belongs to the thread that starts a child.
+    In a session of its own: Ctrl-C in a terminal, or a signal to the whole group, is for the command
+    alone, which ends its children in order.
     """
 
     def __init__(
@@ -59,6 +61,7 @@ class Child:
                 stdout=subprocess.PIPE,
                 stderr=output,
                 pass_fds=pass_fds,
+                start_new_session=True,
                 env={**os.environ, **SINGLE_THREADED},
             )
         if orders is not None and self._process.stdin is not None:

@@ -13,6 +13,7 @@ from typing import Protocol
 
 from edc_swarm.config import NS_PER_S
 from edc_swarm.faults import PROCESS_VERBS, RECORDER, ROUTER, Fault, parse_faults, resolve
+from edc_swarm.links import mission_s
 from edc_swarm.messages import MissionMessage
 from processes.operator import Operator
 
@@ -42,12 +43,22 @@ class Injector:
         self._processes = processes
         self._order = count()
         self._due: list[tuple[int, int, Callable[[], None]]] = []
-        for fault in parse_faults(mission):
+        self._faults = parse_faults(mission)
+        for fault in self._faults:
             self._at(fault.at_s, partial(self._inject, fault))
 
     def next_in_s(self) -> float:
         """Wall seconds until the next fault; infinite when there is none."""
         return (self._due[0][0] - time.time_ns()) / NS_PER_S if self._due else math.inf
+
+    def will_restart(self, name: str) -> bool:
+        """Whether a fault still to come starts `name` again."""
+        now_s = mission_s(time.time_ns() - self._mission.epoch_ns, self._mission.time_scale)
+        restarts = (fault.at_s if fault.verb == "restart" else fault.end_s for fault in self._faults_about(name))
+        return any(now_s < at_s < math.inf for at_s in restarts)
+
+    def _faults_about(self, name: str) -> list[Fault]:
+        return [fault for fault in self._faults if fault.verb in {"kill", "restart"} and name in fault.left]
 
     def inject_due(self) -> None:
         """Do all that is due."""

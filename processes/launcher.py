@@ -88,6 +88,7 @@ class Launcher:
         self._to_restart: set[str] = set()
         self._notes: list[str] = []
         self._operator: Operator | None = None
+        self._injector: Injector | None = None
         self._source: socket.socket | None = None
         self._endpoint = ""
         self._ending = False
@@ -191,6 +192,7 @@ class Launcher:
             mission=self._mission.name,
             uav=uav,
             state=str(self._output.state.resolve()),
+            measure_response=self._mission.elect == "response-time",
         )
         self._uavs[uav] = 0
         self._order(fork_source.Fork(settings=settings, log=str(self._output.log(uav).resolve())))
@@ -201,6 +203,7 @@ class Launcher:
         mission = mission_message(self._mission, time.time_ns() + EPOCH_AHEAD_NS)
         self.bus.publish_mission(mission)
         injector, monitor = Injector(mission, self), self.bus.monitor
+        self._injector = injector
         assert monitor is not None
         with ProgressBar(mission, shown=self._show_progress) as bar:
             while not self._over(mission):
@@ -215,7 +218,7 @@ class Launcher:
         """Whether all that still fly have arrived, time is over, or nobody is left."""
         slot = self.bus.slot_now()
         assert self.bus.monitor is not None
-        nobody_left = not self._uavs and not self._to_restart
+        nobody_left = not self._uavs and not self._to_restart and not any(map(self._comes_back, self._roster))
         return nobody_left or slot > mission.max_slots or (slot > 0 and self.bus.monitor.complete(slot - 1))
 
     def _outcome(self, mission: MissionMessage) -> str:
@@ -240,6 +243,10 @@ class Launcher:
             self.signal(name, signal.SIGKILL)
         else:
             self._revive(name)
+
+    def _comes_back(self, uav: str) -> bool:
+        """Whether a fault that is still to come starts it again."""
+        return self._injector is not None and self._injector.will_restart(uav)
 
     def _revive(self, name: str) -> None:
         self._to_restart.discard(name)
@@ -302,7 +309,7 @@ class Launcher:
 
     def _take_uav_exit(self, uav: str, status: int) -> None:
         self._uavs.pop(uav, None)
-        if self._operator is not None and self._operator.monitor is not None:
+        if self._operator is not None and self._operator.monitor is not None and not self._comes_back(uav):
             self._operator.monitor.end(uav)
         self._note_crash(uav, status)
         if uav in self._to_restart:

@@ -6,23 +6,22 @@ import math
 import statistics
 import time
 
-from edc_swarm.config import Mission, RosterEntry
+from edc_swarm.config import Mission
 from edc_swarm.planner.interface import PlanRequest
 
 UAVS = 12
 TRIALS = 5
 
 
-def measured_response_ms(mission: Mission, entry: RosterEntry) -> float:
-    """Milliseconds for the reference slot times the UAV's `compute_factor`; 0 unless it decides who leads.
+def measured_response_ms() -> float:
+    """Milliseconds that the reference slot takes, the same slot for every UAV and mission.
 
     Processor time, not wall time: K processes that measure at once on few cores would otherwise
-    measure one another. The factor lets unlike computers be emulated on one host.
+    measure one another.
     """
-    if mission.elect != "response-time":
-        return 0.0
     from edc_swarm.planner import make_planner, warm_up  # noqa: PLC0415  (imports numpy)
 
+    mission = Mission()
     warm_up(mission)
     request = _reference_slot(mission)
     times_ns = []
@@ -31,7 +30,7 @@ def measured_response_ms(mission: Mission, entry: RosterEntry) -> float:
         start_ns = time.thread_time_ns()
         planner.plan(request)
         times_ns.append(time.thread_time_ns() - start_ns)
-    return statistics.median(times_ns) / 1e6 * entry.compute_factor
+    return statistics.median(times_ns) / 1e6
 
 
 def _reference_slot(mission: Mission) -> PlanRequest:

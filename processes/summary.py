@@ -24,12 +24,17 @@ def print_metrics(metrics: Metrics, console: Console) -> None:
 def print_guarantees(results: Sequence[GuaranteeResult], console: Console, limit: int = 1000) -> None:
     """Print the verdict on every guarantee, with the first `limit` violations of each."""
     for result in results:
-        notes = f" ({'; '.join(result.notes)})" if result.notes else ""
+        notes = f" ({_some(result.notes, limit)})" if result.notes else ""
         console.print(f"{result.guarantee} {result.title}: {result.status.replace('-', ' ')}{notes}", markup=False)
         for where in result.where[:limit]:
             console.print(f"    {where}", markup=False)
         if len(result.where) > limit:
             console.print(f"    ... {len(result.where)} in all", markup=False)
+
+
+def _some(texts: Sequence[str], limit: int) -> str:
+    more = f"; ... {len(texts)} in all" if len(texts) > limit else ""
+    return "; ".join(texts[:limit]) + more
 
 
 def _rows(m: Metrics) -> Iterable[tuple[str, str]]:

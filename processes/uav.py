@@ -40,11 +40,12 @@ from edc_swarm.node import (
     WantPlanner,
 )
 from edc_swarm.planner.interface import Planner
-from processes.bus import is_connected, open_client, put
+from processes.bus import is_connected, open_client
 from processes.clock import WallClock
 from processes.ears import OPERATOR, Ears, Heard, Item, Malformed, Postbox, Token, decoded, sender_of
 from processes.faulty import Faulty
 from processes.inbox import Inbox
+from processes.outbox import Outbox
 from processes.peers import Peers
 from processes.planning import SlowPlanner, load_planner
 from processes.response import measured_response_ms
@@ -52,15 +53,21 @@ from processes.state import UavState
 
 IDLE_S = 1.0
 """Longest wait of the loop while there is no mission."""
+RETRY_S = 0.02
+"""Longest wait of the loop while messages wait for a router."""
 
 
 class UavSettings(Struct, frozen=True, kw_only=True):
-    """What a UAV process must be told; all else is in the mission message."""
+    """What a UAV process must be told; all else is in the mission message.
+
+    `measure_response`: measure the response time before connecting, not when the mission begins.
+    """
 
     endpoint: str
     mission: str
     uav: str
     state: str
+    measure_response: bool = False
 
 
 @dataclass(frozen=True, slots=True)
@@ -82,7 +89,9 @@ class UavProcess:
         self._peers = Peers()
         self._flight: Flight | None = None
         self._leaving = False
+        self._response_ms = measured_response_ms() if settings.measure_response else 0.0
         self._session = open_client(settings.endpoint)
+        self._outbox = Outbox(self._session)
         self._ears = Ears(self._session, self._keys, settings.uav, self._inbox)
         self._token = self._session.liveliness().declare_token(self._keys.alive(settings.uav, self._instance))
         self._ears.ask_for_mission()
@@ -94,12 +103,20 @@ class UavProcess:
     def run(self) -> None:
         """Work until told to leave, then say the last sequence numbers and go."""
         while not self._leaving:
-            for item in self._inbox.wait(self._timeout_s()):
+            for item in self._wait():
                 self._take(item)
             self._deliver_postponed()
             self._look_for_gone_peers()
             self._tick()
+            self._outbox.flush()
         self._close()
+
+    def _wait(self) -> list[Item]:
+        timeout_s = min(self._timeout_s(), RETRY_S if self._outbox.holds_back else IDLE_S)
+        start_s = time.monotonic()
+        items = self._inbox.wait(timeout_s)
+        self._outbox.doubt(time.monotonic() - start_s - timeout_s)
+        return items
 
     def _timeout_s(self) -> float:
         if self._flight is None:
@@ -148,13 +165,15 @@ class UavProcess:
         entry = next((entry for entry in mission.roster if entry.uav == self._settings.uav), None)
         if entry is None:
             raise InputError("uav", self._settings.uav, f"in the roster of mission {mission.name}")
+        if mission.elect == "response-time" and not self._response_ms:
+            self._response_ms = measured_response_ms()
         node = UavNode(
             mission,
             entry.uav,
             self._instance,
             self._state.promise,
             self._state.airframe,
-            response_ms=measured_response_ms(mission, entry),
+            response_ms=self._response_ms * entry.compute_factor,
             cpu_s=time.process_time,
         )
         postbox = Postbox(LinkEmulator(mission, entry.uav))
@@ -215,10 +234,11 @@ class UavProcess:
                     self._want_planner()
                 case Stop():
                     self._leaving = True
+        self._outbox.flush()
 
     def _publish(self, message: Message) -> None:
         stamped = msgspec.structs.replace(message, sent_ns=self._clock.now_ns())
-        put(self._session, self._keys.of(stamped), encode(stamped))
+        self._outbox.put(self._keys.of(stamped), encode(stamped))
 
     def _want_planner(self) -> None:
         assert self._flight is not None

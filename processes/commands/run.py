@@ -38,7 +38,7 @@ def run(
         for found in output.salvaged:
             note(f"recovered {found} from a run that was killed")
         report = Launcher(mission, output, listen=listen, show_progress=not options.json).run()
-        if not output.path.exists():
+        if output.part.exists():
             note(f"the recorder died; recovered {path}: {'; '.join(output.recover_part()) or 'nothing is missing'}")
     _tell(report, len(mission.roster))
     return conclude(path, as_json=options.json)
