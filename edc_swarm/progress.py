@@ -2,12 +2,17 @@
 
 from __future__ import annotations
 
-from edc_swarm.config import Mission
+import math
+
+from edc_swarm.config import Mission, RosterEntry
 from edc_swarm.messages import Fix, Report
 
 
 class MissionMonitor:
-    """Follows fixes and reports, and says when every UAV that still flies is at its target."""
+    """Follows fixes and reports, and says when every UAV that still flies is at its target.
+
+    A target that lies under a UAV which moves no more is not waited for.
+    """
 
     def __init__(self, mission: Mission) -> None:
         self._mission = mission
@@ -56,7 +61,27 @@ class MissionMonitor:
         return sum(fix.arrived for fix in self._newest.values())
 
     def complete(self, slot: int) -> bool:
-        """Whether the fixes of `slot` show every UAV that still flies at its target."""
-        flying = [entry.uav for entry in self._mission.roster if entry.uav not in self._ended]
-        fixes = (self._newest.get(uav) for uav in flying)
-        return bool(flying) and all(fix is not None and fix.slot >= slot and fix.arrived for fix in fixes)
+        """Whether the fixes of `slot` show every UAV that still flies where it can get."""
+        flying = [entry for entry in self._mission.roster if not self._grounded(entry.uav)]
+        return bool(flying) and all(self._there(entry, slot) for entry in flying)
+
+    def _grounded(self, uav: str) -> bool:
+        """Whether a UAV moves no more: it is gone, or lost its memory and grants nobody."""
+        fix = self._newest.get(uav)
+        return uav in self._ended or (fix is not None and not fix.voter)
+
+    def _there(self, entry: RosterEntry, slot: int) -> bool:
+        fix = self._newest.get(entry.uav)
+        return fix is not None and fix.slot >= slot and (fix.arrived or self._covered(entry))
+
+    def _covered(self, entry: RosterEntry) -> bool:
+        """Whether the disc of a UAV that moves no more covers this one's target: it can never get there."""
+        return any(
+            math.dist((entry.target_x_m, entry.target_y_m), self._centre_m(other)) < entry.r_m + other.r_m
+            for other in self._mission.roster
+            if self._grounded(other.uav)
+        )
+
+    def _centre_m(self, entry: RosterEntry) -> tuple[float, float]:
+        fix = self._newest.get(entry.uav)
+        return (entry.start_x_m, entry.start_y_m) if fix is None else (fix.waypoint_x_m, fix.waypoint_y_m)
