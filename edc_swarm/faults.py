@@ -1,6 +1,6 @@
 """What can go wrong on purpose: the fault vocabulary of mission files, `--fault` and the fuzzer.
 
-    kill TARGET [mid-step] @WHEN            the process dies (SIGKILL)
+    kill TARGET [mid-step] @WHEN [for D]    the process dies (SIGKILL), and is started again after D
     restart TARGET [lose-memory] @WHEN      it comes back, with or without its promise
     freeze TARGET [mid-step] @WHEN [for D]  it stops (SIGSTOP), and goes on after D (SIGCONT)
     resume TARGET @WHEN
@@ -31,6 +31,20 @@ from edc_swarm.errors import MissionError
 HEAD, STANDBY, RECORDER, ROUTER, REST, HALVES = "head", "standby", "recorder", "router", "rest", "halves"
 PROCESS_VERBS = frozenset({"kill", "restart", "freeze", "resume"})
 LINK_WORDS = ("delay", "jitter", "loss", "duplicate", "reorder")
+TARGETS = frozenset({HEAD, STANDBY})
+"""Words that stand for one UAV."""
+WORDS = {
+    **dict.fromkeys(PROCESS_VERBS, TARGETS | {RECORDER, ROUTER}),
+    "partition": TARGETS | {REST, HALVES},
+    "link": TARGETS | {"*"},
+    **dict.fromkeys(("clock", "gps", "slow"), TARGETS),
+}
+"""What a fault may name besides the UAVs of the roster."""
+LASTING_VERBS = frozenset({"kill", "freeze", "partition", "link", "slow"})
+"""Faults that may end by themselves, `for D`."""
+MOST = 1e9
+"""Largest time in seconds and largest quantity in a fault."""
+MOST_DRIFT_PPM = 500_000.0
 USAGE = "a fault such as 'kill head @10', 'freeze u003 @5s for 2s' or 'partition halves @10 for 20'"
 
 
@@ -68,8 +82,8 @@ class Fault:
     def __str__(self) -> str:
         """The canonical text, which `parse_fault` takes again."""
         words = [self.verb, *([_groups_text(self)] if self.left else []), *self.flags_shown(), *_numbers_text(self)]
-        lasting = [] if math.isinf(self.for_s) else ["for", f"{self.for_s:.12g}s"]
-        return " ".join([*words, f"@{self.at_s:.12g}s", *lasting])
+        lasting = [] if math.isinf(self.for_s) else ["for", f"{_number_text(self.for_s)}s"]
+        return " ".join([*words, f"@{_number_text(self.at_s)}s", *lasting])
 
     def flags_shown(self) -> list[str]:
         """Flags that stand in the text as words of their own."""
@@ -106,12 +120,12 @@ def parse_faults(mission: Mission) -> list[Fault]:
     MissionError
         A fault cannot be read, or names a UAV that is not in the roster.
     """
-    known = {entry.uav for entry in mission.roster} | {HEAD, STANDBY, RECORDER, ROUTER, REST, HALVES, "*"}
+    roster = {entry.uav for entry in mission.roster}
     faults = []
     for text in mission.fault:
         fault = parse_fault(text, mission.dt_s)
         for name in (*fault.left, *fault.right):
-            if name not in known:
+            if name not in roster | WORDS.get(fault.verb, frozenset()):
                 raise MissionError("fault", text, f"about a UAV of the roster, which {name} is not")
         faults.append(fault)
     return sorted(faults, key=lambda fault: fault.at_s)
@@ -147,7 +161,7 @@ def _parse_words(words: list[str], dt_s: float) -> Fault:
     tail = rest[when + 1 :]
     for_s = math.inf
     if tail:
-        if tail[0] != "for" or len(tail) != 2:
+        if tail[0] != "for" or len(tail) != 2 or verb not in LASTING_VERBS:
             raise ValueError(f"unexpected {' '.join(tail)}")
         for_s = _seconds(tail[1], dt_s)
     fault = _READERS[verb](verb, rest[:when])
@@ -160,8 +174,8 @@ def _seconds(text: str, dt_s: float) -> float:
 
 
 def _finite(value: float) -> float:
-    if not math.isfinite(value) or value < 0:
-        raise ValueError("a time or quantity must be finite and not negative")
+    if not 0 <= value <= MOST:
+        raise ValueError(f"a time or quantity must be from 0 to {MOST:g}")
     return value
 
 
@@ -178,7 +192,10 @@ def _read_partition(verb: str, words: list[str]) -> Fault:
         return Fault(verb, (HALVES,))
     one_way = ">" in groups
     left, right = groups.split(">" if one_way else "|")
-    return Fault(verb, tuple(left.split(",")), tuple(right.split(",")), ("one-way",) if one_way else ())
+    names = left.split(","), right.split(",")
+    if HALVES in (*names[0], *names[1]) or (REST in (*names[0], *names[1]) and (names.count([REST]) != 1)):
+        raise ValueError("halves stands alone, and rest is one whole group of the two")
+    return Fault(verb, tuple(names[0]), tuple(names[1]), ("one-way",) if one_way else ())
 
 
 def _read_heal(verb: str, words: list[str]) -> Fault:
@@ -194,14 +211,17 @@ def _read_link(verb: str, words: list[str]) -> Fault:
     if any(name not in LINK_WORDS for name, _ in pairs):
         raise ValueError(f"a link takes {', '.join(LINK_WORDS)}")
     numbers = tuple((fields.get(name, name), _finite(float(value))) for name, value in pairs)
+    if any(value > 1 for name, value in numbers if name not in fields.values()):
+        raise ValueError("a probability is at most 1")
     return Fault(verb, (sender,), (receiver,), numbers=numbers)
 
 
 def _read_clock(verb: str, words: list[str]) -> Fault:
     fields = {"offset": "offset_ms", "drift": "drift_ppm"}
     numbers = tuple((fields[name], float(value)) for name, value in zip(words[1::2], words[2::2], strict=True))
-    if not numbers or not all(math.isfinite(value) for _, value in numbers):
-        raise ValueError("clock takes offset MS and drift PPM, finite")
+    most = {"offset_ms": MOST, "drift_ppm": MOST_DRIFT_PPM}
+    if not numbers or not all(abs(value) <= most[name] for name, value in numbers):
+        raise ValueError(f"clock takes offset MS up to {MOST:g} and drift PPM up to {MOST_DRIFT_PPM:g}, either way")
     return Fault(verb, (words[0],), numbers=numbers)
 
 
@@ -237,5 +257,11 @@ def _groups_text(fault: Fault) -> str:
 
 def _numbers_text(fault: Fault) -> list[str]:
     if fault.verb == "slow":
-        return [f"{fault.number('by_ms'):.12g}"]
-    return [word for name, value in fault.numbers for word in (name.split("_")[0], f"{value:.12g}")]
+        return [_number_text(fault.number("by_ms"))]
+    return [word for name, value in fault.numbers for word in (name.split("_")[0], _number_text(value))]
+
+
+def _number_text(value: float) -> str:
+    """Twelve digits where they are exact, else all that it takes."""
+    short = f"{value:.12g}"
+    return short if float(short) == value else repr(value)

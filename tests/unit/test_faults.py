@@ -1,0 +1,186 @@
+"""The fault vocabulary: what is read, what is refused, and who is meant."""
+
+from __future__ import annotations
+
+import math
+
+import pytest
+
+from edc_swarm.config import Mission, RosterEntry
+from edc_swarm.errors import MissionError
+from edc_swarm.faults import Fault, parse_fault, parse_faults, resolve
+
+ROSTER = ("u001", "u002", "u003", "u004", "u005")
+
+
+def mission_with(*faults: str) -> Mission:
+    """A mission of five UAVs with the given faults."""
+    roster = [
+        RosterEntry(
+            uav=uav, start_x_m=20.0 * k, start_y_m=0, target_x_m=20.0 * k, target_y_m=9, r_m=5, body_m=1, energy_j=1e4
+        )
+        for k, uav in enumerate(ROSTER)
+    ]
+    return Mission(uavs=5, roster=roster, fault=list(faults))
+
+
+@pytest.mark.parametrize(
+    ("text", "fault"),
+    [
+        ("kill head @10", Fault("kill", ("head",), at_s=5.0)),
+        ("kill u001 mid-step @1.5s", Fault("kill", ("u001",), flags=("mid-step",), at_s=1.5)),
+        ("kill router @2 for 4", Fault("kill", ("router",), at_s=1.0, for_s=2.0)),
+        ("restart u001 lose-memory @3", Fault("restart", ("u001",), flags=("lose-memory",), at_s=1.5)),
+        ("freeze u003 @5s for 2s", Fault("freeze", ("u003",), at_s=5.0, for_s=2.0)),
+        ("resume u003 @8", Fault("resume", ("u003",), at_s=4.0)),
+        ("partition halves @10 for 20", Fault("partition", ("halves",), at_s=5.0, for_s=10.0)),
+        ("partition u1,u2|rest @0", Fault("partition", ("u1", "u2"), ("rest",), at_s=0.0)),
+        ("partition head>rest @0", Fault("partition", ("head",), ("rest",), ("one-way",), at_s=0.0)),
+        ("heal @4", Fault("heal", at_s=2.0)),
+        (
+            "link u1>* delay 20 jitter 5 loss 0.1 duplicate 0.2 reorder 0.3 @0",
+            Fault(
+                "link",
+                ("u1",),
+                ("*",),
+                numbers=(("delay_ms", 20), ("jitter_ms", 5), ("loss", 0.1), ("duplicate", 0.2), ("reorder", 0.3)),
+            ),
+        ),
+        ("clock u1 offset -2 drift 5 @0", Fault("clock", ("u1",), numbers=(("offset_ms", -2), ("drift_ppm", 5)))),
+        ("gps u1 gauss-markov @2", Fault("gps", ("u1",), flags=("gauss-markov",), at_s=1.0)),
+        ("slow standby 300 @2 for 3", Fault("slow", ("standby",), numbers=(("by_ms", 300.0),), at_s=1.0, for_s=1.5)),
+    ],
+)  # fmt: skip
+def test_every_verb_is_read(text: str, fault: Fault) -> None:
+    """Every line of the grammar, slots being half a second long."""
+    assert parse_fault(text, 0.5) == fault
+
+
+@pytest.mark.parametrize(
+    "text",
+    [
+        "",
+        "kill",
+        "kill head",
+        "kill @3",
+        "explode head @3",
+        "kill head @",
+        "kill head @soon",
+        "kill head @-1",
+        "kill head @nan",
+        "kill head @inf",
+        "kill head @1e300s",
+        "kill head @3 later",
+        "kill head @3 for",
+        "kill head @3 for 2 4",
+        "kill head @3 for -1",
+        "kill head @3 for inf",
+        "kill head lose-memory @3",
+        "restart head mid-step @3",
+        "restart head @3 for 2",
+        "resume head mid-step @3",
+        "partition @3",
+        "partition u1 @3",
+        "partition u1|u2|u3 @3",
+        "partition u1|u2 u3 @3",
+        "partition rest|rest @3",
+        "partition rest,u1|u2 @3",
+        "partition halves|u1 @3",
+        "heal u1 @3",
+        "heal @3 for 2",
+        "link @3",
+        "link u1 @3",
+        "link u1>u2>u3 @3",
+        "link u1>u2 loss @3",
+        "link u1>u2 loss 1.5 @3",
+        "link u1>u2 loss -0.1 @3",
+        "link u1>u2 loss nan @3",
+        "link u1>u2 speed 3 @3",
+        "link u1>u2 delay 1e300 @3",
+        "clock u1 @3",
+        "clock u1 offset @3",
+        "clock u1 offset inf @3",
+        "clock u1 drift -1000000 @3",
+        "clock u1 speed 3 @3",
+        "clock u1 offset 3 @3 for 2",
+        "gps u1 @3",
+        "gps u1 perfect @3",
+        "gps u1 none @3 for 3",
+        "slow u1 @3",
+        "slow u1 -3 @3",
+        "slow u1 1e300 @3",
+    ],
+)
+def test_bad_faults_are_refused_in_one_line(text: str) -> None:
+    """The message names the field, the whole text and what is allowed."""
+    with pytest.raises(MissionError) as caught:
+        parse_fault(text, 0.5)
+    assert str(caught.value).startswith(f"fault = {text!r}: must be a fault such as ")
+    assert "\n" not in str(caught.value)
+
+
+@pytest.mark.parametrize(
+    "text",
+    [
+        "kill u009 @3",
+        "kill rest @3",
+        "kill halves @3",
+        "kill * @3",
+        "freeze u001,u002 @3",
+        "partition u001|u009 @3",
+        "partition *|u001 @3",
+        "partition |u001 @3",
+        "partition router|rest @3",
+        "link u001>rest @3",
+        "link u001>u009 @3",
+        "clock router offset 3 @3",
+        "gps recorder none @3",
+        "slow rest 3 @3",
+    ],
+)
+def test_faults_are_about_uavs_of_the_roster(text: str) -> None:
+    """A name that is neither in the roster nor a word of that verb is refused."""
+    with pytest.raises(MissionError, match="about a UAV of the roster"):
+        parse_faults(mission_with(text))
+
+
+def test_faults_come_by_time() -> None:
+    """The order in the mission file does not matter."""
+    faults = parse_faults(mission_with("kill u002 @9", "kill router @1s", "heal @3"))
+    assert [fault.verb + "".join(fault.left) for fault in faults] == ["killrouter", "heal", "killu002"]
+
+
+@pytest.mark.parametrize(
+    ("text", "left", "right"),
+    [
+        ("kill head @1", ("u003",), ()),
+        ("kill standby @1", ("u001",), ()),
+        ("kill router @1", ("router",), ()),
+        ("partition halves @1", ("u001", "u002"), ("u003", "u004", "u005")),
+        ("partition head|rest @1", ("u003",), ("u001", "u002", "u004", "u005")),
+        ("partition rest>head @1", ("u001", "u002", "u004", "u005"), ("u003",)),
+        ("partition head,standby|u002 @1", ("u003", "u001"), ("u002",)),
+        ("link head>* @1", ("u003",), ("*",)),
+    ],
+)
+def test_words_become_ids(text: str, left: tuple[str, ...], right: tuple[str, ...]) -> None:
+    """`head`, `standby`, `halves` and `rest` mean those of the moment; order and direction stay."""
+    found = resolve(parse_fault(text, 0.5), "u003", ["u001", "u005"], ROSTER)
+    assert found is not None
+    assert (found.left, found.right) == (left, right)
+
+
+@pytest.mark.parametrize("text", ["kill head @1", "kill standby @1", "partition head|rest @1", "link *>head @1"])
+def test_nobody_to_be_meant(text: str) -> None:
+    """While there is no head and no standby, such a fault has no target."""
+    assert resolve(parse_fault(text, 0.5), "", [], ROSTER) is None
+
+
+def test_times() -> None:
+    """A fault without `for` is for good; the link rule has the fault's window."""
+    assert parse_fault("partition halves @4", 0.5).end_s == math.inf
+    rule = parse_fault("link u1>* loss 0.25 delay 7 @4 for 6", 0.5).link()
+    assert (rule.sender, rule.receiver, rule.loss, rule.delay_ms, rule.start_s, rule.end_s) == (
+        "u1", "*", 0.25, 7.0, 2.0, 5.0,
+    )  # fmt: skip
+    assert parse_fault("link u1>* loss 0.25 @4", 0.5).link().end_s == 1e9
