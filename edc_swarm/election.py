@@ -71,6 +71,8 @@ class Election:
         self.slot = -1
         self.suspects = True
         self.standbys: tuple[str, ...] = ()
+        self._in_vain: set[str] = set()
+        self._was_led = True
         self._lease_until = -1
         self._suspects_since = -1
         self._granted_slot = 0
@@ -143,10 +145,13 @@ class Election:
         self._renew()
 
     def ranked(self, among: Sequence[Fix]) -> list[str]:
-        """Ids of voters by the mission's criterion, best first, ties in roster order."""
+        """Ids of voters by the mission's criterion, best first, ties in roster order.
+
+        Those who suspect their head, and so may not hear, come last.
+        """
         voters = [fix for fix in among if fix.voter]
         key = _CRITERIA[self._mission.elect]
-        return [fix.uav for fix in sorted(voters, key=lambda fix: (key(fix), self._order[fix.uav]))]
+        return [fix.uav for fix in sorted(voters, key=lambda fix: (fix.suspects, key(fix), self._order[fix.uav]))]
 
     def pick_successor(self, heard: Sequence[Fix], everyone_heard: bool) -> Grant | None:
         """The grant that the head's next report asks for, or None to stay.
@@ -179,9 +184,13 @@ class Election:
     def _renew(self) -> None:
         self._lease_until = self.slot + self._mission.lease_slots
         self.suspects = False
+        self._was_led = True
+        self._in_vain.clear()
 
     def _suspect(self) -> None:
         if not self.suspects:
+            if not self._was_led:
+                self._in_vain.add(self.head)
             self.suspects = True
             self._suspects_since = self.slot
 
@@ -196,6 +205,7 @@ class Election:
         self._lease_until = self.slot + self._mission.lease_slots
         self._suspects_since = self.slot
         self._claimable_since = None
+        self._was_led = False
         self.suspects = False
 
     def _hear_claim(self, report: Report, theirs: Grant) -> None:
@@ -251,13 +261,18 @@ class Election:
         return waited >= self._mission.lease_slots
 
     def _grant_best_candidate(self) -> None:
-        """Grant (highest term heard + 1, best candidate), if a quorum is looking for a head."""
+        """Grant (highest term heard + 1, best candidate), if a quorum is looking for a head.
+
+        A UAV that was granted in vain, since it cannot hear or cannot plan, has its turn again after
+        all others.
+        """
         since = self.slot - self._mission.lease_slots
         seen = [fix for fix in self._knowledge.recent(since) if fix.suspects or fix.uav == self._uav]
         if len(seen) < self._mission.quorum:
             return
         highest = max(self.term, *(fix.term for fix in seen))
-        self._adopt((highest + 1, self.ranked(seen)[0]))
+        fresh = [fix for fix in seen if fix.uav not in self._in_vain]
+        self._adopt((highest + 1, self.ranked(fresh or seen)[0]))
 
 
 HANDOVER_SLOTS = 20
