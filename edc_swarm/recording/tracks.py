@@ -3,11 +3,13 @@
 A UAV publishes its waypoint in the fix of each slot; a slot without a fix is a slot in which it
 stayed, unless its truth or its next fix shows that it had accepted a step and then said nothing
 (a process can die between accepting a step and saying so). Fixes of a UAV that lost its memory
-(`voter` false) say nothing about the disc, which stays where it was.
+(`voter` false) say nothing about the disc; its truth still does, since disc and UAV move by the
+same vector.
 """
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from operator import attrgetter
@@ -26,8 +28,9 @@ Ints = NDArray[np.int64]
 Point = tuple[float, float]
 MAX_CELLS = 100_000_000
 """Most UAV-slots that are examined."""
-Moved = dict[tuple[int, int], bool]
-"""By slot and UAV: whether the recorded truth moved."""
+TRUTH_TOLERANCE_M = 1e-9
+Cell = tuple[int, int]
+"""Slot and UAV."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -101,12 +104,14 @@ def tracks_of(recording: Recording) -> Tracks:
     voters = [f for f in fixes if f.voter]
     slot, uav = _cells(voters, index)
     centre_m[slot + 1, uav] = _points(voters, "waypoint")
-    silent = list(_silent_steps(recording, centre_m, executed))
+    silent = list(_silent_steps(recording, truths, true_cells, centre_m, executed))
     for step in silent:
         executed[step.slot, step.uav] = True
         centre_m[step.slot + 1, step.uav] = (step.command.target_x_m, step.command.target_y_m)
     _fill_forward(centre_m)
     true_from_m, true_to_m = _true_motion(truths, true_cells, centre_m)
+    for t, k in _flown_before_birth(silent, truths, index):
+        true_from_m[t, k] = true_to_m[t, k] - (centre_m[t + 1, k] - centre_m[t, k])
     return Tracks(list(index), centre_m, true_from_m, true_to_m, heard, executed, energy_j, silent)
 
 
@@ -132,35 +137,74 @@ def _fill_forward(centre_m: Floats) -> None:
 
 
 def _true_motion(truths: list[Truth], cells: tuple[Ints, Ints], centre_m: Floats) -> tuple[Floats, Floats]:
-    """True positions; where a slot has none, the disc's centre plus the UAV's first known offset."""
+    """True positions; where a slot has none, the disc's centre plus the UAV's first known offset.
+
+    A slot with several truths (of a process and its successor) is one motion, from first to last.
+    """
     starts_m, ends_m = centre_m[:-1], centre_m[1:]
     to_m = _points(truths, "to")
-    offset_m = np.full(centre_m.shape[1:], np.nan)
-    offset_m[cells[1][::-1]] = (to_m - ends_m[cells])[::-1]
+    offset_m = _offsets_m(to_m, cells, ends_m)
     true_from_m, true_to_m = starts_m + offset_m, ends_m + offset_m
-    true_from_m[cells] = _points(truths, "from")
+    true_from_m[cells[0][::-1], cells[1][::-1]] = _points(truths, "from")[::-1]
     true_to_m[cells] = to_m
     return true_from_m, true_to_m
 
 
-def _silent_steps(recording: Recording, centre_m: Floats, executed: Bools) -> Iterator[Step]:
+def _offsets_m(to_m: Floats, cells: tuple[Ints, Ints], ends_m: Floats) -> Floats:
+    """(K, 2): how far each UAV is from the centre of its disc where both are first known, else NaN."""
+    offset_m = np.full(ends_m.shape[1:], np.nan)
+    apart_m = to_m - ends_m[cells]
+    known = ~np.isnan(apart_m[:, 0])
+    offset_m[cells[1][known][::-1]] = apart_m[known][::-1]
+    return offset_m
+
+
+def _flown_before_birth(silent: Sequence[Step], truths: Sequence[Truth], index: dict[str, int]) -> set[Cell]:
+    """Silent steps in whose slot a successor already tells its first truth, from where it found itself."""
+    if not silent:
+        return set()
+    births: dict[tuple[str, str], Cell] = {}
+    for truth in truths:
+        births.setdefault((truth.uav, truth.instance), (truth.slot, index[truth.uav]))
+    return {(step.slot, step.uav) for step in silent} & set(births.values())
+
+
+@dataclass(frozen=True, slots=True)
+class _Sightings:
+    """What is recorded of one UAV in the slots of which no fix says what its disc did."""
+
+    commands: dict[int, list[Command]]
+    moved: dict[int, bool]
+    disc_m: dict[int, Point]
+
+    def agrees(self, slot: int, start: Point, end: Point) -> bool:
+        """Whether the truth of the slot, if there is one, allows this motion of the disc."""
+        if slot in self.disc_m:
+            return math.dist(self.disc_m[slot], end) <= TRUTH_TOLERANCE_M
+        return self.moved.get(slot, start != end) == (start != end)
+
+
+def _silent_steps(
+    recording: Recording, truths: list[Truth], cells: tuple[Ints, Ints], centre_m: Floats, executed: Bools
+) -> Iterator[Step]:
     """Steps in slots without a (trustworthy) fix, for every UAV that has such slots."""
     unsaid = np.isnan(centre_m[1:, :, 0])
     if not unsaid.any():
         return
     index = roster_index(recording.mission.roster)
-    commands: dict[tuple[int, int], list[Command]] = {}
+    disc_m = _points(truths, "to") - _offsets_m(_points(truths, "to"), cells, centre_m[1:])[cells[1]]
+    seen = {k: _Sightings({}, {}, {}) for k in np.flatnonzero(unsaid.any(axis=0)).tolist()}
     for command in recording.commands:
-        if command.uav in index:
-            commands.setdefault((command.slot, index[command.uav]), []).append(command)
-    moved: Moved = {
-        (t.slot, index[t.uav]): (t.from_x_m, t.from_y_m) != (t.to_x_m, t.to_y_m)
-        for t in recording.truths
-        if t.uav in index
-    }
-    for k in np.flatnonzero(unsaid.any(axis=0)):
+        if index.get(command.uav) in seen:
+            seen[index[command.uav]].commands.setdefault(command.slot, []).append(command)
+    for truth, (x_m, y_m) in zip(truths, disc_m.tolist(), strict=True):
+        if (k := index[truth.uav]) in seen:
+            seen[k].moved[truth.slot] = (truth.from_x_m, truth.from_y_m) != (truth.to_x_m, truth.to_y_m)
+            if not math.isnan(x_m):
+                seen[k].disc_m[truth.slot] = (x_m, y_m)
+    for k, sightings in seen.items():
         for first, after in _runs(unsaid[:, k]):
-            yield from _explained(int(k), first, after, commands, moved, centre_m, executed)
+            yield from _explained(k, first, after, sightings, centre_m, executed)
 
 
 def _runs(flags: Bools) -> Iterator[tuple[int, int]]:
@@ -170,30 +214,24 @@ def _runs(flags: Bools) -> Iterator[tuple[int, int]]:
 
 
 def _explained(
-    k: int,
-    first: int,
-    after: int,
-    commands: dict[tuple[int, int], list[Command]],
-    moved: Moved,
-    centre_m: Floats,
-    executed: Bools,
+    k: int, first: int, after: int, sightings: _Sightings, centre_m: Floats, executed: Bools
 ) -> Iterator[Step]:
     """The commands of slots first..after-1 that UAV `k` must have flown to be where it is seen next.
 
-    Walks through the slots with every point it can have reached; a recorded truth decides whether
-    it moved in that slot, otherwise both are possible and staying is preferred.
+    Walks through the slots with every point it can have reached; a recorded truth decides where it
+    was at the end of its slot, otherwise all are possible and staying is preferred.
     """
     earlier = centre_m[: first + 1, k]
     start = _point(earlier[np.flatnonzero(~np.isnan(earlier[:, 0]))[-1]])
     paths: dict[Point, tuple[Step, ...]] = {start: ()}
     for slot in range(first, after):
-        paths = _advanced(paths, k, slot, commands.get((slot, k), []), moved.get((slot, k)))
+        paths = _advanced(paths, k, slot, sightings)
     if after == len(executed):
         yield from next(iter(paths.values()))
         return
     seen = _point(centre_m[after + 1, k])
     for point, path in paths.items():
-        flown = (c for c in commands.get((after, k), []) if (c.start_x_m, c.start_y_m) == point)
+        flown = (c for c in sightings.commands.get(after, []) if (c.start_x_m, c.start_y_m) == point)
         ends = [(c.target_x_m, c.target_y_m) for c in flown] if executed[after, k] else [point]
         if seen in ends:
             yield from path
@@ -201,16 +239,14 @@ def _explained(
 
 
 def _advanced(
-    paths: dict[Point, tuple[Step, ...]], k: int, slot: int, commands: list[Command], moved: bool | None
+    paths: dict[Point, tuple[Step, ...]], k: int, slot: int, sightings: _Sightings
 ) -> dict[Point, tuple[Step, ...]]:
-    reached = {} if moved else dict(paths)
-    if moved is False:
-        return reached
-    for command in commands:
-        end = (command.target_x_m, command.target_y_m)
-        path = paths.get((command.start_x_m, command.start_y_m))
-        if path is not None:
-            reached.setdefault(end, (*path, Step(k, slot, command)))
+    """Where the UAV can be a slot later; where it was when nothing explains what is recorded."""
+    reached = {point: path for point, path in paths.items() if sightings.agrees(slot, point, point)}
+    for command in sightings.commands.get(slot, []):
+        start, end = (command.start_x_m, command.start_y_m), (command.target_x_m, command.target_y_m)
+        if start in paths and sightings.agrees(slot, start, end):
+            reached.setdefault(end, (*paths[start], Step(k, slot, command)))
     return reached or paths
 
 

@@ -10,6 +10,7 @@ from edc_swarm.errors import RecordingError
 from edc_swarm.invariants import GuaranteeResult, Violation, check
 from edc_swarm.messages import Command, Event, Fix, Message, MissionMessage, Report, Truth
 
+NOTHING_FLOWN = {"executing": False, "command_term": -1, "command_seq": -1}
 ALL = ("G1", "G2", "G3", "G4", "G5", "G7")
 
 
@@ -267,6 +268,53 @@ def test_the_truth_tells_of_a_last_step() -> None:
     assert verdicts["G2"].status == verdicts["G4"].status == "held"
     drop(messages, Command, uav="u2", slot=4)
     assert found(messages, "G4", "truth-moved").slot == 4
+
+
+def forgot_after_slot_4(back: int) -> list[Message]:
+    """u2 accepts its step of slot 4, dies unheard and is back in slot `back` without its memory."""
+    paths = parallel()
+    paths[2] = [*paths[2][:5], *[paths[2][4]] * 10]
+    messages = flight(paths)
+    for slot in range(4, back):
+        drop(messages, Fix, uav="u2", slot=slot)
+        drop(messages, Truth, uav="u2", slot=slot)
+    (x_m, y_m), (ox_m, oy_m) = paths[2][4], OFFSET_M
+    here = {"from_x_m": x_m + ox_m, "from_y_m": y_m + oy_m, "to_x_m": x_m + ox_m, "to_y_m": y_m + oy_m}
+    for slot in range(back, 20):
+        instance = {"instance": "i2b", "seq": slot - back}
+        change(messages, {"uav": "u2", "slot": slot}, Fix, **NOTHING_FLOWN, **instance, voter=False, term=0, head="")
+        change(messages, {"uav": "u2", "slot": slot}, Truth, **here, **instance)
+    drop(messages, Event, instance="i2")
+    messages[:] = [m for m in messages if not (isinstance(m, Command) and m.uav == "u2" and m.slot > 5)]
+    return messages
+
+
+@pytest.mark.parametrize("back", [4, 5, 6])
+def test_the_truth_tells_of_a_step_that_was_forgotten(back: int) -> None:
+    """Across a loss of memory the truth is one commanded step further: the disc has moved with it."""
+    messages = forgot_after_slot_4(back)
+    verdicts = results(messages)
+    assert [verdicts[guarantee].where for guarantee in ("G2", "G3", "G4")] == [[], [], []]
+    drop(messages, Command, uav="u2", slot=4)
+    assert "G4" in broken(messages)
+
+
+def test_one_and_the_same_process_cannot_forget_a_step() -> None:
+    """Without a restart in between, a truth that jumps is a jump."""
+    messages = forgot_after_slot_4(back=4)
+    change(messages, {"uav": "u2", "instance": "i2b"}, Truth, instance="i2")
+    assert found(messages, "G4", "truth-jumped").slot == 4
+
+
+def test_two_truths_of_one_slot_are_one_motion(messages: list[Message]) -> None:
+    """A UAV that says its step, dies, and comes back in the same slot without memory says it holds."""
+    truth = next(m for m in messages if isinstance(m, Truth) and m.uav == "u2" and m.slot == 8)
+    held = {"from_x_m": truth.to_x_m, "from_y_m": truth.to_y_m, "instance": "i2b", "seq": 0}
+    messages.append(msgspec.structs.replace(truth, **held))
+    assert results(messages)["G2"].held
+    assert results(messages)["G4"].held
+    messages[-1] = msgspec.structs.replace(truth, **{**held, "to_x_m": truth.to_x_m + 0.5})
+    assert found(messages, "G2", "truth-differs").value_m == pytest.approx(0.5)
 
 
 # --- G3 --------------------------------------------------------------------------------------
