@@ -64,6 +64,10 @@ class Tuning:
         Expansions of one search, and of one slot.
     rounds
         Rounds of nudging way points.
+    easy
+        Slots of extra effort below which a plan that passes everyone on one side needs no search.
+    delay
+        Slots by which a plan may be put off before it is made anew.
     """
 
     look_ahead: int = 32
@@ -76,6 +80,8 @@ class Tuning:
     expand: int = 600
     budget: int = 60_000
     rounds: int = 3
+    delay: int = 4
+    easy: float = 1.0
 
     @property
     def layers(self) -> int:
@@ -124,11 +130,11 @@ class Guidance:
         self._remember(scene)
         plans = self._memory.plans_of(scene.uav)
         world = self._world(scene)
-        kernel.populate(world, plans)
+        kernel.populate(world, plans, self._tuning.delay)
         tuning = self._tuning
         kernel.sweep(
             world, plans, self._scratch, scene.uav, scene.slot, self._seed, tuning.layers, tuning.side,
-            tuning.greed, tuning.expand, tuning.budget, tuning.rounds,
+            tuning.greed, tuning.expand, tuning.budget, tuning.rounds, tuning.easy,
         )  # fmt: skip
         self._memory.store(scene.uav, plans)
         return world.track[: len(scene.uav), 1].copy()
@@ -170,20 +176,24 @@ class Guidance:
             goal_m=np.concatenate([scene.goal_m, scene.obstacle_m]),
             r_m=np.maximum(r_m, 1e-6),
             luck=luck,
-            gamma=tuning.gamma ** np.arange(slots),
+            gamma=np.power(tuning.gamma, np.arange(slots), dtype=np.float64),
             head=np.empty((slots, int(cells.prod())), np.int32),
-            link=np.empty((slots, len(r_m)), np.int32),
-            low_m=low_m - margin * cell_m,
-            cells=cells,
-            cell_m=cell_m,
-            u_max_m=self._u_max_m,
-            weight_time=weight_time,
-            weight_distance=weight_distance,
-            delta_m=DELTA_M,
-            touch=tuning.touch,
-            depth=tuning.depth,
-            patience=tuning.patience,
-            cap=tuning.cap,
+            link=np.empty((slots, 9 * len(r_m)), np.int32),
+            rules=kernel.Rules(
+                u_max_m=self._u_max_m,
+                weight_time=weight_time,
+                weight_distance=weight_distance,
+                delta_m=DELTA_M,
+                touch=tuning.touch,
+                depth=tuning.depth,
+                patience=tuning.patience,
+                cap=tuning.cap,
+                low_x_m=float(low_m[0]) - margin * cell_m,
+                low_y_m=float(low_m[1]) - margin * cell_m,
+                per_cell=1 / cell_m,
+                rows=int(cells[0]),
+                columns=int(cells[1]),
+            ),
         )
 
 
@@ -198,7 +208,8 @@ class _Memory:
 
     @staticmethod
     def empty(size: int, points: int) -> _Memory:
-        plans = kernel.Plans(np.zeros(size, np.int64), np.zeros((size, points), np.int64), np.zeros((size, points, 2)))
+        counts, slots = np.zeros((2, size), np.int64), np.zeros((size, points), np.int64)
+        plans = kernel.Plans(counts[0], counts[1], slots, np.zeros((size, points, 2)))
         return _Memory(np.zeros(size, dtype=bool), np.zeros(size), np.zeros(size), plans)
 
     def grown(self, size: int) -> _Memory:
@@ -214,14 +225,15 @@ class _Memory:
 
     def advance(self, uav: Indices, known: NDArray[np.bool_], elapsed: int) -> None:
         """Move way points `elapsed` slots nearer; forget the plans of UAVs that were not here."""
-        self.plans.count[uav[~known]] = 0
+        self.plans.size[uav[~known]] = 0
         self.present[:] = False
         self.present[uav] = True
         self.plans.slot[uav] -= elapsed
 
     def plans_of(self, uav: Indices) -> kernel.Plans:
         """Copies of the rows of these UAVs."""
-        return kernel.Plans(*(rows[uav] for rows in self.plans))
+        plans = self.plans
+        return kernel.Plans(plans.size[uav], plans.delay[uav], plans.slot[uav], plans.point_m[uav])
 
     def store(self, uav: Indices, plans: kernel.Plans) -> None:
         """Put the rows back."""

@@ -22,12 +22,34 @@ Ints = NDArray[np.int64]
 ARRIVED_M = 1e-9
 
 
+class Rules(NamedTuple):
+    """Numbers that price a plan, and the grid's shape; see `edc_swarm.planner.guidance`."""
+
+    u_max_m: float
+    weight_time: float
+    weight_distance: float
+    delta_m: float
+    touch: float
+    depth: float
+    patience: float
+    cap: float
+    low_x_m: float
+    low_y_m: float
+    per_cell: float
+    rows: int
+    columns: int
+
+
 class World(NamedTuple):
     """What a plan is judged against.
 
     track (N, W+1, 2) predicted positions in metres, one a slot; start_m (N, 2); goal_m (N, 2);
     r_m (N,); luck (N,) lateness drawn for right of way; gamma (W+1,) discount of a conflict;
-    head (W+1, cells) and link (W+1, N) linked lists of the vehicles in each square cell and slot.
+    head (W+1, cells) and link (W+1, 9 N) linked lists, for each slot and square cell, of the vehicles
+    that can be touched from there (entry 9 l + i is vehicle l's i-th cell).
+
+    Loops unpack the arrays they use first: reading them from the tuple each time costs more than
+    all the arithmetic.
     """
 
     track: Floats
@@ -38,23 +60,17 @@ class World(NamedTuple):
     gamma: Floats
     head: NDArray[np.int32]
     link: NDArray[np.int32]
-    low_m: Floats
-    cells: Ints
-    cell_m: float
-    u_max_m: float
-    weight_time: float
-    weight_distance: float
-    delta_m: float
-    touch: float
-    depth: float
-    patience: float
-    cap: float
+    rules: Rules
 
 
 class Plans(NamedTuple):
-    """Way points of every UAV: count (n,), slot (n, P) from now, point (n, P, 2)."""
+    """Way points of every UAV: size (n,), slot (n, P) from now, point (n, P, 2).
 
-    count: Ints
+    `delay` (n,) counts the slots by which a plan had to be put off since it was made.
+    """
+
+    size: Ints
+    delay: Ints
     slot: Ints
     point_m: Floats
 
@@ -77,8 +93,8 @@ class Scratch(NamedTuple):
 @njit(cache=True)
 def uniform(seed: int, a: int, b: int) -> float:
     """Number in [0, 1) from a hash of three integers (splitmix64 finaliser, thrice)."""
-    z = np.uint64(seed)
-    for value in (a, b, 0):
+    z = np.uint64(0)
+    for value in (seed, a, b):
         z = (z ^ np.uint64(value)) + np.uint64(0x9E3779B97F4A7C15)
         z = (z ^ (z >> np.uint64(30))) * np.uint64(0xBF58476D1CE4E5B9)
         z = (z ^ (z >> np.uint64(27))) * np.uint64(0x94D049BB133111EB)
@@ -87,82 +103,103 @@ def uniform(seed: int, a: int, b: int) -> float:
 
 
 @njit(cache=True)
-def cell_of(world: World, x: float, y: float) -> tuple[int, int]:
+def norm(x: float, y: float) -> float:
+    """Length of a vector; several times faster than hypot, and nothing here is near overflow."""
+    return math.sqrt(x * x + y * y)
+
+
+@njit(cache=True)
+def cell_of(rules: Rules, x: float, y: float) -> tuple[int, int]:
     """Cell of a point; points outside the grid count as in its border cells."""
-    i = int(math.floor((x - world.low_m[0]) / world.cell_m))
-    j = int(math.floor((y - world.low_m[1]) / world.cell_m))
-    return min(max(i, 0), world.cells[0] - 1), min(max(j, 0), world.cells[1] - 1)
+    i = int((x - rules.low_x_m) * rules.per_cell)
+    j = int((y - rules.low_y_m) * rules.per_cell)
+    return min(max(i, 0), rules.rows - 1), min(max(j, 0), rules.columns - 1)
 
 
 @njit(cache=True)
 def enter(world: World, k: int) -> None:
-    """Put vehicle k's track into the grid."""
-    for t in range(world.track.shape[1]):
-        i, j = cell_of(world, world.track[k, t, 0], world.track[k, t, 1])
-        c = i * world.cells[1] + j
-        world.link[t, k] = world.head[t, c]
-        world.head[t, c] = k
+    """Put vehicle k's track into the grid: into every cell that its reach touches in each slot."""
+    rules, track, head, link = world.rules, world.track[k], world.head, world.link
+    for t in range(track.shape[0]):
+        i, j = cell_of(rules, track[t, 0], track[t, 1])
+        entry = 9 * k
+        for a in range(max(i - 1, 0), min(i + 2, rules.rows)):
+            for b in range(max(j - 1, 0), min(j + 2, rules.columns)):
+                c = a * rules.columns + b
+                link[t, entry] = head[t, c]
+                head[t, c] = entry
+                entry += 1
 
 
 @njit(cache=True)
 def leave(world: World, k: int) -> None:
     """Take vehicle k's track out of the grid."""
-    for t in range(world.track.shape[1]):
-        i, j = cell_of(world, world.track[k, t, 0], world.track[k, t, 1])
-        c = i * world.cells[1] + j
-        if world.head[t, c] == k:
-            world.head[t, c] = world.link[t, k]
-            continue
-        other = world.head[t, c]
-        while world.link[t, other] != k:
-            other = world.link[t, other]
-        world.link[t, other] = world.link[t, k]
+    rules, track, head, link = world.rules, world.track[k], world.head, world.link
+    for t in range(track.shape[0]):
+        i, j = cell_of(rules, track[t, 0], track[t, 1])
+        entry = 9 * k
+        for a in range(max(i - 1, 0), min(i + 2, rules.rows)):
+            for b in range(max(j - 1, 0), min(j + 2, rules.columns)):
+                c = a * rules.columns + b
+                if head[t, c] == entry:
+                    head[t, c] = link[t, entry]
+                else:
+                    other = head[t, c]
+                    while link[t, other] != entry:
+                        other = link[t, other]
+                    link[t, other] = link[t, entry]
+                entry += 1
 
 
 @njit(cache=True)
-def conflict_at(world: World, k: int, t: int, x: float, y: float) -> float:
-    """Price of vehicle k being at (x, y) in slot t."""
+def conflict_at(
+    rules: Rules, track: Floats, start_m: Floats, r_m: Floats, luck: Floats, gamma: Floats,
+    head: NDArray[np.int32], link: NDArray[np.int32], k: int, t: int, x: float, y: float,
+) -> float:  # fmt: skip
+    """Price of vehicle k being at (x, y) in slot t; the arrays are those of `World`."""
     price = 0.0
-    i, j = cell_of(world, x, y)
-    for a in range(max(i - 1, 0), min(i + 2, world.cells[0])):
-        for b in range(max(j - 1, 0), min(j + 2, world.cells[1])):
-            other = world.head[t, a * world.cells[1] + b]
-            while other >= 0:
-                if other != k:
-                    dx = x - world.track[other, t, 0]
-                    dy = y - world.track[other, t, 1]
-                    radii = world.r_m[k] + world.r_m[other]
-                    reach = radii + world.delta_m
-                    squared = dx * dx + dy * dy
-                    if squared < reach * reach:
-                        distance = math.sqrt(squared)
-                        sx = world.start_m[k, 0] - world.start_m[other, 0]
-                        sy = world.start_m[k, 1] - world.start_m[other, 1]
-                        apart = min(reach, 0.9995 * math.sqrt(sx * sx + sy * sy))
-                        if distance < apart:
-                            way = (world.luck[other] + world.patience) / (world.luck[k] + world.patience)
-                            way = min(max(way, 1.0 / world.cap), world.cap)
-                            price += way * (world.touch + world.depth * (apart - distance) / radii)
-                other = world.link[t, other]
-    return price * world.gamma[t]
+    i, j = cell_of(rules, x, y)
+    entry = head[t, i * rules.columns + j]
+    while entry >= 0:
+        other = entry // 9
+        dx = x - track[other, t, 0]
+        dy = y - track[other, t, 1]
+        radii = r_m[k] + r_m[other]
+        reach = radii + rules.delta_m
+        squared = dx * dx + dy * dy
+        if squared < reach * reach and other != k:
+            distance = math.sqrt(squared)
+            apart = 0.9995 * norm(start_m[k, 0] - start_m[other, 0], start_m[k, 1] - start_m[other, 1])
+            apart = min(reach, apart)
+            if distance < apart:
+                way = (luck[other] + rules.patience) / (luck[k] + rules.patience)
+                way = min(max(way, 1.0 / rules.cap), rules.cap)
+                price += way * (rules.touch + rules.depth * (apart - distance) / radii)
+        entry = link[t, entry]
+    return float(price * gamma[t])
 
 
 @njit(cache=True)
 def conflict(world: World, k: int, track: Floats) -> float:
     """Price of all conflicts of a track (W+1, 2) of vehicle k."""
+    rules, tracks, start_m, r_m, luck = world.rules, world.track, world.start_m, world.r_m, world.luck
+    gamma, head, link = world.gamma, world.head, world.link
     price = 0.0
     for t in range(1, track.shape[0]):
-        price += conflict_at(world, k, t, track[t, 0], track[t, 1])
+        price += conflict_at(rules, tracks, start_m, r_m, luck, gamma, head, link, k, t, track[t, 0], track[t, 1])
     return price
 
 
 @njit(cache=True)
 def first_conflict(world: World, k: int, track: Floats) -> int:
     """First slot in which the track of vehicle k is in conflict, W + 1 if there is none."""
+    rules, tracks, start_m, r_m, luck = world.rules, world.track, world.start_m, world.r_m, world.luck
+    gamma, head, link = world.gamma, world.head, world.link
     for t in range(1, track.shape[0]):
-        if conflict_at(world, k, t, track[t, 0], track[t, 1]) > 0.0:
+        x, y = track[t, 0], track[t, 1]
+        if conflict_at(rules, tracks, start_m, r_m, luck, gamma, head, link, k, t, x, y) > 0.0:
             return t
-    return track.shape[0]
+    return len(track)
 
 
 @njit(cache=True)
@@ -173,18 +210,19 @@ def effort(world: World, k: int, track: Floats) -> float:
     flown; the step that arrives costs its share of a slot.
     """
     gx, gy = world.goal_m[k, 0], world.goal_m[k, 1]
+    rules = world.rules
     last = track.shape[0] - 1
     time = 0.0
     path = 0.0
     for t in range(1, last + 1):
-        step = math.hypot(track[t, 0] - track[t - 1, 0], track[t, 1] - track[t - 1, 1])
+        step = norm(track[t, 0] - track[t - 1, 0], track[t, 1] - track[t - 1, 1])
         path += step
         there = abs(track[t, 0] - gx) < ARRIVED_M and abs(track[t, 1] - gy) < ARRIVED_M
-        time += step / world.u_max_m if there else 1.0
-    rest = math.hypot(track[last, 0] - gx, track[last, 1] - gy)
-    time += rest / world.u_max_m
+        time += step / rules.u_max_m if there else 1.0
+    rest = norm(track[last, 0] - gx, track[last, 1] - gy)
+    time += rest / rules.u_max_m
     path += rest
-    return world.weight_time * time + world.weight_distance * path / world.u_max_m
+    return rules.weight_time * time + rules.weight_distance * path / rules.u_max_m
 
 
 @njit(cache=True)
@@ -200,6 +238,8 @@ def fly(world: World, k: int, count: int, slot: Ints, point_m: Floats, track: Fl
     A way point that cannot be reached in time is flown to at full speed all the same.
     """
     x, y = world.start_m[k, 0], world.start_m[k, 1]
+    gx, gy = world.goal_m[k, 0], world.goal_m[k, 1]
+    u_max = world.rules.u_max_m
     track[0, 0], track[0, 1] = x, y
     n = 0
     for t in range(1, track.shape[0]):
@@ -207,11 +247,11 @@ def fly(world: World, k: int, count: int, slot: Ints, point_m: Floats, track: Fl
             tx, ty = point_m[n, 0], point_m[n, 1]
             slots = max(slot[n] - t + 1, 1)
         else:
-            tx, ty = world.goal_m[k, 0], world.goal_m[k, 1]
+            tx, ty = gx, gy
             slots = 1
         dx, dy = tx - x, ty - y
-        distance = math.hypot(dx, dy)
-        step = min(distance / slots, world.u_max_m)
+        distance = norm(dx, dy)
+        step = min(distance / slots, u_max)
         if step >= distance:
             x, y = tx, ty
             if n < count and slot[n] <= t:
@@ -223,9 +263,8 @@ def fly(world: World, k: int, count: int, slot: Ints, point_m: Floats, track: Fl
 
 
 @njit(cache=True)
-def push(scratch: Scratch, size: int, cost: float, node: int) -> int:
-    """Add to the binary heap, ordered by (cost, node); returns the new size."""
-    f, v = scratch.heap_cost, scratch.heap_node
+def push(f: Floats, v: Ints, size: int, cost: float, node: int) -> int:
+    """Add to the binary heap (f costs, v nodes), ordered by (cost, node); returns the new size."""
     i = size
     while i > 0:
         up = (i - 1) // 2
@@ -238,9 +277,8 @@ def push(scratch: Scratch, size: int, cost: float, node: int) -> int:
 
 
 @njit(cache=True)
-def pop(scratch: Scratch, size: int) -> int:
+def pop(f: Floats, v: Ints, size: int) -> int:
     """Remove the least element, which the caller has read from place 0; returns the new size."""
-    f, v = scratch.heap_cost, scratch.heap_node
     size -= 1
     cost, node = f[size], v[size]
     i = 0
@@ -260,17 +298,7 @@ def pop(scratch: Scratch, size: int) -> int:
 
 
 @njit(cache=True)
-def node_price(world: World, k: int, layer: int, x: float, y: float) -> float:
-    """Price of being at (x, y) about slot 2 layer: the three nearest slots stand for two."""
-    price = 0.0
-    last = world.track.shape[1] - 1
-    for t in range(2 * layer - 1, min(2 * layer + 1, last) + 1):
-        price += conflict_at(world, k, t, x, y)
-    return price * (2.0 / 3.0)
-
-
-@njit(cache=True)
-def search(
+def search(  # noqa: PLR0912, PLR0915 (one loop: splitting it costs a third of the speed)
     world: World, scratch: Scratch, k: int, layers: int, side: int, greed: float, limit: int,
     slot: Ints, point_m: Floats,
 ) -> tuple[int, int, float]:  # fmt: skip
@@ -279,31 +307,35 @@ def search(
     Writes the way points of the path found and returns their number, the expansions spent and the
     path's lattice cost. Nodes are (layer, a, b); the spacing makes the longest move two full steps.
     """
+    rules, tracks, start_m, r_m, luck = world.rules, world.track, world.start_m, world.r_m, world.luck
+    gamma, head, link = world.gamma, world.head, world.link
+    stamp, cost, price, parent = scratch.stamp, scratch.cost, scratch.price, scratch.parent
+    closed, heap_cost, heap_node = scratch.closed, scratch.heap_cost, scratch.heap_node
+    move, move_length = scratch.move, scratch.move_length
     half = side // 2
-    sx, sy = world.start_m[k, 0], world.start_m[k, 1]
-    spacing = 2.0 * world.u_max_m / math.sqrt(20.0)
-    ga = int(round(min(max((world.goal_m[k, 0] - sx) / spacing, -1e6), 1e6)))
-    gb = int(round(min(max((world.goal_m[k, 1] - sy) / spacing, -1e6), 1e6)))
-    unit = spacing / world.u_max_m
-    wt, wd = world.weight_time, world.weight_distance
+    area = side * side
+    last = tracks.shape[1] - 1
+    sx, sy = start_m[k, 0], start_m[k, 1]
+    spacing = 2.0 * rules.u_max_m / math.sqrt(20.0)
+    ga = round(min(max((world.goal_m[k, 0] - sx) / spacing, -1e6), 1e6))
+    gb = round(min(max((world.goal_m[k, 1] - sy) / spacing, -1e6), 1e6))
+    unit = spacing / rules.u_max_m
+    wt, wd = rules.weight_time, rules.weight_distance
     per_cell = greed * (wt + wd) * unit
     scratch.epoch[0] += 1
     epoch = scratch.epoch[0]
     node = half * side + half
-    scratch.stamp[node] = epoch
-    scratch.cost[node] = 0.0
-    scratch.price[node] = 0.0
-    scratch.parent[node] = -1
-    size = push(scratch, 0, per_cell * math.hypot(ga, gb), node)
+    stamp[node] = epoch
+    cost[node] = 0.0
+    parent[node] = -1
+    size = push(heap_cost, heap_node, 0, per_cell * norm(ga, gb), node)
     spent = 0
-    area = side * side
-    moves = scratch.move.shape[0]
     while size > 0:
-        node = scratch.heap_node[0]
-        size = pop(scratch, size)
-        if scratch.closed[node] == epoch:
+        node = heap_node[0]
+        size = pop(heap_cost, heap_node, size)
+        if closed[node] == epoch:
             continue
-        scratch.closed[node] = epoch
+        closed[node] = epoch
         layer = node // area
         if layer == layers or spent >= limit:
             break
@@ -311,29 +343,36 @@ def search(
         a = (node // side) % side - half
         b = node % side - half
         at_goal = a == ga and b == gb
-        for m in range(moves):
-            na = a + scratch.move[m, 0]
-            nb = b + scratch.move[m, 1]
+        so_far = cost[node]
+        for m in range(len(move_length)):
+            na = a + move[m, 0]
+            nb = b + move[m, 1]
             if abs(na) > half or abs(nb) > half:
                 continue
-            nxt = (layer + 1) * area + (na + half) * side + nb + half
-            if scratch.closed[nxt] == epoch:
+            after = (layer + 1) * area + (na + half) * side + nb + half
+            if closed[after] == epoch:
                 continue
-            length = scratch.move_length[m] * unit
-            if na == ga and nb == gb:
-                edge = 0.0 if at_goal else (wt + wd) * length
-            else:
-                edge = 2.0 * wt + wd * length
-            if scratch.stamp[nxt] != epoch:
-                scratch.stamp[nxt] = epoch
-                scratch.price[nxt] = node_price(world, k, layer + 1, sx + na * spacing, sy + nb * spacing)
-                scratch.cost[nxt] = np.inf
-            g = scratch.cost[node] + edge + scratch.price[nxt]
-            if g < scratch.cost[nxt]:
-                scratch.cost[nxt] = g
-                scratch.parent[nxt] = m
-                size = push(scratch, size, g + per_cell * math.hypot(na - ga, nb - gb), nxt)
-    found = scratch.cost[node]
+            g = so_far + wd * move_length[m] * unit
+            if na != ga or nb != gb:
+                g += 2.0 * wt
+            elif not at_goal:
+                g += wt * move_length[m] * unit
+            if stamp[after] != epoch:
+                stamp[after] = epoch
+                cost[after] = np.inf
+                x, y = sx + na * spacing, sy + nb * spacing
+                here = 0.0
+                # A layer is two slots: the three nearest slots stand for it.
+                for t in range(2 * layer + 1, min(2 * layer + 3, last) + 1):
+                    here += conflict_at(rules, tracks, start_m, r_m, luck, gamma, head, link, k, t, x, y)
+                price[after] = here * (2.0 / 3.0)
+            g += price[after]
+            if g < cost[after]:
+                cost[after] = g
+                parent[after] = m
+                estimate = g + per_cell * norm(na - ga, nb - gb)
+                size = push(heap_cost, heap_node, size, estimate, after)
+    found = cost[node]
     count = node // area
     for n in range(count - 1, -1, -1):
         a = (node // side) % side - half
@@ -342,8 +381,8 @@ def search(
         point_m[n, 0], point_m[n, 1] = sx + a * spacing, sy + b * spacing
         if a == ga and b == gb:
             point_m[n, 0], point_m[n, 1] = world.goal_m[k, 0], world.goal_m[k, 1]
-        m = scratch.parent[node]
-        node = (n * side + a - scratch.move[m, 0] + half) * side + b - scratch.move[m, 1] + half
+        m = parent[node]
+        node = (n * side + a - move[m, 0] + half) * side + b - move[m, 1] + half
     return count, spent, found
 
 
@@ -417,9 +456,80 @@ def nudge(
 
 
 @njit(cache=True)
+def opponent(world: World, k: int, t: int, x: float, y: float) -> int:
+    """The vehicle nearest to (x, y) in slot t among those in conflict with k there, or -1."""
+    rules, head, link, track = world.rules, world.head, world.link, world.track
+    i, j = cell_of(rules, x, y)
+    entry = head[t, i * rules.columns + j]
+    nearest = -1
+    least = 1.0e300
+    while entry >= 0:
+        other = entry // 9
+        dx, dy = x - track[other, t, 0], y - track[other, t, 1]
+        reach = world.r_m[k] + world.r_m[other] + rules.delta_m
+        squared = dx * dx + dy * dy
+        if other != k and squared < reach * reach and squared < least:
+            nearest, least = other, squared
+        entry = link[t, entry]
+    return nearest
+
+
+@njit(cache=True)
+def sidestep(
+    world: World, k: int, turn: float, slot: Ints, point_m: Floats, track: Floats, most: int, rounds: int
+) -> tuple[int, float]:
+    """Pass each opponent in turn on one side (turn = 1 or -1); way points and cost of the plan.
+
+    While the track is in conflict, a way point is added at the conflict's deepest slot, beside the
+    opponent, across the relative motion, just out of reach.
+    """
+    count = 0
+    u_max = world.rules.u_max_m
+    fly(world, k, 0, slot, point_m, track)
+    cost = cost_of(world, k, track)
+    for _ in range(most):
+        t = first_conflict(world, k, track)
+        if t >= track.shape[0]:
+            break
+        other = opponent(world, k, t, track[t, 0], track[t, 1])
+        if other < 0:
+            break
+        reach = world.r_m[k] + world.r_m[other] + world.rules.delta_m
+        least = norm(track[t, 0] - world.track[other, t, 0], track[t, 1] - world.track[other, t, 1])
+        while t + 1 < track.shape[0]:
+            x, y = track[t + 1, 0] - world.track[other, t + 1, 0], track[t + 1, 1] - world.track[other, t + 1, 1]
+            if norm(x, y) >= least:
+                break
+            least = norm(x, y)
+            t += 1
+        vx = track[t, 0] - track[t - 1, 0] - world.track[other, t, 0] + world.track[other, t - 1, 0]
+        vy = track[t, 1] - track[t - 1, 1] - world.track[other, t, 1] + world.track[other, t - 1, 1]
+        speed = norm(vx, vy)
+        if speed < 1e-9:
+            break
+        place = 0
+        while place < count and slot[place] < t:
+            place += 1
+        if place < count and slot[place] == t:
+            break
+        scale = turn * 1.002 * reach / speed
+        restore(
+            count + 1, slot, point_m, place, t,
+            world.track[other, t, 0] - vy * scale, world.track[other, t, 1] + vx * scale,
+        )  # fmt: skip
+        count += 1
+        fly(world, k, count, slot, point_m, track)
+        cost = cost_of(world, k, track)
+        cost = nudge(world, k, count, slot, point_m, track, cost, rounds, 0.4 * u_max)
+        fly(world, k, count, slot, point_m, track)
+    return count, cost
+
+
+@njit(cache=True)
 def install(world: World, plans: Plans, k: int, count: int, slot: Ints, point_m: Floats) -> None:
     """Make a plan vehicle k's own: way points, track and grid."""
-    plans.count[k] = count
+    plans.size[k] = count
+    plans.delay[k] = 0
     for n in range(count):
         plans.slot[k, n] = slot[n]
         plans.point_m[k, n, 0], plans.point_m[k, n, 1] = point_m[n, 0], point_m[n, 1]
@@ -431,17 +541,17 @@ def install(world: World, plans: Plans, k: int, count: int, slot: Ints, point_m:
 @njit(cache=True)
 def replan(
     world: World, plans: Plans, scratch: Scratch, k: int, layers: int, side: int, greed: float,
-    limit: int, budget: int, rounds: int, slot: Ints, point_m: Floats, track: Floats,
+    limit: int, budget: int, rounds: int, easy: float, slot: Ints, point_m: Floats, track: Floats,
 ) -> int:  # fmt: skip
     """Best response of UAV k to all other tracks; returns the expansions spent."""
     fly(world, k, 0, slot, point_m, track)
     straight_conflict = conflict(world, k, track)
     if straight_conflict == 0.0:
-        if plans.count[k] > 0:
+        if plans.size[k] > 0:
             install(world, plans, k, 0, slot, point_m)
         return 0
     straight_cost = straight_conflict + effort(world, k, track)
-    count = plans.count[k]
+    count = plans.size[k]
     for n in range(count):
         slot[n] = plans.slot[k, n]
         point_m[n, 0], point_m[n, 1] = plans.point_m[k, n, 0], plans.point_m[k, n, 1]
@@ -449,7 +559,7 @@ def replan(
     cost = now_conflict + effort(world, k, world.track[k])
     if now_conflict == 0.0:
         count, pulled = pull(world, k, count, slot, point_m, track, cost)
-        pulled = nudge(world, k, count, slot, point_m, track, pulled, rounds, 0.2 * world.u_max_m)
+        pulled = nudge(world, k, count, slot, point_m, track, pulled, rounds, 0.2 * world.rules.u_max_m)
         if pulled < cost - 1e-9:
             install(world, plans, k, count, slot, point_m)
         return 0
@@ -458,11 +568,19 @@ def replan(
     if straight_cost <= cost:
         cost = straight_cost
         install(world, plans, k, 0, slot, point_m)
+    plain = straight_cost - straight_conflict
+    for turn in (1.0, -1.0):
+        count, trial = sidestep(world, k, turn, slot, point_m, track, 3, rounds)
+        if trial < cost:
+            cost = trial
+            install(world, plans, k, count, slot, point_m)
+    if cost < plain + easy and conflict(world, k, world.track[k]) == 0.0:
+        return 0
     count, spent, _ = search(world, scratch, k, layers, side, greed, limit, slot, point_m)
     fly(world, k, count, slot, point_m, track)
     trial = cost_of(world, k, track)
     count, trial = pull(world, k, count, slot, point_m, track, trial)
-    trial = nudge(world, k, count, slot, point_m, track, trial, rounds + 3, 0.4 * world.u_max_m)
+    trial = nudge(world, k, count, slot, point_m, track, trial, rounds + 3, 0.4 * world.rules.u_max_m)
     count, trial = pull(world, k, count, slot, point_m, track, trial)
     if trial < cost:
         install(world, plans, k, count, slot, point_m)
@@ -472,7 +590,7 @@ def replan(
 @njit(cache=True)
 def sweep(
     world: World, plans: Plans, scratch: Scratch, uav: Ints, slot_now: int, seed: int, layers: int,
-    side: int, greed: float, limit: int, budget: int, rounds: int,
+    side: int, greed: float, limit: int, budget: int, rounds: int, easy: float,
 ) -> int:  # fmt: skip
     """One round of best responses, earliest conflict first; returns the expansions spent."""
     n = len(uav)
@@ -485,22 +603,46 @@ def sweep(
     track = np.empty((steps, 2))
     spent = 0
     for k in np.argsort(key):
-        if key[k] >= steps and plans.count[k] == 0:
+        if key[k] >= steps and plans.size[k] == 0:
             continue
         spent += replan(
-            world, plans, scratch, k, layers, side, greed, limit, budget - spent, rounds, slot, point_m,
+            world, plans, scratch, k, layers, side, greed, limit, budget - spent, rounds, easy, slot, point_m,
             track,
         )  # fmt: skip
     return spent
 
 
 @njit(cache=True)
-def populate(world: World, plans: Plans) -> None:
+def put_off(world: World, plans: Plans, k: int, most: int) -> None:
+    """Drop way points that are reached; put a plan off that can no longer be flown in time.
+
+    A plan that was put off by more than `most` slots in all does not work out: it is dropped.
+    """
+    u_max = world.rules.u_max_m
+    while plans.size[k] > 0:
+        x = plans.point_m[k, 0, 0] - world.start_m[k, 0]
+        y = plans.point_m[k, 0, 1] - world.start_m[k, 1]
+        need = math.ceil(norm(x, y) / u_max - 0.02)
+        if need > 0 or plans.slot[k, 0] > 0:
+            behind = max(need - plans.slot[k, 0], 0)
+            plans.slot[k] += behind
+            plans.delay[k] += behind
+            break
+        drop(plans.size[k], plans.slot[k], plans.point_m[k], 0)
+        plans.size[k] -= 1
+    if plans.delay[k] > most:
+        plans.size[k] = 0
+        plans.delay[k] = 0
+
+
+@njit(cache=True)
+def populate(world: World, plans: Plans, most: int) -> None:
     """Fill the grid: UAVs fly their plans, everyone else stays where it is."""
     world.head[:] = -1
     for k in range(world.track.shape[0]):
-        if k < len(plans.count):
-            fly(world, k, plans.count[k], plans.slot[k], plans.point_m[k], world.track[k])
+        if k < len(plans.size):
+            put_off(world, plans, k, most)
+            fly(world, k, plans.size[k], plans.slot[k], plans.point_m[k], world.track[k])
         else:
             for t in range(world.track.shape[1]):
                 world.track[k, t, 0], world.track[k, t, 1] = world.start_m[k, 0], world.start_m[k, 1]

@@ -58,7 +58,7 @@ def warm_up(mission: Mission) -> None:
 def _factory(name: str) -> PlannerFactory:
     module_name, _, attribute = BUILT_IN.get(name, name).partition(":")
     allowed = f"one of {', '.join(BUILT_IN)}, or package.module:Class"
-    if not attribute:
+    if not module_name or module_name.startswith(".") or not attribute:
         raise MissionError("planner", name, allowed)
     try:
         factory: PlannerFactory = getattr(importlib.import_module(module_name), attribute)

@@ -51,21 +51,23 @@ def least_gap_m(problem: Problem, waypoint_m: Floats) -> float:
 
 def _limited(problem: Problem, step_m: Floats) -> Floats:
     """Finite steps no longer than u_max; a step that is no number, or from inside a hull, is none."""
-    usable = np.isfinite(step_m).all(axis=1) & ~problem.frozen
-    step_m = np.where(usable[:, None], step_m, 0.0)
-    # Far beyond any speed limit, lengths overflow: such a step is no step either.
-    step_m = np.where((np.abs(step_m) < 1e150).all(axis=1)[:, None], step_m, 0.0)
+    # Far beyond any speed limit lengths overflow: such a step is no step either. NaN fails too.
+    small: NDArray[np.bool_] = np.abs(step_m) < 1e150
+    usable = small.all(axis=1) & ~problem.frozen
+    step_m = np.where(np.reshape(usable, (-1, 1)), step_m, 0.0)
     length = length_m(step_m)
     limit_m = _limit_m(problem)
     too_long = length > limit_m
     scale = np.where(too_long, limit_m / np.where(too_long, length, 1.0), 1.0)
-    return np.asarray(step_m * scale[:, None])
+    limited_m: Floats = step_m * np.reshape(scale, (-1, 1))
+    return limited_m
 
 
 def _limit_m(problem: Problem) -> Floats:
     """u_max less what the rounding of position + step can add, (n,)."""
     ulp_m = np.spacing(np.abs(problem.position_m).max(axis=1, initial=0.0) + problem.u_max_m)
-    return np.maximum(problem.u_max_m - 4 * ulp_m, 0.0)
+    limit_m: Floats = np.maximum(problem.u_max_m - 4 * ulp_m, 0.0)
+    return limit_m
 
 
 def _shares(problem: Problem, step_m: Floats) -> Floats:

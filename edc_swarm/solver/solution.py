@@ -169,10 +169,11 @@ def _run_osqp(program: Program, dual: Floats) -> Any:
         (np.full(size, 2.0), np.arange(size, dtype=np.int32), np.arange(size + 1, dtype=np.int32)),
         shape=(size, size),
     )
-    solver = osqp.OSQP()
+    solver = osqp.OSQP(algebra="builtin")  # Looking for others reads the disk each time.
     lower = np.full(len(program.bound_m), -np.inf)
     solver.setup(cost, -2 * wish, program.matrix, lower, program.bound_m, **SETTINGS)
-    solver.warm_start(x=wish, y=dual)
+    # The steps that belong to these duals: 2 (u - v) + A'y = 0. Without duals, the preferred ones.
+    solver.warm_start(x=wish - program.matrix.T @ dual / 2, y=dual)
     return solver.solve(raise_error=False)
 
 

@@ -1,0 +1,180 @@
+"""The compiled guidance against plain numpy: prices, tracks and the lattice search, move by move."""
+
+from __future__ import annotations
+
+import itertools
+import math
+
+import numpy as np
+import pytest
+
+from edc_swarm.planner import guidance_kernel as kernel
+from edc_swarm.planner.guidance import Guidance, Scene, Tuning
+
+TUNING = Tuning(look_ahead=8, greed=1.0, expand=10**6)
+
+
+def world_of(seed: int, count: int = 9) -> tuple[kernel.World, kernel.Plans]:
+    """A crowded slot with random late UAVs and an obstacle."""
+    rng = np.random.default_rng(seed)
+    grid = np.array(list(itertools.product(range(4), range(4))))[rng.permutation(16)[:count]]
+    position_m = 11.0 * grid + rng.uniform(-0.4, 0.4, (count, 2))
+    goal_m = position_m[rng.permutation(count)]
+    scene = Scene(
+        3, np.arange(count), position_m, goal_m, rng.uniform(3, 5, count), np.array([[15.0, -9.0]]), np.ones(1)
+    )
+    guidance = Guidance(2.5, (0.5, 0.5), seed, TUNING)
+    guidance._remember(scene)
+    guidance._memory.late[:] = rng.uniform(0, 40, count)
+    world, plans = guidance._world(scene), guidance._memory.plans_of(scene.uav)
+    kernel.populate(world, plans, TUNING.delay)
+    return world, plans
+
+
+def price(world: kernel.World, k: int, t: int, point_m: np.ndarray) -> float:
+    """The conflict term of the cost, by its formula over all other vehicles."""
+    rules, total = world.rules, 0.0
+    for other in range(len(world.r_m)):
+        if other == k:
+            continue
+        radii = world.r_m[k] + world.r_m[other]
+        distance = math.dist(point_m, world.track[other, t])
+        sep = min(radii + rules.delta_m, 0.9995 * math.dist(world.start_m[k], world.start_m[other]))
+        way = (world.luck[other] + rules.patience) / (world.luck[k] + rules.patience)
+        way = min(max(way, 1 / rules.cap), rules.cap)
+        if distance < sep:
+            total += way * world.gamma[t] * (rules.touch + rules.depth * (sep - distance) / radii)
+    return total
+
+
+def lattice(world: kernel.World, k: int) -> tuple[float, np.ndarray]:
+    """Least f = g + h over the last layer, by dynamic programming layer by layer; and all f."""
+    rules = world.rules
+    half, layers = TUNING.side // 2, TUNING.layers
+    spacing = 2 * rules.u_max_m / math.sqrt(20)
+    goal = np.rint((world.goal_m[k] - world.start_m[k]) / spacing).astype(int)
+    axis = np.arange(-half, half + 1)
+    best = np.full((len(axis), len(axis)), np.inf)
+    best[half, half] = 0.0
+    moves = [
+        (a, b) for a in range(-4, 5) for b in range(-4, 5) if a * a + b * b in {0, 4, 5} or 13 <= a * a + b * b <= 20
+    ]
+    for layer in range(1, layers + 1):
+        best = best_of_layer(best, moves, goal + half, spacing / rules.u_max_m)
+        for a, b in np.argwhere(np.isfinite(best)):
+            point = world.start_m[k] + spacing * np.array([axis[a], axis[b]])
+            slots = [t for t in range(2 * layer - 1, 2 * layer + 2) if t < len(world.gamma)]
+            best[a, b] += 2 / 3 * sum(price(world, k, t, point) for t in slots)
+    ahead = np.hypot(axis[:, None] - goal[0], axis[None] - goal[1]) * spacing / rules.u_max_m
+    return float((best + ahead).min()), best
+
+
+def best_of_layer(before: np.ndarray, moves: list[tuple[int, int]], goal: np.ndarray, unit: float) -> np.ndarray:
+    """Cheapest way into every cell of the next layer, without the cells' own prices."""
+    after = np.full_like(before, np.inf)
+    for a, b in np.argwhere(np.isfinite(before)):
+        for da, db in moves:
+            na, nb, length = a + da, b + db, math.hypot(da, db) * unit
+            if not (0 <= na < len(before) and 0 <= nb < len(before)):
+                continue
+            step = 0.5 * length + 1.0
+            if (na, nb) == tuple(goal):
+                step = 0.0 if (a, b) == (na, nb) else length
+            after[na, nb] = min(after[na, nb], before[a, b] + step)
+    return after
+
+
+@pytest.mark.parametrize("seed", range(4))
+def test_search_finds_the_optimum_of_dynamic_programming(seed: int) -> None:
+    """With an admissible heuristic and no limit, A* ends in the cheapest node, at its exact cost."""
+    world, _ = world_of(seed)
+    guidance = Guidance(2.5, (0.5, 0.5), 0, TUNING)
+    slot, point_m = np.empty(TUNING.layers, np.int64), np.empty((TUNING.layers, 2))
+    spacing = 2 * 2.5 / math.sqrt(20)
+    for k in (0, 4):
+        count, spent, found = kernel.search(
+            world, guidance._scratch, k, TUNING.layers, TUNING.side, 1.0, TUNING.expand, slot, point_m
+        )
+        least, cells = lattice(world, k)
+        assert count == TUNING.layers
+        assert slot.tolist() == [2, 4, 6, 8]
+        assert 0 < spent <= TUNING.expand
+        offset = np.rint((point_m[-1] - world.start_m[k]) / spacing).astype(int)
+        goal = np.rint((world.goal_m[k] - world.start_m[k]) / spacing).astype(int)
+        end = offset + TUNING.side // 2
+        ahead = math.hypot(*(offset - goal)) * spacing / 2.5
+        assert found == pytest.approx(cells[end[0], end[1]], abs=1e-9)
+        assert found + ahead == pytest.approx(least, abs=1e-9)
+
+
+@pytest.mark.parametrize("seed", range(4))
+def test_search_path_costs_what_it_says(seed: int) -> None:
+    """Following the returned way points move by move adds up to the returned cost."""
+    world, _ = world_of(seed, count=12)
+    guidance = Guidance(2.5, (0.5, 0.5), 0, TUNING)
+    slot, point_m = np.empty(TUNING.layers, np.int64), np.empty((TUNING.layers, 2))
+    spacing = 2 * 2.5 / math.sqrt(20)
+    goal = np.rint((world.goal_m[1] - world.start_m[1]) / spacing)
+    count, _, found = kernel.search(
+        world, guidance._scratch, 1, TUNING.layers, TUNING.side, 1.0, TUNING.expand, slot, point_m
+    )
+    cell, total = np.zeros(2), 0.0
+    for layer in range(1, count + 1):
+        after = np.rint((point_m[layer - 1] - world.start_m[1]) / spacing)
+        squared = int(((after - cell) ** 2).sum())
+        assert squared in {0, 4, 5} or 13 <= squared <= 20
+        length = math.sqrt(squared) * spacing / 2.5
+        if (after == goal).all():
+            total += length
+        else:
+            total += 0.5 * length + 1.0
+        point = world.start_m[1] + spacing * after
+        total += 2 / 3 * sum(price(world, 1, t, point) for t in range(2 * layer - 1, min(2 * layer + 1, 8) + 1))
+        cell = after
+    assert total == pytest.approx(found, abs=1e-9)
+
+
+@pytest.mark.parametrize("seed", range(3))
+def test_conflicts_are_those_of_the_formula_after_any_changes_of_plan(seed: int) -> None:
+    """The grid finds every vehicle within reach, also after plans were installed and removed."""
+    world, plans = world_of(seed)
+    rng = np.random.default_rng(seed)
+    for _ in range(30):
+        k = int(rng.integers(len(plans.size)))
+        slots = np.sort(rng.choice(np.arange(1, 9), 2, replace=False))
+        kernel.install(world, plans, k, 2, slots, world.start_m[k] + rng.normal(0, 8, (2, 2)))
+    for k in range(len(plans.size)):
+        expected = sum(price(world, k, t, world.track[k, t]) for t in range(1, 9))
+        assert kernel.conflict(world, k, world.track[k]) == pytest.approx(expected, abs=1e-12)
+
+
+def test_plans_are_flown_in_time_and_end_at_the_goal() -> None:
+    """Constant speed to each way point, exactly there in its slot, then full speed to the goal."""
+    world, _ = world_of(0)
+    world.start_m[0], world.goal_m[0] = (0.0, 0.0), (11.0, 0.0)
+    track = np.empty((9, 2))
+    kernel.fly(world, 0, 1, np.array([4]), np.array([[4.0, 0.0]]), track)
+    assert track[:, 0] == pytest.approx([0, 1, 2, 3, 4, 6.5, 9, 11, 11])
+    assert track[4].tolist() == [4.0, 0.0]
+    assert track[8].tolist() == [11.0, 0.0]
+    assert kernel.effort(world, 0, track) == pytest.approx(0.5 * (6 + 2 / 2.5) + 0.5 * 11 / 2.5)
+
+
+def test_plans_that_cannot_be_kept_are_put_off_then_dropped() -> None:
+    """A held UAV's way points move into the future, and after too many slots the plan is dropped."""
+    world, plans = world_of(0)
+    plans.size[0], plans.slot[0, :2] = 2, [1, 4]
+    plans.point_m[0, :2] = world.start_m[0] + [[7.0, 0.0], [9.0, 0.0]]
+    kernel.put_off(world, plans, 0, 4)
+    assert plans.slot[0, :2].tolist() == [3, 6]
+    plans.slot[0, :2] -= 3
+    kernel.put_off(world, plans, 0, 4)
+    assert plans.size[0] == 0
+
+
+def test_hash_is_uniform_and_depends_on_every_argument() -> None:
+    """Ten thousand numbers have the mean and spread of U(0, 1); no argument is ignored."""
+    numbers = np.array([kernel.uniform(1, a, b) for a in range(100) for b in range(100)])
+    assert numbers.mean() == pytest.approx(0.5, abs=0.01)
+    assert numbers.std() == pytest.approx(12**-0.5, abs=0.01)
+    assert len({kernel.uniform(*seeds) for seeds in itertools.product(range(4), repeat=3)}) == 64
