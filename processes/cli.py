@@ -5,18 +5,19 @@ from __future__ import annotations
 import sys
 from collections.abc import Sequence
 from importlib.metadata import version
+from typing import Any, Literal, get_args, get_origin
 
-from cyclopts import App, CoercionError, CycloptsError, MissingArgumentError, Parameter, UnknownOptionError
-from cyclopts.exceptions import UnknownCommandError
+from cyclopts import App, CoercionError, CycloptsError, MissingArgumentError, Parameter, Token, UnknownOptionError
+from cyclopts.exceptions import RepeatArgumentError, UnknownCommandError, UnusedCliTokensError
 
 from edc_swarm.errors import SwarmError
-from processes.console import BAD_INPUT, complain
+from processes.console import complain
 
 app = App(
     name="edc-swarm",
     help="A swarm emulator for centrally planned UAVs: elected head, safe slot QP, Zenoh bus, MCAP record.",
     version=lambda: f"edc-swarm {version('edc-swarm')}",
-    default_parameter=Parameter(negative=()),
+    default_parameter=Parameter(negative=(), show_default=False),
     help_format="plaintext",
     print_error=False,
     exit_on_error=False,
@@ -44,14 +45,44 @@ def main(arguments: Sequence[str] | None = None) -> int:
 
 def _in_one_line(error: CycloptsError) -> str:
     """A parse error as `FIELD = VALUE: must be ALLOWED`."""
+    unused = error.unused_tokens or [""]
     match error:
+        case CoercionError(token=Token() as token):
+            said = (token.keyword or _name(error), token.value, _kind(error.target_type))
+        case MissingArgumentError():
+            said = (error.keyword or _name(error), "", "given")
         case UnknownOptionError():
-            return f"{error.token.keyword} = {error.token.value!r}: must be one of the options in --help"
+            said = ("option", error.token.keyword or error.token.value, "one of those in --help")
+        case UnknownCommandError():
+            said = ("command", unused[0], f"one of {', '.join(_commands())}")
+        case UnusedCliTokensError():
+            said = ("arguments", " ".join(unused), "left out")
+        case RepeatArgumentError():
+            said = (error.token.keyword or _name(error), error.token.value, "given once")
         case _:
-            return f"{type(error).__name__}: {error}"
+            return str(error)
+    field, value, allowed = said
+    return f"{field} = {value!r}: must be {allowed}"
 
 
-__all__ = ["BAD_INPUT", "CoercionError", "MissingArgumentError", "UnknownCommandError", "app", "main"]
+def _name(error: CycloptsError) -> str:
+    return error.argument.name if error.argument is not None else "argument"
+
+
+def _kind(target: Any) -> str:
+    """What a value is converted to, in words."""
+    choices = [
+        choice for kind in (target, *get_args(target)) if get_origin(kind) is Literal for choice in get_args(kind)
+    ]
+    return f"one of {', '.join(choices)}" if choices else _KINDS.get(target, f"of type {target}")
+
+
+_KINDS = {int: "a whole number", float: "a number"}
+
+
+def _commands() -> list[str]:
+    return [name for name in app if not name.startswith("-")]
+
 
 if __name__ == "__main__":
     sys.exit(main())

@@ -7,7 +7,7 @@ import sys
 import msgspec
 from rich.console import Console
 
-from edc_swarm.errors import SwarmError
+from edc_swarm.errors import RecordingError, SwarmError
 
 BAD_INPUT = 2
 FAILED = 1
@@ -20,7 +20,10 @@ def note(text: str) -> None:
 
 def complain(error: SwarmError | str) -> int:
     """Print the one line about bad input; the exit status."""
-    note(f"error: {' '.join(str(error).split())}")
+    text = str(error)
+    if isinstance(error, RecordingError):
+        text = f"recording = {str(error.path)!r}: must be a readable recording ({error.reason})"
+    note(f"error: {' '.join(text.split())}")
     return BAD_INPUT
 
 

@@ -19,6 +19,12 @@ from processes.operator import Operator
 
 ROUTER_OUTAGE_S = 1.0
 """A router that is restarted is away for this long."""
+SETTLE_S = 0.05
+"""From the event that tells of it to a fault that would swallow messages on their way.
+
+A router must have handed the event on before it dies, and a process that froze in the burst at a
+slot's start would hold messages that it has counted but not sent.
+"""
 
 
 class Processes(Protocol):
@@ -78,8 +84,13 @@ class Injector:
             bus.publish_event("fault-without-target", str(fault))
             return
         bus.publish_event("fault", str(concrete))
-        if concrete.verb in PROCESS_VERBS:
-            getattr(self, f"_{concrete.verb}")(concrete)
+        if concrete.verb == "freeze" or concrete.target == ROUTER:
+            self._at(fault.at_s + SETTLE_S * self._mission.time_scale, partial(self._act, concrete))
+        elif concrete.verb in PROCESS_VERBS:
+            self._act(concrete)
+
+    def _act(self, fault: Fault) -> None:
+        getattr(self, f"_{fault.verb}")(fault)
 
     def _kill(self, fault: Fault) -> None:
         self._processes.signal(fault.target, signal.SIGKILL)
@@ -89,7 +100,7 @@ class Injector:
     def _restart(self, fault: Fault) -> None:
         if fault.target == ROUTER and fault.verb == "restart":
             self._processes.signal(ROUTER, signal.SIGKILL)
-            self._at(fault.at_s + ROUTER_OUTAGE_S, partial(self._restart, Fault("kill", (ROUTER,))))
+            self._at(fault.at_s + SETTLE_S + ROUTER_OUTAGE_S, partial(self._restart, Fault("kill", (ROUTER,))))
         else:
             self._processes.restart(fault.target, lose_memory="lose-memory" in fault.flags)
 

@@ -20,7 +20,7 @@ import msgspec
 import zenoh
 
 from edc_swarm.config import Mission
-from edc_swarm.errors import InputError, RecordingError, SwarmError
+from edc_swarm.errors import InputError, SwarmError
 from edc_swarm.messages import MissionMessage
 from edc_swarm.simulation import mission_message
 from processes import fork_source
@@ -322,7 +322,9 @@ class Launcher:
         elif self._ending or name in self._expected_deaths:
             return
         elif name == RECORDER and status == CANNOT_WRITE:
-            self._failure = RecordingError(self._output.path, self._output.tail(RECORDER, 1).removeprefix("error: "))
+            self._failure = InputError(
+                "--out", str(self._output.path), f"where it can be written: {self._output.tail(RECORDER, 1)}"
+            )
         else:
             self._failure = SwarmError(f"the {name} {_ended(status)}: {self._output.tail(name) or 'it said nothing'}")
 

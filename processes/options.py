@@ -9,7 +9,7 @@ from typing import Any
 from cyclopts import Parameter
 from msgspec import to_builtins
 
-from edc_swarm.config import Mission, load_mission, with_options
+from edc_swarm.config import Criterion, GpsModel, Minimise, Mission, load_mission, with_options
 from edc_swarm.faults import parse_faults
 from edc_swarm.planner import check_planner
 from edc_swarm.roster import complete_mission
@@ -46,7 +46,7 @@ class MissionOptions:
     gps_error
         GPS error radius in metres (5).
     gps_model
-        GPS error model: none, bias, white or gauss-markov (bias).
+        GPS error model (bias).
     seed
         Seed of everything that is drawn (0).
     slot
@@ -56,9 +56,9 @@ class MissionOptions:
     planner
         edc, straight, paper, or package.module:Class (edc).
     minimise
-        distance, energy or time (distance).
+        What guidance minimises (distance).
     elect
-        Criterion for the head: energy or response-time (energy).
+        Criterion for the head (energy).
     fault
         Something to go wrong, such as "kill head @10"; may be given more than once.
     delay_ms
@@ -80,13 +80,13 @@ class MissionOptions:
     uavs: int | None = None
     area: float | None = None
     gps_error: float | None = None
-    gps_model: str | None = None
+    gps_model: GpsModel | None = None
     seed: int | None = None
     slot: float | None = None
     speed_max: float | None = None
     planner: str | None = None
-    minimise: str | None = None
-    elect: str | None = None
+    minimise: Minimise | None = None
+    elect: Criterion | None = None
     fault: list[str] = field(default_factory=list)
     delay_ms: float | None = None
     jitter_ms: float | None = None

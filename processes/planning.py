@@ -14,7 +14,9 @@ _warm_for: set[str] = set()
 
 
 def warm_planner(mission: Mission) -> None:
-    """Import and warm up the mission's planner; everything forked from here on has it."""
+    """Import and warm up the mission's planner, once; everything forked from here on has it."""
+    if mission.planner in _warm_for:
+        return
     from edc_swarm.planner import warm_up  # noqa: PLC0415  (imports numpy: only who may lead pays for it)
 
     warm_up(mission)

@@ -119,8 +119,8 @@ class Recorder:
 def reason_of(error: OSError) -> str:
     """What to tell a user about a file that could not be written."""
     if error.errno == errno.ENOSPC:
-        return "the disk is full"
-    return (error.strerror or str(error)).lower()
+        return "the disk is full (ENOSPC)"
+    return f"{(error.strerror or str(error)).lower()} ({errno.errorcode.get(error.errno or 0, '?')})"
 
 
 def main() -> int:
@@ -139,9 +139,8 @@ def main() -> int:
             recorder.finish()
             Path(settings.part).replace(settings.out)
         except OSError as error:
-            text = f"{settings.part}: cannot be written ({reason_of(error)})"
-            recorder.tell("recording-failed", text)
-            print(f"error: {text}", file=sys.stderr, flush=True)
+            recorder.tell("recording-failed", reason_of(error))
+            print(reason_of(error), file=sys.stderr, flush=True)
             os._exit(CANNOT_WRITE)
     return 0
 

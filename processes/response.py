@@ -8,9 +8,10 @@ import time
 
 from edc_swarm.config import Mission
 from edc_swarm.planner.interface import PlanRequest
+from processes.planning import warm_planner
 
 UAVS = 12
-TRIALS = 5
+TRIALS = 3
 
 
 def measured_response_ms() -> float:
@@ -19,10 +20,10 @@ def measured_response_ms() -> float:
     Processor time, not wall time: K processes that measure at once on few cores would otherwise
     measure one another.
     """
-    from edc_swarm.planner import make_planner, warm_up  # noqa: PLC0415  (imports numpy)
-
     mission = Mission()
-    warm_up(mission)
+    warm_planner(mission)
+    from edc_swarm.planner import make_planner  # noqa: PLC0415  (imports numpy)
+
     request = _reference_slot(mission)
     times_ns = []
     for _ in range(TRIALS):
