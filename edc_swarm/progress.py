@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 
 from edc_swarm.config import Mission, RosterEntry
+from edc_swarm.geometry import point_segment_distance_m
 from edc_swarm.messages import Fix, Report
 
 
@@ -75,13 +76,20 @@ class MissionMonitor:
         return fix is not None and fix.slot >= slot and (fix.arrived or self._covered(entry))
 
     def _covered(self, entry: RosterEntry) -> bool:
-        """Whether the disc of a UAV that moves no more covers this one's target: it can never get there."""
+        """Whether a UAV that moves no more covers this one's target, or may: it is kept clear of."""
+        target_m = (entry.target_x_m, entry.target_y_m)
         return any(
-            math.dist((entry.target_x_m, entry.target_y_m), self._centre_m(other)) < entry.r_m + other.r_m
+            self._distance_m(target_m, other) < entry.r_m + other.r_m
             for other in self._mission.roster
-            if self._grounded(other.uav)
+            if other is not entry and self._grounded(other.uav)
         )
 
-    def _centre_m(self, entry: RosterEntry) -> tuple[float, float]:
-        fix = self._newest.get(entry.uav)
-        return (entry.start_x_m, entry.start_y_m) if fix is None else (fix.waypoint_x_m, fix.waypoint_y_m)
+    def _distance_m(self, point_m: tuple[float, float], other: RosterEntry) -> float:
+        """From a point to where a grounded UAV can be: its hull in the newest report, else its waypoint."""
+        report, fix = self.report, self._newest.get(other.uav)
+        if report is not None and other.uav in report.hull_uav:
+            k = report.hull_uav.index(other.uav)
+            a_m, b_m = (report.hull_ax_m[k], report.hull_ay_m[k]), (report.hull_bx_m[k], report.hull_by_m[k])
+            return float(point_segment_distance_m(point_m, a_m, b_m)) - report.hull_r_m[k]
+        centre_m = (other.start_x_m, other.start_y_m) if fix is None else (fix.waypoint_x_m, fix.waypoint_y_m)
+        return math.dist(point_m, centre_m)
