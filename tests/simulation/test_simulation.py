@@ -1,0 +1,478 @@
+"""Whole swarms in the simulator: every fault does what it says, and the swarm stays calm and alive."""
+
+from __future__ import annotations
+
+from itertools import pairwise
+from typing import Any
+
+import msgspec
+import pytest
+
+from edc_swarm.config import Mission, mission_from_dict
+from edc_swarm.invariants import check
+from edc_swarm.messages import Command, Event, Fix, Message, MissionMessage, Report, encode
+from edc_swarm.planner.interface import Plan, PlanRequest
+from edc_swarm.planner.registry import make_planner
+from edc_swarm.recording import Recording
+from edc_swarm.roster import complete_mission
+from edc_swarm.simulation import EPOCH_NS, Simulation, SimulationEnd, mission_message
+
+EDC: dict[str, Any] = {"planner_name": "edc", "area_m2": 10_000.0}
+"""Fields of a mission that the project's own planner flies to its end."""
+
+
+class Flight:
+    """A simulated mission with everything that was said, by kind, and when (mission seconds)."""
+
+    def __init__(
+        self,
+        *faults: str,
+        planner: Any = None,
+        planner_name: str = "straight",
+        to_the_end: bool = False,
+        **fields: Any,
+    ) -> None:
+        defaults: dict[str, Any] = {"uavs": 5, "planner": planner_name, "area_m2": 40_000.0, "max_slots": 30}
+        self.mission: MissionMessage = mission_message(
+            complete_mission(mission_from_dict({**defaults, **fields, "fault": list(faults)}))
+        )
+        self.said: list[tuple[float, Message]] = []
+        make = planner or (lambda: make_planner(self.mission.planner, self.mission))
+        self.simulation = Simulation(self.mission, make, self._hear)
+        if to_the_end:
+            self.simulation.monitor.complete = lambda _slot: False  # type: ignore[method-assign]
+        self.end: SimulationEnd = self.simulation.run()
+
+    def _hear(self, _key: str, message: Message, now_ns: int) -> None:
+        self.said.append(((now_ns - EPOCH_NS) / 1e9, message))
+
+    @property
+    def messages(self) -> list[Message]:
+        """Everything that was said, in order."""
+        return [message for _, message in self.said]
+
+    def fixes(self, uav: str) -> list[Fix]:
+        """All fixes of a UAV."""
+        return [message for message in self.messages if isinstance(message, Fix) and message.uav == uav]
+
+    def fix_slots(self, uav: str) -> list[int]:
+        """Slots of which there is a fix, once each."""
+        return sorted({fix.slot for fix in self.fixes(uav)})
+
+    @property
+    def reports(self) -> list[Report]:
+        """Reports with a quorum."""
+        return [message for message in self.messages if isinstance(message, Report) and message.has_quorum]
+
+    @property
+    def planned_slots(self) -> list[int]:
+        """Slots whose fixes led to a plan."""
+        return sorted({report.slot for report in self.reports})
+
+    def missed(self, first: int, last: int) -> int:
+        """How many slots from `first` to `last` have no plan."""
+        return len(set(range(first, last + 1)) - set(self.planned_slots))
+
+    def broken(self) -> list[str]:
+        """Guarantees that were not kept."""
+        return [result.guarantee for result in check(Recording.from_messages(self.messages)) if not result.held]
+
+
+class Circling:
+    """A planner that keeps UAVs on the move for ever: there and back, by turns."""
+
+    def plan(self, request: PlanRequest) -> Plan:
+        """One metre right in even slots, left in odd ones."""
+        step_m = 1.0 if request.slot % 2 else -1.0
+        return Plan([(float(x) + step_m, float(y)) for x, y in request.position_m], "no-qp-needed")
+
+
+def test_same_seed_same_messages() -> None:
+    """Two runs of one scenario with losses and faults say the very same bytes at the very same times."""
+    runs = [
+        Flight("link *>* loss 0.2 delay 20 jitter 30 duplicate 0.1 @0", "kill head mid-step @9", seed=3)
+        for _ in range(2)
+    ]
+    first, second = ([(at_s, encode(message)) for at_s, message in run.said] for run in runs)
+    assert first == second
+    other = Flight("link *>* loss 0.2 delay 20 jitter 30 duplicate 0.1 @0", "kill head mid-step @9", seed=4)
+    assert [encode(message) for message in other.messages] != [payload for _, payload in first]
+
+
+# --- every fault does what it says -------------------------------------------------------------
+
+
+def test_kill() -> None:
+    """A dead UAV says nothing any more, and the others go on."""
+    flight = Flight("kill u002 @3.1s", to_the_end=True)
+    assert flight.fix_slots("u002") == list(range(7))
+    assert flight.reports[-1].unheard == ["u002"]
+
+
+def test_kill_for_a_while() -> None:
+    """A UAV that is killed for 2 s comes back by itself, in a life of its own."""
+    flight = Flight("kill u002 @3.1s for 2s", to_the_end=True)
+    assert flight.fix_slots("u002") == [*range(7), *range(10, 30)]
+    assert {fix.instance for fix in flight.fixes("u002")} == {"u002-1", "u002-2"}
+    assert flight.reports[-1].unheard == []
+
+
+def test_kill_between_two_effects() -> None:
+    """A UAV killed in mid-step has persisted its last step, but need not have said so."""
+    flight = Flight("kill u002 mid-step @3.1s", to_the_end=True, planner=Circling)
+    slots = [motion.slot for motion in flight.end.motions if motion.uav == "u002"]
+    assert slots == list(range(2, 8))
+    assert flight.fix_slots("u002")[-1] in {6, 7}
+
+
+def test_restart_keeps_the_promise() -> None:
+    """A UAV that comes back is where it was, with its grant, and flies again in the next slot but one."""
+    flight = Flight("restart u002 @3.1s", to_the_end=True, planner=Circling)
+    before, after = (
+        [fix for fix in flight.fixes("u002") if fix.instance == f"u002-{life}"] for life in (1, 2)
+    )  # fmt: skip
+    assert (after[0].slot, after[0].term, after[0].head) == (7, 1, before[-1].head)
+    assert flight.fix_slots("u002") == list(range(30))
+    assert after[-1].executing
+    assert after[-1].voter
+    assert after[0].seq == 0
+
+
+def test_restart_without_memory() -> None:
+    """A UAV that lost its promise never grants again and is never heard again."""
+    flight = Flight("restart u002 lose-memory @3.1s", to_the_end=True)
+    after = [fix for fix in flight.fixes("u002") if fix.instance == "u002-2"]
+    assert after
+    assert not any(fix.voter or fix.head or fix.executing for fix in after)
+    assert all("u002" in report.unheard for report in flight.reports if report.slot >= 7)
+
+
+def test_freeze_and_resume() -> None:
+    """A frozen UAV is silent until it is resumed, and then does not make up for what it missed."""
+    flight = Flight("freeze u002 @3.1s", "resume u002 @6.1s", to_the_end=True)
+    assert flight.fix_slots("u002") == [*range(7), *range(12, 30)]
+    assert not next(fix for fix in flight.fixes("u002") if fix.slot == 12).executing
+
+
+def test_freeze_for_a_while() -> None:
+    """`for` resumes by itself."""
+    assert Flight("freeze u002 @3.1s for 3s", to_the_end=True).fix_slots("u002") == [*range(7), *range(12, 30)]
+
+
+@pytest.mark.parametrize("for_s", [0.1, 2.0])
+def test_freeze_between_two_effects(for_s: float) -> None:
+    """A UAV stopped in mid-step goes on after the stated time, counted from when it stopped."""
+    flight = Flight(f"freeze u002 mid-step @3.1s for {for_s}s", to_the_end=True)
+    back = 8 + round(for_s / 0.5) - (for_s < 0.5)
+    assert set(range(back, 30)) <= set(flight.fix_slots("u002"))
+
+
+@pytest.mark.parametrize("fault", ["partition u002|rest @3.1s for 3s", "partition rest|u002 @3.1s for 6"])
+def test_partition(fault: str) -> None:
+    """A UAV that is cut off is unheard while it lasts, suspects, and rejoins the same head."""
+    flight = Flight(fault, to_the_end=True)
+    unheard = [report.slot for report in flight.reports if "u002" in report.unheard]
+    assert unheard == [7, 8, 9, 10, 11, 12]
+    assert any(fix.suspects for fix in flight.fixes("u002") if 7 <= fix.slot <= 12)
+    assert flight.fixes("u002")[-1].suspects is False
+    assert {report.term for report in flight.reports} == {1}
+
+
+def test_partition_one_way() -> None:
+    """What the left side says is cut off, and nothing else."""
+    mute = Flight("partition u002>rest @3.1s for 3s", to_the_end=True)
+    assert [report.slot for report in mute.reports if "u002" in report.unheard] == [7, 8, 9, 10, 11, 12]
+    assert not any(fix.suspects for fix in mute.fixes("u002")[2:])
+    deaf = Flight("partition rest>u002 @3.1s for 3s", to_the_end=True, planner=Circling)
+    assert not any("u002" in report.unheard for report in deaf.reports)
+    assert [fix.slot for fix in deaf.fixes("u002") if fix.slot > 2 and not fix.executing][-1] == 13
+
+
+def test_heal() -> None:
+    """Every partition ends."""
+    flight = Flight("partition u002|rest @3.1s", "partition u003>u001 @3.1s", "heal @6.1s", to_the_end=True)
+    assert [report.slot for report in flight.reports if "u002" in report.unheard] == [7, 8, 9, 10, 11, 12]
+    assert flight.reports[-1].unheard == []
+
+
+def test_link() -> None:
+    """A link that loses everything for a while is a link cut one way; a late command is not flown."""
+    flight = Flight("link u002>* loss 1 @3.1s for 3s", to_the_end=True)
+    assert [report.slot for report in flight.reports if "u002" in report.unheard] == [7, 8, 9, 10, 11, 12]
+    slow = Flight("link *>u002 delay 600 @3.1s for 3s", to_the_end=True, planner=Circling)
+    assert [fix.slot for fix in slow.fixes("u002") if not fix.executing and fix.slot >= 7] == [8, 9, 10, 11, 12, 13]
+
+
+def test_clock() -> None:
+    """A clock that is 80 ms ahead begins its slots 80 ms early and stamps its messages so."""
+    flight = Flight("clock u002 offset 80 @3.1s", "clock u003 offset -50 @3.1s", to_the_end=True, guard_s=0.1)
+    began_s = {
+        (fix.uav, fix.slot): (at_s - 0.5 * fix.slot, (fix.sent_ns - EPOCH_NS) / 1e9 - 0.5 * fix.slot)
+        for at_s, fix in reversed(flight.said)
+        if isinstance(fix, Fix)
+    }
+    assert began_s["u002", 20] == pytest.approx((-0.08, 0.0), abs=1e-6)
+    assert began_s["u003", 20] == pytest.approx((0.05, 0.0), abs=1e-6)
+    assert began_s["u001", 20] == pytest.approx((0.0, 0.0), abs=1e-6)
+    assert flight.missed(1, 29) == 0
+    assert flight.broken() == []
+
+
+def test_clock_drift() -> None:
+    """1000 ppm gain a millisecond per second."""
+    flight = Flight("clock u002 drift 1000 @0", to_the_end=True)
+    at_s = next(at_s for at_s, fix in flight.said if isinstance(fix, Fix) and fix.uav == "u002" and fix.slot == 20)
+    assert at_s == pytest.approx(10.0 / 1.001, abs=1e-6)
+
+
+def test_a_clock_that_is_set_back_takes_no_slot_back() -> None:
+    """The slot of a UAV never decreases: it waits until its clock is there again."""
+    flight = Flight("clock u002 offset 2000 @3.1s", "clock u002 offset 0 @5.1s", to_the_end=True)
+    slots = [fix.slot for fix in flight.fixes("u002")]
+    assert slots == sorted(slots)
+    assert max(slots) == 29
+    assert flight.fixes("u002")[-1].suspects is False
+
+
+def test_clock_offset_is_reported() -> None:
+    """A fix from the future beyond the guard makes the head say so, once."""
+    flight = Flight("clock u002 offset 80 @3.1s", to_the_end=True)
+    told = [m for m in flight.messages if isinstance(m, Event) and m.kind == "clock-offset"]
+    assert any("u002 is" in event.detail for event in told)
+    assert len({(event.source, event.detail[:4]) for event in told}) == len(told)
+
+
+def test_gps() -> None:
+    """Another GPS model changes the reported positions and neither disc nor truth."""
+    flight = Flight("gps u002 white @5", gps_model="none", to_the_end=True)
+    errors = {f.slot: (f.x_m - f.from_x_m, f.y_m - f.from_y_m) for f in flight.fixes("u002")}
+    assert all(abs(x) < 1e-9 and abs(y) < 1e-9 for slot, (x, y) in errors.items() if slot < 5)
+    assert len({error for slot, error in errors.items() if slot > 5}) > 20
+
+
+def test_slow() -> None:
+    """A solver that takes longer than the slot makes everybody hold, and is safe."""
+    flight = Flight("slow head 600 @6 for 4", to_the_end=True, planner=Circling)
+    held = {f.slot for f in flight.fixes("u002") if not f.executing and f.slot >= 2}
+    assert {7, 8, 9} <= held
+    assert flight.fixes("u002")[-1].executing
+    assert flight.broken() == []
+
+
+@pytest.mark.parametrize(
+    ("faults", "silent"),
+    [
+        (("restart router @8",), 2),
+        (("kill router @8 for 4",), 4),
+        (("freeze router @8 for 3",), 3),
+        (("freeze router @8", "resume router @13"), 5),
+    ],
+)
+def test_router(faults: tuple[str, ...], silent: int) -> None:
+    """Without the router nothing passes; nobody claims, and the term grows by at most one."""
+    flight = Flight(*faults, to_the_end=True)
+    assert not set(range(9, 8 + silent)) & set(flight.planned_slots)
+    assert flight.missed(8, 29) <= silent + 3
+    assert max(report.term for report in flight.reports) <= 2
+
+
+def test_a_fault_without_target() -> None:
+    """A fault for a head while there is none is told and changes nothing."""
+    flight = Flight("kill head @0", to_the_end=True)
+    assert [m.detail for m in flight.messages if isinstance(m, Event) and m.kind == "fault-without-target"] == [
+        "kill head @0s"
+    ]
+    assert flight.missed(1, 29) == 0
+
+
+def test_every_fault_is_told() -> None:
+    """The operator's events say what was done to whom, with ids in place of words."""
+    flight = Flight("freeze head @4 for 2", "partition halves @8 for 2", to_the_end=True)
+    told = [m.detail for m in flight.messages if isinstance(m, Event) and m.kind == "fault"]
+    assert told == [f"freeze {flight.reports[0].head} @2s for 1s", "partition u001,u002|u003,u004,u005 @4s for 1s"]
+
+
+# --- calm, and alive ---------------------------------------------------------------------------
+
+
+def test_ten_per_cent_loss_changes_no_head() -> None:
+    """For ten minutes, 1200 slots, at 10 % loss the head and the term stay."""
+    energy = {"initial_min_j": 2e5, "initial_max_j": 3e5}
+    flight = Flight(link=[{"loss": 0.1}], energy=energy, max_slots=1200, planner=Circling, handover_margin=10.0)
+    assert flight.end.slots == 1200
+    assert {(report.term, report.head) for report in flight.reports} == {(1, flight.reports[0].head)}
+    assert flight.missed(5, 1199) <= 12
+
+
+def test_near_equal_energies_do_not_pass_the_head_around() -> None:
+    """With batteries that differ by less than a slot's flight: at most one handover in 20 slots."""
+    energy = {"initial_min_j": 60_000.0, "initial_max_j": 60_001.0, "radio_j_per_message": 1.0}
+    flight = Flight(energy=energy, handover_margin=0.0, max_slots=200, planner=Circling)
+    changes = [b.slot for a, b in pairwise(flight.reports) if a.term != b.term]
+    assert len(changes) >= 5
+    assert all(later - earlier >= 20 for earlier, later in pairwise(changes))
+    assert flight.missed(1, 199) == 0
+    calm = Flight(energy=energy, max_slots=200, planner=Circling)
+    assert {report.term for report in calm.reports} == {1}
+
+
+@pytest.mark.parametrize("at_ms", range(5000, 5500, 25))
+def test_fail_over_takes_at_most_two_slots(at_ms: int) -> None:
+    """Whenever in a slot the head dies, at most two slots go by without commands."""
+    flight = Flight(f"kill head @{at_ms / 1e3}s", max_slots=16, to_the_end=True)
+    assert flight.missed(1, 15) <= 2
+    assert {report.term for report in flight.reports} == {1, 2}
+
+
+@pytest.mark.parametrize("verb", ["kill", "freeze"])
+@pytest.mark.parametrize("at_s", ["4.99", "5.0", "5.0004", "5.0007", "5.3"])
+def test_head_stopped_in_mid_step(verb: str, at_s: str) -> None:
+    """Stopped between two effects of one step: a new head soon, and every guarantee kept."""
+    flight = Flight(f"{verb} head mid-step @{at_s}s", uavs=6, area_m2=10_000.0, to_the_end=True)
+    assert flight.missed(1, 29) <= 7
+    assert flight.reports[-1].slot == 29
+    assert not {"G1", "G2", "G4"} & set(flight.broken())
+
+
+def test_two_heads_die_within_three_slots() -> None:
+    """The rest finish, with every guarantee kept."""
+    flight = Flight("kill head @10", "kill head @12", uavs=6, max_slots=0, **EDC)
+    assert flight.end.completed
+    assert flight.broken() == []
+    assert len({report.head for report in flight.reports}) == 3
+
+
+def test_halves_hold_and_finish_after_healing() -> None:
+    """Five against five: nobody leads, nobody moves; after healing all arrive."""
+    flight = Flight("partition halves @8 for 12", uavs=10, max_slots=0, **EDC)
+    assert not set(range(8, 20)) & set(flight.planned_slots)
+    moved = [f for f in flight.messages if isinstance(f, Fix) and f.executing and 9 < f.slot <= 20]
+    assert moved == []
+    assert flight.end.completed
+    assert flight.broken() == []
+    assert flight.missed(20, 30) <= 5
+
+
+def test_heavy_loss_and_then_none() -> None:
+    """After a minute in which almost nothing gets through, one head leads everybody again."""
+    flight = Flight("link *>* loss 0.9 reorder 0.3 @5 for 60", max_slots=90, planner=Circling)
+    last = flight.reports[-1]
+    assert last.slot == 89
+    assert last.unheard == []
+    assert len({report.term for report in flight.reports if report.slot > 80}) == 1
+
+
+@pytest.mark.parametrize("uavs", [1, 2, 3])
+def test_small_swarms(uavs: int) -> None:
+    """One, two and three UAVs fly, survive a restart of the head, and finish."""
+    flight = Flight("restart head @5.1s", uavs=uavs, max_slots=0, **EDC)
+    assert flight.end.completed
+    assert flight.broken() == []
+    assert flight.missed(12, flight.end.slots - 1) <= 3
+
+
+def test_one_of_two_is_no_quorum() -> None:
+    """When one of two dies, the other holds."""
+    flight = Flight("kill u001 @8", uavs=2, planner=Circling, to_the_end=True)
+    assert not [f for f in flight.fixes("u002") if f.executing and f.slot > 9]
+
+
+def test_the_whole_swarm_restarts() -> None:
+    """All processes come back at once, standbys forgotten: a new term, and all is well."""
+    faults = [f"restart u00{k} @4.1s" for k in range(1, 6)]
+    flight = Flight(*faults, to_the_end=True)
+    assert flight.reports[-1].slot == 29
+    assert flight.reports[-1].unheard == []
+    assert flight.reports[-1].term == 2
+
+
+@pytest.mark.parametrize("standbys", [0, 1])
+def test_no_standby_left(standbys: int) -> None:
+    """Without a standby that lives, the best candidate is granted after a further lease."""
+    flight = Flight("kill head @4.1s", "kill standby @4.1s", standbys=standbys, uavs=6, to_the_end=True)
+    assert flight.reports[-1].slot == 29
+    assert flight.missed(9, 29) <= 6
+
+
+def test_a_deaf_uav_is_no_successor() -> None:
+    """A UAV that hears nobody is not handed the lead, however full its battery is."""
+    energy = {"initial_min_j": 60_000.0, "initial_max_j": 60_100.0, "radio_j_per_message": 1.0}
+    flight = Flight(
+        "partition rest>u002 @5", uavs=3, energy=energy, handover_margin=0.0, max_slots=100, planner=Circling
+    )
+    assert "u002" not in {report.successor for report in flight.reports if report.slot > 8}
+    assert "u002" not in {report.head for report in flight.reports if report.slot > 8}
+    assert flight.missed(1, 99) <= 2
+
+
+def test_an_empty_battery_ends_a_uav() -> None:
+    """The head's battery runs out: it stays where it is, says so, and another one leads."""
+    flight = Flight(roster=roster(900.0, 5e4, 6e4, 7e4), uavs=4, elect="response-time", max_slots=40, planner=Circling)
+    assert flight.reports[0].head == "u1"
+    empty = next(m for m in flight.messages if isinstance(m, Event) and m.kind == "battery-empty")
+    assert (empty.source, flight.fix_slots("u1")[-1]) == ("u1", empty.slot - 1)
+    assert flight.reports[-1].head != "u1"
+    assert flight.reports[-1].slot == 39
+    assert flight.end.completed is False
+
+
+def test_all_batteries_run_out() -> None:
+    """A swarm of which nothing flies any more ends at once."""
+    flight = Flight(roster=roster(500.0, 500.0, 500.0), uavs=3, planner=Circling, max_slots=40)
+    assert not flight.end.completed
+    assert flight.end.slots < 10
+
+
+def test_a_late_starter_joins() -> None:
+    """A UAV whose process starts at slot 12 takes part from the next slots on."""
+    flight = Flight("kill u002 @0", "restart u002 @12", to_the_end=True, planner=Circling)
+    joined = [report.slot for report in flight.reports if "u002" in report.heard]
+    assert joined[-1] == 29
+    assert 12 <= min(slot for slot in joined if slot > 1) <= 14
+
+
+@pytest.mark.parametrize("lag_slots", [0, 1])
+def test_fixes_far_too_late(lag_slots: int) -> None:
+    """Delays of several slots, then none: nothing moves meanwhile, nothing breaks, all arrive."""
+    faults = ("link *>* delay 700 jitter 900 duplicate 0.3 @6 for 20",)
+    flight = Flight(*faults, uavs=5, lag_slots=lag_slots, max_slots=0, **EDC)
+    assert flight.end.completed
+    assert flight.broken() == []
+
+
+def test_sequence_numbers_have_no_holes() -> None:
+    """Per instance and key, `seq` counts from 0, and `closed` tells the last of each."""
+    flight = Flight("restart u002 @3.1s", "kill head @6")
+    seqs: dict[tuple[str, str], list[int]] = {}
+    for message in flight.messages:
+        if isinstance(message, Fix):
+            seqs.setdefault((message.instance, f"fix {message.uav}"), []).append(message.seq)
+        elif isinstance(message, Command):
+            seqs.setdefault((message.instance, f"command {message.uav}"), []).append(message.seq)
+    assert all(found == list(range(len(found))) for found in seqs.values())
+    closed = {m.source: m for m in flight.messages if isinstance(m, Event) and m.kind == "closed"}
+    last = msgspec.json.decode(closed["u002"].detail)
+    assert last[f"swarm/{flight.mission.name}/uav/u002/fix"] == seqs["u002-2", "fix u002"][-1]
+
+
+def roster(*energies_j: float) -> list[dict[str, Any]]:
+    """UAVs u1, u2, ... 40 m apart with these batteries; the first has the fastest computer."""
+    return [
+        {
+            "uav": f"u{k}",
+            "start_x_m": 40.0 * k,
+            "start_y_m": 0.0,
+            "target_x_m": 40.0 * k,
+            "target_y_m": 90.0,
+            "r_m": 5.0,
+            "body_m": 0.25,
+            "energy_j": energy_j,
+            "compute_factor": 1.0 + k,
+        }
+        for k, energy_j in enumerate(energies_j, 1)
+    ]
+
+
+def test_the_mission_type_is_the_missions() -> None:
+    """The message on the bus has every field of the mission file."""
+    assert set(Mission.__struct_fields__) <= set(MissionMessage.__struct_fields__)
