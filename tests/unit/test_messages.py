@@ -1,0 +1,150 @@
+"""Keys and codec: each way in which bytes can be bad."""
+
+from __future__ import annotations
+
+import msgspec
+import pytest
+
+from edc_swarm.config import RosterEntry
+from edc_swarm.errors import MessageError
+from edc_swarm.messages import Command, Event, Fix, Keys, MissionMessage, Report, decode, encode, kind_of, roster_index
+
+KEYS = Keys("m1")
+FIX = Fix(uav="a", slot=3, x_m=1.0, y_m=2.0, r_m=5.0, waypoint_x_m=0.1, waypoint_y_m=0.2)
+COMMAND = Command(head="h", uav="a", slot=3, term=1, start_x_m=0, start_y_m=0, target_x_m=1, target_y_m=1)
+REPORT = Report(head="h", slot=3, term=1, status="planned", quorum=2, grants=["a", "h"])
+
+
+def test_keys() -> None:
+    """The key expressions that recordings and access control rely on."""
+    assert KEYS.of(FIX) == "swarm/m1/uav/a/fix"
+    assert KEYS.of(COMMAND) == "swarm/m1/head/h/command/a"
+    assert KEYS.of(REPORT) == "swarm/m1/head/h/report"
+    assert KEYS.of(Event(source="operator", kind="end")) == "swarm/m1/event/operator"
+    assert KEYS.of(MissionMessage(epoch_ns=0)) == "swarm/m1/mission"
+    assert (KEYS.truth("a"), KEYS.alive("a", "i")) == ("swarm/m1/uav/a/truth", "swarm/m1/alive/a/i")
+    assert (KEYS.all_fixes, KEYS.commands_to("a")) == ("swarm/m1/uav/*/fix", "swarm/m1/head/*/command/a")
+    assert (KEYS.all_reports, KEYS.everything) == ("swarm/m1/head/*/report", "swarm/m1/**")
+
+
+@pytest.mark.parametrize(
+    "key",
+    ["", "swarm", "swarm/m1", "fix", "uav/a", "uav/a/fix/b", "head/h/command", "swarm/m1/uav/a/b", "viz/a", "alive/a"],
+)  # fmt: skip
+def test_keys_without_messages(key: str) -> None:
+    """Nothing is decoded on a key that has no kind of message."""
+    assert kind_of(key) is None
+    with pytest.raises(MessageError, match="no message is defined"):
+        decode(key, encode(FIX))
+
+
+@pytest.mark.parametrize("field", ["x_m", "energy_j", "from_x_m"])
+@pytest.mark.parametrize("number", [b"1e999", b"-1e999", b"NaN", b"Infinity", b'"1"', b"null"])
+def test_numbers_that_are_none(field: str, number: bytes) -> None:
+    """JSON has no NaN, but 1e999 would be infinite."""
+    raw = msgspec.json.decode(encode(FIX))
+    raw[field] = 123456.5
+    payload = msgspec.json.encode(raw)
+    assert getattr(decode("uav/a/fix", payload), field) == 123456.5
+    with pytest.raises(MessageError):
+        decode("uav/a/fix", payload.replace(b"123456.5", number))
+
+
+def test_lists_are_finite_too() -> None:
+    """Nor does an infinite number hide in a list, or in the roster of a mission."""
+    raw = encode(msgspec.structs.replace(REPORT, hull_r_m=[1.0, 123456.5])).replace(b"123456.5", b"1e999")
+    with pytest.raises(MessageError):
+        decode("head/h/report", raw)
+    entry = RosterEntry(
+        uav="a", start_x_m=123456.5, start_y_m=0, target_x_m=0, target_y_m=0, r_m=1, body_m=1, energy_j=1
+    )
+    mission = encode(MissionMessage(epoch_ns=0, roster=[entry])).replace(b"123456.5", b"1e999")
+    with pytest.raises(MessageError):
+        decode("mission", mission)
+
+
+@pytest.mark.parametrize(
+    ("field", "value"),
+    [
+        ("slot", -2),
+        ("slot", 1 << 40),
+        ("term", -1),
+        ("term", 1 << 40),
+        ("seq", -1),
+        ("seq", 1 << 53),
+        ("sent_ns", -1),
+        ("sent_ns", 1 << 63),
+        ("uav", ""),
+        ("uav", "a/b"),
+        ("uav", "a*"),
+        ("uav", "x" * 33),
+        ("head", "a b"),
+        ("instance", "x" * 65),
+        ("voter", 1),
+        ("slot", 1.5),
+    ],
+)
+def test_limits(field: str, value: object) -> None:
+    """Fields out of range or of another type are refused, and the reason names the field."""
+    raw = {**msgspec.to_builtins(FIX), field: value}
+    with pytest.raises(MessageError, match=field):
+        decode("uav/a/fix", msgspec.json.encode(raw))
+
+
+@pytest.mark.parametrize("name", ["uav", "slot", "x_m", "y_m", "r_m", "waypoint_x_m", "waypoint_y_m"])
+def test_required_fields(name: str) -> None:
+    """A fix without one of them says nothing."""
+    raw = msgspec.to_builtins(FIX)
+    del raw[name]
+    with pytest.raises(MessageError, match=name):
+        decode("uav/a/fix", msgspec.json.encode(raw))
+
+
+@pytest.mark.parametrize(
+    ("key", "message"),
+    [
+        ("swarm/m1/uav/b/fix", FIX),
+        ("swarm/m1/head/x/command/a", COMMAND),
+        ("swarm/m1/head/h/command/b", COMMAND),
+        ("swarm/m1/head/x/report", REPORT),
+    ],
+)
+def test_sender_and_receiver_are_those_in_the_key(key: str, message: Fix | Command | Report) -> None:
+    """What one UAV may publish is decided by its keys alone."""
+    with pytest.raises(MessageError, match="is not the one in the key"):
+        decode(key, encode(message))
+
+
+@pytest.mark.parametrize(
+    "payload", [b"", b"{", b"[]", b"null", b"\xff\xfe", b'"\\ud800"', b"[" * 300_000, b'{"q":' * 100_000]
+)
+def test_garbage(payload: bytes) -> None:
+    """Only `MessageError` comes out, however deep it is nested."""
+    with pytest.raises(MessageError):
+        decode("uav/a/fix", payload)
+
+
+@pytest.mark.parametrize(
+    ("status", "grants", "proof"),
+    [
+        ("planned", 2, True),
+        ("no-qp-needed", 3, True),
+        ("failed", 2, True),
+        ("planned", 1, False),
+        ("no-quorum", 3, False),
+        ("claim", 3, False),
+    ],
+)
+def test_what_proves_a_quorum(status: str, grants: int, proof: bool) -> None:
+    """Only a report of a plan, with enough grants, does."""
+    report = msgspec.structs.replace(REPORT, status=status, grants=["a", "b", "c"][:grants])
+    assert report.has_quorum is proof
+
+
+def test_roster_index() -> None:
+    """Positions in roster order, by id."""
+    entries = [
+        RosterEntry(uav=uav, start_x_m=0, start_y_m=0, target_x_m=0, target_y_m=0, r_m=1, body_m=1, energy_j=1)
+        for uav in ("z", "a")
+    ]
+    assert roster_index(entries) == {"z": 0, "a": 1}
