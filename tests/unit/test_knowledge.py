@@ -1,0 +1,194 @@
+"""What is known of the others: order of fixes, who is heard, each case of the hull."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import pytest
+
+from edc_swarm.config import RosterEntry
+from edc_swarm.knowledge import HullRules, Knowledge, Stadium
+from edc_swarm.messages import Command, Fix, Report
+
+ROSTER = [
+    RosterEntry(uav=uav, start_x_m=x_m, start_y_m=0, target_x_m=0, target_y_m=9, r_m=5, body_m=1, energy_j=1)
+    for uav, x_m in (("a", 0.0), ("b", 20.0), ("c", 40.0))
+]
+RULES = HullRules(u_max_m=2.0, lag_slots=0)
+LAGGING = HullRules(u_max_m=2.0, lag_slots=1)
+MINE = (3, "a")
+
+
+def fix(
+    slot: int, term: int = 3, head: str = "a", uav: str = "b", at: tuple[float, float] = (1, 2), **fields: Any
+) -> Fix:
+    """A fix of UAV b that grants a in term 3, unless told otherwise."""
+    x_m, y_m = at
+    return Fix(
+        uav=uav, slot=slot, term=term, head=head, x_m=0, y_m=0, r_m=5, waypoint_x_m=x_m, waypoint_y_m=y_m, **fields
+    )
+
+
+def command(slot: int, to: tuple[float, float] = (3, 2)) -> Command:
+    """A step of UAV b from (1, 2)."""
+    return Command(head="a", uav="b", slot=slot, term=3, start_x_m=1, start_y_m=2, target_x_m=to[0], target_y_m=to[1])
+
+
+def report(slot: int, hull: Stadium, term: int = 2, head: str = "c") -> Report:
+    """A report of another head that saw UAV b in `hull`."""
+    return Report(
+        head=head, slot=slot, term=term, status="planned", quorum=2, hull_uav=["b"], hull_ax_m=[hull.ax_m],
+        hull_ay_m=[hull.ay_m], hull_bx_m=[hull.bx_m], hull_by_m=[hull.by_m], hull_r_m=[hull.radius_m],
+    )  # fmt: skip
+
+
+def heard(*fixes: Fix, slot: int = 9) -> Knowledge:
+    """Knowledge after these fixes, in this order, all received in `slot`."""
+    knowledge = Knowledge(ROSTER)
+    for each in fixes:
+        knowledge.hear_fix(each, slot)
+    return knowledge
+
+
+@pytest.mark.parametrize(
+    ("first", "second", "newest"),
+    [
+        (fix(4, seq=1), fix(5, seq=2), 2),
+        (fix(5, seq=2), fix(4, seq=1), 2),
+        (fix(5, term=3, seq=2), fix(5, term=4, seq=3), 3),
+        (fix(5, term=4, seq=3), fix(5, term=3, seq=2), 3),
+        (fix(5, term=9, seq=2), fix(6, term=3, seq=3), 3),
+        (fix(5, seq=7, instance="x"), fix(5, seq=8, instance="x"), 8),
+        (fix(5, seq=8, instance="x"), fix(5, seq=7, instance="x"), 8),
+        (fix(5, seq=8, instance="x"), fix(5, seq=8, instance="x", energy_j=3.0), 8),
+        (fix(5, seq=8, instance="x"), fix(6, seq=0, instance="y"), 0),
+    ],
+)
+def test_order_of_fixes(first: Fix, second: Fix, newest: int) -> None:
+    """By slot, then term, then order of sending: late, doubled and overtaken fixes change nothing."""
+    knowledge = heard(first, second)
+    assert knowledge.newest["b"].seq == newest
+    assert knowledge.newest["b"].energy_j == 0.0
+
+
+def test_fixes_that_are_no_knowledge() -> None:
+    """A stranger's fix, and that of a UAV that lost its promise, are not taken in."""
+    assert heard(fix(5, uav="zz"), fix(5, voter=False)).newest == {}
+
+
+def test_early_fixes_wait() -> None:
+    """A fix of a slot that has not begun here counts from when it has."""
+    knowledge = heard(fix(4), fix(6), slot=5)
+    assert knowledge.last_slot("b") == 4
+    knowledge.begin_slot(5)
+    assert knowledge.heard(6, MINE) == []
+    knowledge.begin_slot(6)
+    assert (knowledge.last_slot("b"), knowledge.heard(6, MINE)) == (6, ["b"])
+
+
+@pytest.mark.parametrize(
+    ("found", "is_heard"),
+    [
+        (fix(5), True),
+        (fix(4), False),
+        (fix(5, term=2), False),
+        (fix(5, term=4), False),
+        (fix(5, head="c"), False),
+        (fix(5, voter=False), False),
+        (fix(5, suspects=True), True),
+    ],
+)
+def test_heard(found: Fix, is_heard: bool) -> None:
+    """Heard is who sent a fix of this very slot with this very grant."""
+    knowledge = heard(found, fix(5, uav="a"))
+    assert knowledge.heard(5, MINE) == (["a", "b"] if is_heard else ["a"])
+    assert knowledge.count_heard(5, MINE) == 1 + is_heard
+
+
+def test_heard_is_counted_right_when_grants_change() -> None:
+    """The running count is the length of the list, whatever came before."""
+    knowledge = heard(fix(5), fix(5, uav="c"), fix(5), fix(5, term=4, uav="c"), fix(4, uav="a"), fix(5, uav="a"))
+    assert knowledge.heard(5, MINE) == ["a", "b"]
+    assert knowledge.count_heard(5, MINE) == 2
+    assert knowledge.count_heard(4, MINE) == 0
+    assert knowledge.count_heard(5, (4, "a")) == 1
+
+
+def test_recent_in_roster_order() -> None:
+    """Newest fixes not older than asked."""
+    knowledge = heard(fix(5, uav="c"), fix(4, uav="b"), fix(3, uav="a"))
+    assert [each.uav for each in knowledge.recent(4)] == ["b", "c"]
+    assert knowledge.last_slot("a") == 3
+
+
+def test_hull_of_one_never_heard() -> None:
+    """The ball about the roster start, one step for every slot up to t0 + 1, then no more."""
+    knowledge = Knowledge(ROSTER)
+    for t0, radius_m in ((0, 4.0), (3, 10.0), (9, 22.0)):
+        assert knowledge.hull("b", MINE, t0, {}, RULES) == Stadium(20, 0, 20, 0, radius_m)
+
+
+def test_hull_of_one_that_grants_me() -> None:
+    """(a) The segment of the command for the slot after its fix, else the point."""
+    knowledge = heard(fix(5))
+    point = Stadium(1, 2, 1, 2)
+    assert knowledge.hull("b", MINE, 0, {}, RULES) == point
+    assert knowledge.hull("b", MINE, 9, {"b": command(6)}, RULES) == Stadium(1, 2, 3, 2)
+    assert knowledge.hull("b", MINE, 9, {"b": command(5)}, RULES) == point
+    assert knowledge.hull("b", MINE, 9, {"b": command(7)}, RULES) == point
+
+
+@pytest.mark.parametrize("grant", [(2, "c"), (2, "a"), (4, "c"), (3, "c"), (0, "")])
+@pytest.mark.parametrize(("t0", "radius_m"), [(5, 2.0), (4, 0.0), (3, 0.0), (7, 6.0), (20, 32.0)])
+def test_hull_of_one_that_grants_another(grant: tuple[int, str], t0: int, radius_m: float) -> None:
+    """(b) The ball about the waypoint, u_max for each slot from the fix to t0 + 1; own commands do not count."""
+    knowledge = heard(fix(5, *grant), slot=30)
+    assert knowledge.hull("b", MINE, t0, {"b": command(6)}, RULES) == Stadium(1, 2, 1, 2, radius_m)
+
+
+def test_hull_that_was_relayed() -> None:
+    """A report newer than the fix serves like a fix of its slot, with its hull in place of the waypoint."""
+    knowledge = heard(fix(5, 2, "c"))
+    knowledge.hear_report(report(8, Stadium(1, 2, 7, 2, 1.5)))
+    assert knowledge.hull("b", MINE, 9, {}, RULES) == Stadium(1, 2, 7, 2, 1.5 + 4.0)
+    assert knowledge.hull("b", MINE, 6, {}, RULES) == Stadium(1, 2, 7, 2, 1.5)
+    knowledge.hear_report(report(7, Stadium(0, 0, 0, 0, 0)))
+    assert knowledge.hull("b", MINE, 6, {}, RULES) == Stadium(1, 2, 7, 2, 1.5), "an older report changes nothing"
+    knowledge.hear_fix(fix(8, 2, "c", at=(5, 5)), 9)
+    assert knowledge.hull("b", MINE, 9, {}, RULES) == Stadium(5, 5, 5, 5, 4.0), "a fix of that slot knows better"
+    knowledge.hear_report(report(9, Stadium(0, 0, 0, 0, 3)))
+    knowledge.hear_fix(fix(8, 3, "a", at=(5, 5)), 9)
+    assert knowledge.hull("b", MINE, 9, {}, RULES) == Stadium(5, 5, 5, 5), "one that grants me moves by no other"
+
+
+def test_relayed_hull_of_a_stranger() -> None:
+    """A report about a UAV that is not in the roster, or with lists of unequal length, harms nothing."""
+    knowledge = Knowledge(ROSTER)
+    knowledge.hear_report(Report(head="c", slot=3, term=2, status="planned", quorum=2, hull_uav=["zz", "b"]))
+    knowledge.hear_report(
+        Report(
+            head="c",
+            slot=3,
+            term=2,
+            status="planned",
+            quorum=2,
+            hull_uav=["zz"],
+            hull_ax_m=[1],
+            hull_ay_m=[1],
+            hull_bx_m=[1],
+            hull_by_m=[1],
+            hull_r_m=[1],
+        )
+    )
+    assert knowledge.hull("b", MINE, 0, {}, RULES) == Stadium(20, 0, 20, 0, 4.0)
+
+
+def test_hull_with_lag() -> None:
+    """Vehicles that may still be on their previous step: that segment belongs to every hull."""
+    late = fix(5, from_x_m=1.0, from_y_m=0.0)
+    assert heard(late).hull("b", MINE, 0, {}, LAGGING) == Stadium(1, 0, 1, 2)
+    other = heard(fix(5, 2, "c", from_x_m=1.0, from_y_m=0.0))
+    assert other.hull("b", MINE, 5, {}, LAGGING) == Stadium(1, 0, 1, 2, 2.0)
+    corner = heard(late).hull("b", MINE, 0, {"b": command(6)}, LAGGING)
+    assert (corner.ax_m, corner.ay_m, corner.bx_m, corner.by_m) == (1, 0, 3, 2)
+    assert corner.radius_m == pytest.approx(2**0.5), "the waypoint between the two steps is inside"
