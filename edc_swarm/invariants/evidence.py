@@ -41,6 +41,12 @@ class Evidence:
         """Mission time at a share of a slot."""
         return (slot + share) * self.mission.dt_s
 
+    def fixes_lost(self) -> set[str]:
+        """UAVs of whose fixes some are missing from the record: what they granted there is unknown."""
+        return {
+            uav for uav in self.index if any(gap.key == f"uav/{uav}/fix" and not gap.duplicate for gap in self.gaps)
+        }
+
     def gap_notes(self) -> list[str]:
         """A warning where what looks broken may only be missing from the record."""
         return ["the record has gaps (see G5): what is missing here may have been said"] if self.gaps else []

@@ -42,12 +42,17 @@ def _rivals(evidence: Evidence) -> Iterator[Violation]:
 
 
 def _unbacked_plans(evidence: Evidence, granted: Granted) -> Iterator[Violation]:
+    lost = evidence.fixes_lost()
     for report in evidence.plans:
         grants = set(report.grants) & evidence.index.keys()
         if len(grants) < evidence.mission.quorum:
             counted = f"{len(grants)} grants where {evidence.mission.quorum} are needed"
             yield _of(report, "no-quorum", f"a plan of term {report.term} on {counted}", [report.head])
-        missing = [uav for uav in report.grants if (uav, report.slot, report.term, report.head) not in granted]
+        missing = [
+            uav
+            for uav in report.grants
+            if uav not in lost and (uav, report.slot, report.term, report.head) not in granted
+        ]
         if missing:
             text = f"grants of term {report.term} that no recorded fix gives: {', '.join(missing)}"
             yield _of(report, "grant-without-fix", text, missing)
@@ -58,12 +63,13 @@ def _unbacked_commands(evidence: Evidence, granted: Granted) -> Iterator[Violati
     reported = {(r.term, r.head, r.slot) for r in evidence.plans}
     support = Counter((term, head, slot) for _, slot, term, head in granted)
     unsupported = set()
+    lost = evidence.fixes_lost()
     for c in evidence.recording.commands:
         plan = (c.term, c.head, c.slot - 1)
-        if (c.uav, c.slot - 1, c.term, c.head) not in granted:
+        if c.uav not in lost and (c.uav, c.slot - 1, c.term, c.head) not in granted:
             text = f"{c.head} commands {c.uav}, whose fix of slot {c.slot - 1} does not grant term {c.term}"
             yield Violation("command-to-unheard", text, c.slot, [c.uav])
-        if plan not in reported and support[plan] < evidence.mission.quorum:
+        if not lost and plan not in reported and support[plan] < evidence.mission.quorum:
             unsupported.add(plan)
     for term, head, slot in unsupported:
         text = f"commands of term {term} on {support[term, head, slot]} grants"
