@@ -1,0 +1,200 @@
+"""Fail-over measured on real processes: `python benchmarks/faults.py [--trials 20] [--only NAME]`.
+
+Ten UAVs, slot 0.5 s, real time by default. Each trial injects its fault at another moment within a
+slot, flies the mission to its end with `edc-swarm run`, and is judged from the recording alone.
+Prints a table, or JSON with `--json`.
+"""
+
+from __future__ import annotations
+
+import argparse
+import json
+import statistics
+import subprocess
+import sys
+import tempfile
+from collections.abc import Callable, Sequence
+from concurrent.futures import ThreadPoolExecutor
+from dataclasses import dataclass
+from pathlib import Path
+
+from rich.console import Console
+from rich.progress import track
+
+from edc_swarm.invariants import check
+from edc_swarm.metrics import Metrics, compute_metrics
+from edc_swarm.recording import Recording, read_recording
+
+UAVS = 10
+SLOT_S = 0.5
+FAULT_SLOT = 10
+HEAL_SLOT = 30
+
+
+@dataclass(frozen=True)
+class Flight:
+    """One trial: its recording, metrics and broken guarantees."""
+
+    recording: Recording
+    metrics: Metrics
+    broken: list[str]
+
+    def fault_slot(self, verb: str) -> int:
+        """Slot in which the fault was injected."""
+        return next(e.slot for e in self.recording.events if e.kind == "fault" and e.detail.startswith(verb))
+
+    def planned_between(self, first: int, last: int) -> int:
+        """Number of reports with a plan for slots first..last."""
+        return sum(r.has_quorum and first <= r.slot <= last for r in self.recording.reports)
+
+
+@dataclass(frozen=True)
+class Scenario:
+    """A fault and the figure that matters about it; `ok` judges the figure of one trial."""
+
+    name: str
+    figure: str
+    faults: Callable[[float], list[str]]
+    measure: Callable[[Flight], float]
+    ok: Callable[[float], bool]
+    arrived: int
+
+
+def _failover_slots(flight: Flight) -> float:
+    return float(max(flight.metrics.failover_slots, default=0))
+
+
+def _old_commands_flown(flight: Flight) -> float:
+    """Steps of a lower term flown after the first plan of the next one was made."""
+    first = {}
+    for report in flight.recording.reports:
+        if report.has_quorum:
+            first.setdefault(report.term, report.slot)
+    fixes = (fix for fix in flight.recording.fixes if fix.executing)
+    return sum(any(term > fix.command_term and fix.slot > slot + 1 for term, slot in first.items()) for fix in fixes)
+
+
+def _slots_to_one_head(flight: Flight) -> float:
+    """Slots from healing until every UAV grants the same head."""
+    for slot in range(HEAL_SLOT, flight.metrics.slots):
+        last = {fix.uav: (fix.term, fix.head) for fix in flight.recording.fixes if fix.slot == slot}
+        if len(last) == UAVS and len(set(last.values())) == 1:
+            return slot - HEAL_SLOT
+    return float("inf")
+
+
+def _plans_while_split(flight: Flight) -> float:
+    return flight.planned_between(FAULT_SLOT + 1, HEAL_SLOT - 1)
+
+
+def _term_growth(flight: Flight) -> float:
+    terms = [report.term for report in flight.recording.reports]
+    return max(terms) - min(terms)
+
+
+def _at(phase: float) -> str:
+    return f"{(FAULT_SLOT + phase) * SLOT_S:.3f}s"
+
+
+SCENARIOS = (
+    Scenario(
+        "kill head", "slots without commands", lambda p: [f"kill head @{_at(p)}"], _failover_slots, lambda v: v <= 2, 9
+    ),
+    Scenario(
+        "freeze head 5 s",
+        "old-term commands flown",
+        lambda p: [f"freeze head @{_at(p)} for 5s"],
+        _old_commands_flown,
+        lambda v: v == 0,
+        10,
+    ),
+    Scenario(
+        "cut head off",
+        "slots to one head",
+        lambda p: [f"partition head|rest @{_at(p)} for {HEAL_SLOT - FAULT_SLOT - p}"],
+        _slots_to_one_head,
+        lambda v: v <= 2,
+        10,
+    ),
+    Scenario(
+        "5|5 partition",
+        "plans while split",
+        lambda p: [f"partition halves @{_at(p)} for {HEAL_SLOT - FAULT_SLOT - p}"],
+        _plans_while_split,
+        lambda v: v == 0,
+        10,
+    ),
+    Scenario(
+        "restart router", "terms gained", lambda p: [f"restart router @{_at(p)}"], _term_growth, lambda v: v <= 1, 10
+    ),
+    Scenario(
+        "kill two heads",
+        "slots without commands",
+        lambda p: [f"kill head @{_at(p)}", f"kill head @{_at(p + 2)}"],
+        _failover_slots,
+        lambda v: v <= 2,
+        8,
+    ),
+)
+
+
+def fly(scenario: Scenario, trial: int, trials: int, time_scale: float, folder: Path) -> Flight:
+    """One mission with real processes."""
+    path = folder / f"{scenario.name.replace(' ', '-').replace('|', '-')}-{trial}.mcap"
+    faults = [word for fault in scenario.faults(trial / trials) for word in ("--fault", fault)]
+    command = [sys.executable, "-m", "processes.cli", "run", "--uavs", str(UAVS), "--slot", str(SLOT_S), "--json"]
+    extra = ["--seed", str(trial), "--time-scale", str(time_scale), "--out", str(path), "--force"]
+    done = subprocess.run([*command, *extra, *faults], capture_output=True, text=True, check=False, timeout=900)
+    if not path.exists():
+        raise SystemExit(f"{' '.join(command)} gave no recording:\n{done.stderr[-2000:]}")
+    recording = read_recording(path)
+    broken = [f"{r.guarantee}: {where}" for r in check(recording) if r.status == "broken" for where in r.where[:2]]
+    return Flight(recording, compute_metrics(recording), broken)
+
+
+def row(scenario: Scenario, flights: Sequence[Flight]) -> dict[str, object]:
+    """The figures of one scenario."""
+    values = [scenario.measure(flight) for flight in flights]
+    return {
+        "scenario": scenario.name,
+        "figure": scenario.figure,
+        "trials": len(flights),
+        "p50": statistics.median(values),
+        "max": max(values),
+        "as promised": sum(scenario.ok(value) for value in values),
+        "completed": sum(flight.metrics.arrived >= scenario.arrived for flight in flights),
+        "broken guarantees": sum(bool(flight.broken) for flight in flights),
+        "first broken": next((flight.broken[0] for flight in flights if flight.broken), ""),
+    }
+
+
+def main() -> int:
+    """Fly all trials and print the table; status 1 when a promise was not kept."""
+    parser = argparse.ArgumentParser(description=__doc__)
+    parser.add_argument("--trials", type=int, default=20)
+    parser.add_argument("--time-scale", type=float, default=1.0)
+    parser.add_argument("--jobs", type=int, default=1, help="missions flown at the same time")
+    parser.add_argument("--only", help="a scenario whose name contains this")
+    parser.add_argument("--json", action="store_true")
+    options = parser.parse_args()
+    chosen = [scenario for scenario in SCENARIOS if not options.only or options.only in scenario.name]
+    jobs = [(scenario, trial) for scenario in chosen for trial in range(options.trials)]
+    with tempfile.TemporaryDirectory() as folder, ThreadPoolExecutor(options.jobs) as pool:
+        flown = pool.map(lambda job: fly(*job, options.trials, options.time_scale, Path(folder)), jobs)
+        console = Console(stderr=True)
+        flights = list(track(flown, description="faults", total=len(jobs), console=console))
+    rows = [
+        row(scenario, flights[index * options.trials : (index + 1) * options.trials])
+        for index, scenario in enumerate(chosen)
+    ]
+    if options.json:
+        print(json.dumps(rows, indent=2))
+    else:
+        for line in rows:
+            print("  ".join(f"{name}: {value}" for name, value in line.items() if value != ""))
+    kept = all(line["as promised"] == line["completed"] == line["trials"] and not line["first broken"] for line in rows)
+    return 0 if kept else 1
+
+
+if __name__ == "__main__":
+    sys.exit(main())
