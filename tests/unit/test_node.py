@@ -1,0 +1,360 @@
+"""One UAV as a value: order of effects, late ticks, commands late, twice, of others."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import msgspec
+import pytest
+
+from edc_swarm.config import RosterEntry
+from edc_swarm.messages import Command, Event, Fix, Message, MissionMessage, Report, Truth
+from edc_swarm.node import (
+    MAX_PENDING,
+    Effect,
+    Listen,
+    PeerGone,
+    Persist,
+    PlannerReady,
+    Publish,
+    Received,
+    Stop,
+    Tick,
+    UavNode,
+    WantPlanner,
+)
+from edc_swarm.planner.interface import Plan, PlanRequest
+from edc_swarm.vehicle import Airframe, Promise
+
+SLOT_NS = 500_000_000
+EPOCH_NS = 1_000 * SLOT_NS
+IDS = ("a", "b", "c")
+ROSTER = [
+    RosterEntry(
+        uav=uav, start_x_m=40.0 * k, start_y_m=0, target_x_m=40.0 * k, target_y_m=90, r_m=5, body_m=1, energy_j=1e4 - k
+    )
+    for k, uav in enumerate(IDS)
+]
+MISSION = MissionMessage(
+    name="m", uavs=3, roster=ROSTER, epoch_ns=EPOCH_NS, tau_s=0.2, max_slots=100, gps_model="none", standbys=1
+)
+
+
+class North:
+    """A planner that sends everybody a metre north, and counts its plans."""
+
+    def __init__(self) -> None:
+        self.plans: list[PlanRequest] = []
+
+    def plan(self, request: PlanRequest) -> Plan:
+        """One metre north for everybody."""
+        self.plans.append(request)
+        return Plan([(float(x), float(y) + 1.0) for x, y in request.position_m], "no-qp-needed")
+
+
+def at(slot: float) -> int:
+    """Wall nanoseconds of a moment in slots since the epoch."""
+    return EPOCH_NS + round(slot * SLOT_NS)
+
+
+def node(uav: str = "b", slot: int = 4, term: int = 1, head: str = "a", **fields: Any) -> UavNode:
+    """A UAV whose disk says that it grants `head` in `term`; no slot has begun yet in this life."""
+    entry = ROSTER[IDS.index(uav)]
+    promise = Promise(slot=slot, term=term, head=head, waypoint_x_m=entry.start_x_m, waypoint_y_m=0.0)
+    body = Airframe(x_m=entry.start_x_m, y_m=0.0, energy_j=fields.pop("energy_j", 9e3))
+    return UavNode(MISSION, uav, f"{uav}-1", fields.pop("promise", promise), body, **fields)
+
+
+def command(slot: int, uav: str = "b", **fields: Any) -> Command:
+    """A metre north for UAV b from its start."""
+    x_m = 40.0 * IDS.index(uav)
+    basis = {"head": "a", "term": 1, "start_x_m": x_m, "start_y_m": 0.0, "target_x_m": x_m, "target_y_m": 1.0}
+    return Command(**{**basis, "uav": uav, "slot": slot, **fields})  # type: ignore[arg-type]
+
+
+def report(slot: int, term: int = 1, head: str = "a", **fields: Any) -> Report:
+    """A report that proves a quorum."""
+    basis = {"status": "planned", "quorum": 2, "grants": ["a", "b"], "heard": ["a", "b"], "standby": ["b"]}
+    return Report(**{**basis, "head": head, "slot": slot, "term": term, **fields})  # type: ignore[arg-type]
+
+
+def fix(uav: str, slot: int, term: int = 1, head: str = "a", **fields: Any) -> Fix:
+    """A fix at the start."""
+    x_m = 40.0 * IDS.index(uav)
+    return Fix(
+        uav=uav, slot=slot, term=term, head=head, x_m=x_m, y_m=0, r_m=5, waypoint_x_m=x_m, waypoint_y_m=0, **fields
+    )
+
+
+def said(effects: list[Effect], kind: type[Message]) -> list[Any]:
+    """The messages of a kind among the effects."""
+    return [effect.message for effect in effects if isinstance(effect, Publish) and isinstance(effect.message, kind)]
+
+
+def flown(effects: list[Effect]) -> bool:
+    """Whether the slot that began in this step began with a command."""
+    return bool(said(effects, Fix)[0].executing)
+
+
+def test_the_promise_comes_first() -> None:
+    """A slot begins with persist, truth, fix, in this order; the promise holds what the fix says."""
+    effects = node().step(Tick(), at(5))
+    assert isinstance(effects[0], Persist)
+    assert [type(e.message) for e in effects if isinstance(e, Publish)] == [Truth, Fix]
+    (found,) = said(effects, Fix)
+    promise = effects[0].promise
+    assert promise is not None
+    assert (promise.slot, promise.term, promise.head) == (found.slot, found.term, found.head) == (5, 1, "a")
+    assert (promise.waypoint_x_m, promise.waypoint_y_m) == (found.waypoint_x_m, found.waypoint_y_m)
+
+
+def test_a_step_is_persisted_before_it_is_said() -> None:
+    """The waypoint that is flown to is on disk first."""
+    uav = node()
+    uav.step(Tick(), at(5))
+    uav.step(Received(command(6)), at(5.5))
+    effects = uav.step(Tick(), at(6))
+    assert flown(effects)
+    assert isinstance(effects[0], Persist)
+    assert effects[0].promise is not None
+    assert effects[0].promise.waypoint_y_m == 1.0
+    assert effects[0].airframe.y_m == 1.0
+
+
+def test_a_new_grant_is_persisted_before_it_is_said() -> None:
+    """Hearing proof of a newer term: persist, then the fix of the same slot again, then no more of the old."""
+    uav = node()
+    uav.step(Tick(), at(5))
+    uav.step(Received(command(6)), at(5.2))
+    effects = uav.step(Received(report(5, term=2, head="c", grants=["b", "c"])), at(5.3))
+    assert [type(effect) for effect in effects][:2] == [Persist, Publish]
+    assert (effects[0].promise.slot, effects[0].promise.term, effects[0].promise.head) == (5, 2, "c")  # type: ignore[union-attr]
+    (again,) = said(effects, Fix)
+    assert (again.slot, again.term, again.head) == (5, 2, "c")
+    assert not flown(uav.step(Tick(), at(6))), "what the old head commanded is discarded"
+
+
+@pytest.mark.parametrize(
+    ("changes", "heard_at", "ticks_at", "is_flown"),
+    [
+        ({}, 5.99, 6.0, True),
+        ({}, 5.99, 6.2, True),
+        ({}, 5.99, 6.21, False),
+        ({}, 6.0, 6.0, False),
+        ({}, 6.1, 6.1, False),
+        ({}, 5.99, 7.0, False),
+        ({"term": 2}, 5.9, 6.0, False),
+        ({"term": 0}, 5.9, 6.0, False),
+        ({"head": "c"}, 5.9, 6.0, False),
+        ({"slot": 7}, 5.9, 6.0, False),
+        ({"slot": 5}, 5.9, 6.0, False),
+        ({"start_y_m": 1e-12}, 5.9, 6.0, False),
+        ({"target_y_m": 2.6}, 5.9, 6.0, False),
+        ({"target_y_m": 2.5}, 5.9, 6.0, True),
+        ({"target_y_m": 1e300}, 5.9, 6.0, False),
+        ({"uav": "c"}, 5.9, 6.0, False),
+    ],
+)
+def test_which_commands_are_flown(changes: dict[str, Any], heard_at: float, ticks_at: float, is_flown: bool) -> None:
+    """Received before the slot, for it, from the head granted, from the waypoint, in reach, not late."""
+    uav = node()
+    uav.step(Tick(), at(5))
+    effects = uav.step(Received(msgspec.structs.replace(command(6), **changes)), at(heard_at))
+    effects = [*effects, *uav.step(Tick(), at(ticks_at))]
+    assert any(found.executing for found in said(effects, Fix)) is is_flown
+
+
+def test_a_command_is_flown_once() -> None:
+    """A second copy, before or after the tick, moves nothing twice; nor does it after a restart."""
+    uav = node()
+    uav.step(Tick(), at(5))
+    uav.step(Received(command(6)), at(5.5))
+    uav.step(Received(command(6)), at(5.6))
+    effects = uav.step(Tick(), at(6))
+    promise = effects[0].promise  # type: ignore[union-attr]
+    uav.step(Received(command(6)), at(6.1))
+    assert said(uav.step(Tick(), at(7)), Fix)[0].waypoint_y_m == 1.0
+    again = node(promise=promise)
+    again.step(Received(command(6)), at(6.3))
+    assert said(again.step(Tick(), at(6.4)), Fix) == [], "the slot on disk has begun already"
+    assert not flown(again.step(Tick(), at(7)))
+
+
+def test_late_ticks_are_counted() -> None:
+    """More than a fifth of the slot is late; slots slept through are held, and hovered in."""
+    uav = node()
+    uav.step(Tick(), at(5))
+    assert said(uav.step(Tick(), at(6.21)), Fix)[0].late_ticks == 1
+    last = said(uav.step(Tick(), at(9)), Fix)[0]
+    assert (last.slot, last.late_ticks, last.held_slots) == (9, 1, 5)
+
+
+def test_a_clock_that_steps_back() -> None:
+    """The slot never decreases, in this life or the next."""
+    uav = node()
+    uav.step(Tick(), at(8))
+    assert uav.step(Tick(), at(6)) == []
+    assert uav.slot == 8
+    again = node(slot=8)
+    assert said(again.step(Tick(), at(6)), Fix) == []
+    assert said(again.step(Tick(), at(9)), Fix)[0].slot == 9
+
+
+def test_a_frozen_uav_wakes_to_late_messages() -> None:
+    """What queued up while it slept was not received in time: the slot begins first."""
+    uav = node()
+    uav.step(Tick(), at(5))
+    effects = uav.step(Received(command(8)), at(8.05))
+    assert not flown(effects)
+    assert not any(found.executing for found in said(uav.step(Tick(), at(8.1)), Fix))
+
+
+def test_the_battery_must_cover_the_step() -> None:
+    """Less than the step takes: hold; nothing left: the end, said and persisted."""
+    uav = node(energy_j=120.0)
+    uav.step(Tick(), at(5))
+    uav.step(Received(command(6)), at(5.5))
+    effects = uav.step(Tick(), at(6))
+    assert isinstance(effects[0], Persist)
+    assert effects[0].airframe.y_m == 0.0
+    assert isinstance(effects[-1], Stop)
+    assert [event.kind for event in said(effects, Event)] == ["battery-empty"]
+    assert uav.ended
+    assert uav.step(Tick(), at(7)) == []
+
+
+def test_a_uav_without_memory_never_grants() -> None:
+    """Without a promise there is no vote, no command, and no promise is written."""
+    uav = UavNode(MISSION, "b", "b-2", None, Airframe(x_m=40.0, y_m=3.0, energy_j=9e3))
+    effects = uav.step(Tick(), at(5))
+    (found,) = said(effects, Fix)
+    assert (found.voter, found.term, found.head, found.waypoint_y_m) == (False, 0, "", 3.0)
+    assert effects[0].promise is None  # type: ignore[union-attr]
+    for slot in range(5, 12):
+        effects = uav.step(Received(report(slot)), at(slot + 0.3))
+        effects += uav.step(Received(command(slot + 1, start_y_m=3.0, target_y_m=4.0, term=0, head="")), at(slot + 0.4))
+        effects += uav.step(Tick(), at(slot + 1))
+        assert all((f.term, f.head, f.executing) == (0, "", False) for f in said(effects, Fix))
+
+
+def test_pending_commands_are_few() -> None:
+    """A head cannot fill the memory with commands for slots to come."""
+    uav = node()
+    uav.step(Tick(), at(5))
+    for slot in range(6, 100):
+        uav.step(Received(command(slot)), at(5.5))
+    assert len(uav._pending) == MAX_PENDING
+    assert flown(uav.step(Tick(), at(6)))
+
+
+# --- the head ----------------------------------------------------------------------------------
+
+
+def leader() -> tuple[UavNode, North]:
+    """UAV a, freshly granted by the others in term 2 at slot 5, not yet with a quorum."""
+    uav, planner = node("a", head="c"), North()
+    uav.step(PlannerReady(planner), at(4.9))
+    uav.step(Tick(), at(5))
+    for peer in ("b", "c"):
+        uav.step(Received(fix(peer, 5, term=1, head="c", suspects=True)), at(5.01))
+    uav.step(Received(fix("b", 5, term=2, head="a")), at(5.1))
+    return uav, planner
+
+
+def test_a_head_plans_with_a_quorum_and_once() -> None:
+    """Commands for the heard of this very slot, then the report; a later fix makes no second plan."""
+    uav, planner = leader()
+    assert uav.grant == (2, "a")
+    effects = uav.step(Tick(), uav.wakeup_ns(at(5.5)))
+    commands, (made,) = said(effects, Command), said(effects, Report)
+    assert [(c.uav, c.slot, c.term, c.head) for c in commands] == [("a", 6, 2, "a"), ("b", 6, 2, "a")]
+    assert (made.heard, made.unheard, made.slot, made.status) == (["a", "b"], ["c"], 5, "no-qp-needed")
+    assert (made.hull_uav, made.hull_r_m) == (["c"], [2.5])
+    kinds = [type(e.message) for e in effects if isinstance(e, Publish)]
+    assert kinds.index(Report) > max(i for i, kind in enumerate(kinds) if kind is Command)
+    uav.step(Received(fix("c", 5, term=2, head="a")), at(5.6))
+    assert said(uav.step(Tick(), at(5.7)), Report) == []
+    assert len(planner.plans) == 1
+    assert flown(uav.step(Tick(), at(6))), "the head flies by its own commands"
+
+
+def test_fixes_of_another_slot_or_grant_are_no_quorum() -> None:
+    """Late, early and foreign grants do not count; at the end of the slot the head says that it was powerless."""
+    uav, planner = leader()
+    uav.step(Tick(), uav.wakeup_ns(at(5.5)))
+    uav.step(Tick(), at(6))
+    for found in (
+        fix("b", 5, term=2, head="a", seq=9),
+        fix("b", 7, term=2, head="a"),
+        fix("c", 6, term=1, head="c"),
+        fix("c", 6, term=2, head="a", voter=False),
+    ):
+        uav.step(Received(found), at(6.5))
+    assert said(uav.step(Tick(), at(6.9)), Report) == []
+    (powerless,) = said(uav.step(Tick(), at(7)), Report)
+    assert (powerless.slot, powerless.status, powerless.heard, powerless.has_quorum) == (6, "no-quorum", ["a"], False)
+    assert len(planner.plans) == 1
+
+
+def test_a_restarted_head_is_barred_from_its_term() -> None:
+    """With a quorum of grants in the term on its disk it still plans nothing."""
+    uav, planner = node("a", term=2, head="a"), North()
+    uav.step(PlannerReady(planner), at(4.9))
+    uav.step(Tick(), at(5))
+    for peer in ("b", "c"):
+        uav.step(Received(fix(peer, 5, term=2, head="a")), at(5.1))
+    assert said(uav.step(Tick(), at(5.6)), Report) == []
+    assert said(uav.step(Tick(), at(6)), Report) == [], "nor is it powerless: it is no head"
+    assert planner.plans == []
+
+
+def test_an_overrun_is_not_flown_by_the_head_either() -> None:
+    """A head whose plan was done after the slot began holds like everybody."""
+    uav, _ = leader()
+    uav.step(Tick(), uav.wakeup_ns(at(5.5)))
+    assert not flown(uav.step(Tick(), at(6.01)))
+
+
+def test_no_fix_waits_for_a_solver() -> None:
+    """The tick that begins a slot does not plan, even with a quorum."""
+    uav, planner = leader()
+    uav.step(Tick(), uav.wakeup_ns(at(5.5)))
+    for peer in ("b", "c"):
+        uav.step(Received(fix(peer, 6, term=2, head="a")), at(5.9))
+    effects = uav.step(Tick(), at(6))
+    assert said(effects, Fix)
+    assert said(effects, Command) == []
+    assert uav.wakeup_ns(at(6)) == at(6)
+    assert len(said(uav.step(Tick(), at(6)), Command)) == 3
+    assert len(planner.plans) == 2
+
+
+def test_wishes() -> None:
+    """Whoever suspects listens to all fixes; who hears the head and is no standby does not; standbys want a planner."""
+    uav = node("c")
+    first = uav.step(Tick(), at(5))
+    assert Listen(True) in first
+    assert WantPlanner() not in first
+    assert Listen(False) in uav.step(Received(report(5)), at(5.3))
+    named = uav.step(Received(report(5, standby=["c"])), at(5.4))
+    assert Listen(True) in named
+    assert WantPlanner() in named
+
+
+def test_a_token_that_vanishes_is_a_hint() -> None:
+    """The head's token makes a UAV suspect at once, and say so; another's does not."""
+    uav = node("c")
+    uav.step(Tick(), at(5))
+    uav.step(Received(report(5)), at(5.1))
+    assert uav.step(PeerGone("b"), at(5.2)) == []
+    (found,) = said(uav.step(PeerGone("a"), at(5.2)), Fix)
+    assert (found.suspects, found.term, found.head) == (True, 1, "a")
+
+
+def test_a_clock_ahead_is_reported_once() -> None:
+    """A fix stamped later than now is worth a warning, the first time."""
+    uav = node()
+    uav.step(Tick(), at(5))
+    ahead = fix("c", 5, sent_ns=at(5.2))
+    assert [e.kind for e in said(uav.step(Received(ahead), at(5.1)), Event)] == ["clock-offset"]
+    assert said(uav.step(Received(ahead), at(5.1)), Event) == []
