@@ -6,6 +6,8 @@ import fcntl
 import os
 import shutil
 import time
+from collections.abc import Iterator
+from contextlib import contextmanager, suppress
 from pathlib import Path
 from types import TracebackType
 
@@ -74,8 +76,7 @@ class Output:
 
     def recover_part(self) -> list[str]:
         """Make the recording of a recorder that died; what is missing, one line each."""
-        with self.path.open("wb") as stream:
-            missing = recover(self.part, stream)
+        missing = write_recovered(self.part, self.path)
         self.part.unlink()
         return missing
 
@@ -113,29 +114,57 @@ def salvage_parts(folder: Path) -> list[Path]:
     return [found for part in sorted(folder.glob(f"*{SUFFIX}{PART}")) if (found := _salvage(part)) is not None]
 
 
-def _salvage(part: Path) -> Path | None:
+def recovered_name(part: Path) -> Path:
+    """NAME.recovered.mcap, beside NAME.mcap.part or NAME.mcap."""
+    return part.with_name(part.name.removesuffix(PART).removesuffix(SUFFIX) + ".recovered" + SUFFIX)
+
+
+@contextmanager
+def locked_for_reading(part: Path) -> Iterator[None]:
+    """Keep a recorder from writing `part` meanwhile.
+
+    Raises
+    ------
+    RecordingError
+        It cannot be opened, or a run in progress is writing it.
+    """
     try:
         with part.open("rb") as held:
             fcntl.flock(held, fcntl.LOCK_SH | fcntl.LOCK_NB)
+            yield
+    except BlockingIOError:
+        raise RecordingError(part, "is being written by a run in progress") from None
+    except OSError as error:
+        raise RecordingError(part, f"cannot be read ({_why(error)})") from None
+
+
+def write_recovered(part: Path, whole: Path) -> list[str]:
+    """Recover `part` as `whole`, which is there when it is whole; what is missing, one line each."""
+    unfinished = whole.with_name(whole.name + ".tmp")
+    try:
+        with unfinished.open("wb") as stream:
+            missing = recover(part, stream)
+        unfinished.replace(whole)
+    except OSError as error:
+        raise RecordingError(whole, f"cannot be written ({_why(error)})") from None
+    finally:
+        unfinished.unlink(missing_ok=True)
+    return missing
+
+
+def _salvage(part: Path) -> Path | None:
+    whole = recovered_name(part)
+    try:
+        with locked_for_reading(part):
             if part.stat().st_size == 0 and time.time() - part.stat().st_mtime < 60:
                 return None
-            whole = part.with_name(part.name.removesuffix(SUFFIX + PART) + ".recovered" + SUFFIX)
-            _recover_new(part, whole)
+            if not whole.exists():
+                with suppress(RecordingError):
+                    write_recovered(part, whole)
             part.rename(part.with_name(part.name + TORN))
-    except (BlockingIOError, FileNotFoundError):
+    except RecordingError:
         return None
     return whole if whole.exists() else None
-
-
-def _recover_new(part: Path, whole: Path) -> None:
-    """Recover `part` unless there is a recovered file already, or nothing can be read of it."""
-    try:
-        with whole.open("xb") as stream:
-            recover(part, stream)
-    except FileExistsError:
-        return
-    except RecordingError:
-        whole.unlink()
 
 
 def _remove_empty_logs(logs: Path) -> None:

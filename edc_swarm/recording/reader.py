@@ -63,9 +63,8 @@ def recover(source: str | Path, stream: BinaryIO) -> list[str]:
         if name != MISSION_ATTACHMENT:
             writer.attach(name, media_type, data)
     for channel, _, log_ns, sent_ns, payload in messages:
-        if channel.encoding == "protobuf":
-            schema = (channel.schema_name, channel.schema_data)
-            writer.write_protobuf(channel.topic, payload, log_ns, *schema, publish_time_ns=sent_ns)
+        if kind_of(channel.topic) is None:
+            writer.write_as(channel, payload, log_ns, sent_ns)
         else:
             writer.write(channel.topic, payload, log_ns)
     writer.finish({**file.metadata.get("run_end", {}), "recovered": "; ".join(file.problems) or "nothing missing"})

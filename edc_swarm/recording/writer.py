@@ -13,6 +13,7 @@ from mcap.writer import CompressionType, Writer
 from msgspec import Struct
 
 from edc_swarm.messages import MissionMessage, Ns, Seq, kind_of
+from edc_swarm.recording.mcap_file import Channel
 from edc_swarm.recording.schemas import json_schema
 
 FORMAT = "1"
@@ -56,21 +57,13 @@ class RecordingWriter:
         channel = self._channels.get(key) or self._json_channel(key)
         self._add(channel, payload, log_time_ns, stamp.sent_ns, stamp.seq)
 
-    def write_protobuf(
-        self,
-        key: str,
-        payload: bytes,
-        log_time_ns: int,
-        schema_name: str,
-        descriptor_set: bytes,
-        publish_time_ns: int | None = None,
-    ) -> None:
-        """Record a protobuf message, such as `foxglove.SceneUpdate`, with its FileDescriptorSet."""
-        channel = self._channels.get(key)
-        if channel is None:
-            schema = self._schema(schema_name, "protobuf", descriptor_set)
-            channel = self._channel(key, "protobuf", schema)
-        self._add(channel, payload, log_time_ns, publish_time_ns, 0)
+    def write_as(self, channel: Channel, payload: bytes, log_time_ns: int, publish_time_ns: int | None = None) -> None:
+        """Record what is no message of the swarm, such as a `foxglove.SceneUpdate`, as `channel` describes it."""
+        number = self._channels.get(channel.topic)
+        if number is None:
+            schema = self._schema(channel.schema_name, channel.schema_encoding, channel.schema_data)
+            number = self._channel(channel.topic, channel.encoding, schema)
+        self._add(number, payload, log_time_ns, publish_time_ns, 0)
 
     def attach(self, name: str, media_type: str, data: bytes, log_time_ns: int = 0) -> None:
         """Add an attachment, such as the layout of a viewer."""
@@ -104,6 +97,8 @@ class RecordingWriter:
         return self._channel(key, "json", self._schema(f"edc_swarm.{kind.__name__}", "jsonschema", schema))
 
     def _schema(self, name: str, encoding: str, data: bytes) -> int:
+        if not name:
+            return 0
         if name not in self._schemas:
             self._schemas[name] = self._mcap.register_schema(name, encoding, data)
         return self._schemas[name]

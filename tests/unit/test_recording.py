@@ -14,9 +14,11 @@ from synthetic import flight, parallel
 from edc_swarm.errors import RecordingError
 from edc_swarm.messages import Command, Event, Fix, Keys, Message, MissionMessage, Report, Truth, encode
 from edc_swarm.recording import Recording, RecordingWriter, read_recording, recover
+from edc_swarm.recording.mcap_file import Channel
 from edc_swarm.recording.schemas import json_schema
 
 KEYS = Keys("mission")
+SCENE = Channel("swarm/mission/viz/scene", "protobuf", "foxglove.SceneUpdate", "protobuf", b"\x01")
 RUN = {"edc_swarm": "0.1.0", "clock": "virtual"}
 KINDS = (Fix, Truth, Command, Report, Event, MissionMessage)
 
@@ -91,7 +93,7 @@ def test_garbage_and_unknown_topics_are_kept_verbatim(tmp_path: Path, messages: 
     for payload in junk:
         writer.write(KEYS.fix("u0"), payload, last_ns)
     writer.write("swarm/mission/else/where", b"\x00\x01", last_ns)
-    writer.write_protobuf("swarm/mission/viz/scene", b"\x0a", last_ns, "foxglove.SceneUpdate", b"\x01")
+    writer.write_as(SCENE, b"\x0a", last_ns)
     writer.finish({})
     recording = read_recording(saved(tmp_path / "a.mcap", stream.getvalue()))
     assert [g.topic for g in recording.garbage] == [KEYS.fix("u0")] * len(junk)
@@ -180,7 +182,7 @@ def test_recover_changes_nothing_of_a_whole_file(tmp_path: Path, messages: list[
     stream = io.BytesIO()
     writer = RecordingWriter(stream, RUN)
     writer.write(KEYS.mission, encode(messages[0]), 3)
-    writer.write_protobuf("viz/scene", b"\x0a", 4, "foxglove.SceneUpdate", b"\x01", publish_time_ns=2)
+    writer.write_as(SCENE, b"\x0a", 4, 2)
     writer.attach("layout.json", "application/json", b"{}")
     writer.finish({"reason": "completed"})
     again = io.BytesIO()

@@ -1,0 +1,146 @@
+"""`edc-swarm replay`: a recording back onto a bus, or planned again and compared."""
+
+from __future__ import annotations
+
+import math
+import threading
+import time
+from collections.abc import Iterator
+from contextlib import closing
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Annotated
+
+import zenoh
+from cyclopts import Parameter
+
+from edc_swarm.config import NS_PER_S
+from edc_swarm.errors import InputError, RecordingError
+from edc_swarm.messages import PREFIX, Keys
+from edc_swarm.planner import make_planner, warm_up
+from edc_swarm.recording import McapFile, read_recording
+from edc_swarm.replanning import replan
+from processes.address import check_endpoint, free_endpoint
+from processes.bus import open_client, open_router
+from processes.console import FAILED, note, print_json
+
+CONNECT_TIMEOUT_MS = 5000
+MAX_SHOWN = 10
+
+
+@Parameter(name="*")
+@dataclass(frozen=True, kw_only=True)
+class ReplayOptions:
+    """How to replay.
+
+    Parameters
+    ----------
+    speed
+        So many times as fast as it was.
+    listen
+        Be a router at this address, tcp/HOST:PORT (a free local port).
+    connect
+        Publish to the router at this address instead of being one.
+    wait
+        Seconds between being on the bus and the first message, for others to connect.
+    verify
+        Publish nothing; plan every slot again from the recorded fixes and compare command by command.
+    json
+        Print the result as JSON alone on standard output.
+    """
+
+    speed: float = 1.0
+    listen: str | None = None
+    connect: str | None = None
+    wait: float = 0.0
+    verify: bool = False
+    json: bool = False
+
+
+def replay(
+    recording: Annotated[Path, Parameter(help="The recording, FILE.mcap.")], /, *, options: ReplayOptions | None = None
+) -> int:
+    """Put a recording back onto a Zenoh bus as it was, message by message; or --verify its plans."""
+    options = options or ReplayOptions()
+    if options.verify:
+        return _verify(recording, as_json=options.json)
+    _check(options)
+    messages = _messages(recording)
+    with closing(_session(options)) as session:
+        if threading.Event().wait(options.wait):
+            return 0
+        count = _publish(session, messages, options.speed)
+    if options.json:
+        print_json({"messages": count})
+    else:
+        print(f"{count} messages")
+    return 0
+
+
+def _check(options: ReplayOptions) -> None:
+    if not (math.isfinite(options.speed) and options.speed > 0):
+        raise InputError("--speed", options.speed, "a finite number above 0")
+    if not (math.isfinite(options.wait) and 0 <= options.wait <= 3600):
+        raise InputError("--wait", options.wait, "between 0 and 3600 seconds")
+    if options.listen is not None and options.connect is not None:
+        raise InputError("--connect", options.connect, "absent where --listen is given")
+
+
+def _messages(path: Path) -> list[tuple[str, int, bytes]]:
+    """Key, time and bytes of everything that was on the bus; what is unreadable is told and left out."""
+    recording = read_recording(path, salvage=True)
+    for problem in recording.problems:
+        note(f"warning: {problem}")
+    root = Keys(recording.mission.name).root
+    found = [(channel.topic, log_ns, payload) for channel, _, log_ns, _, payload in McapFile(path).messages()]
+    return [(key if key.startswith(f"{PREFIX}/") else f"{root}/{key}", ns, payload) for key, ns, payload in found]
+
+
+def _session(options: ReplayOptions) -> zenoh.Session:
+    if options.connect is not None:
+        try:
+            return open_client(options.connect, timeout_ms=CONNECT_TIMEOUT_MS)
+        except zenoh.ZError:
+            raise InputError("--connect", options.connect, "the address of a router that answers") from None
+    if options.listen is not None:
+        check_endpoint(options.listen)
+    endpoint = options.listen or free_endpoint()
+    session = open_router(endpoint)
+    note(f"on the bus at {endpoint}")
+    return session
+
+
+def _publish(session: zenoh.Session, messages: list[tuple[str, int, bytes]], speed: float) -> int:
+    """Publish at the recorded times; a slow subscriber makes the replay late, and loses nothing."""
+    for key, due_s, payload in _timed(messages, speed):
+        time.sleep(max(0.0, due_s - time.monotonic()))
+        session.put(key, payload, congestion_control=zenoh.CongestionControl.BLOCK, express=False)
+    return len(messages)
+
+
+def _timed(messages: list[tuple[str, int, bytes]], speed: float) -> Iterator[tuple[str, float, bytes]]:
+    if not messages:
+        return
+    start_s, first_ns = time.monotonic(), messages[0][1]
+    for key, log_ns, payload in messages:
+        yield key, start_s + (log_ns - first_ns) / NS_PER_S / speed, payload
+
+
+def _verify(path: Path, *, as_json: bool) -> int:
+    recording = read_recording(path)
+    mission = recording.mission
+    if not any(report.planner for report in recording.reports):
+        raise RecordingError(path, "holds no plan to be verified")
+    warm_up(mission)
+    result = replan(recording, lambda: make_planner(mission.planner, mission))
+    if as_json:
+        print_json(result)
+    else:
+        print(
+            f"{result.plans} plans, {result.commands} commands: {result.identical} identical to the last bit, "
+            f"greatest difference {result.greatest_off_m:.3g} m, {len(result.differences)} differ; "
+            f"{result.skipped} plans skipped, for want of fixes or commands in the record"
+        )
+        for d in result.differences[:MAX_SHOWN]:
+            print(f"  slot {d.slot}: {d.uav} by {d.head} of term {d.term}: {d.off_m:.3g} m apart")
+    return FAILED if result.differences else 0
