@@ -69,7 +69,7 @@ def _unbacked_commands(evidence: Evidence, granted: Granted) -> Iterator[Violati
         if c.uav not in lost and (c.uav, c.slot - 1, c.term, c.head) not in granted:
             text = f"{c.head} commands {c.uav}, whose fix of slot {c.slot - 1} does not grant term {c.term}"
             yield Violation("command-to-unheard", text, c.slot, [c.uav])
-        if not lost and plan not in reported and support[plan] < evidence.mission.quorum:
+        if plan not in reported and support[plan] + len(lost) < evidence.mission.quorum:
             unsupported.add(plan)
     for term, head, slot in unsupported:
         text = f"commands of term {term} on {support[term, head, slot]} grants"

@@ -91,9 +91,19 @@ def test_g1_finds_commands_without_report_or_quorum(messages: list[Message]) -> 
     """A head that dies before its report is judged by the fixes."""
     drop(messages, Report, slot=7)
     assert "G1" not in broken(messages)
+    messages[:] = [
+        msgspec.structs.replace(m, term=50, head="u2") if isinstance(m, Fix) and m.slot == 7 and m.uav != "u3" else m
+        for m in messages
+    ]
+    assert found(messages, "G1", "no-quorum").slot == 7
+
+
+def test_g1_does_not_miss_grants_that_the_record_has_lost(messages: list[Message]) -> None:
+    """What is missing from the record is G5's to say, not a broken promise."""
     for uav in ("u1", "u2"):
         drop(messages, Fix, uav=uav, slot=7)
-    assert found(messages, "G1", "no-quorum").slot == 7
+    assert "G1" not in broken(messages)
+    assert "G5" in broken(messages)
 
 
 def test_g1_finds_a_second_plan(messages: list[Message]) -> None:
