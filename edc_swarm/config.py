@@ -93,7 +93,7 @@ class Link(Struct, frozen=True, kw_only=True):
     `lognormal` adds a lognormal of median `jitter`/2. Loss is independent with probability
     `loss`, or bursty (Gilbert-Elliott) when `burst_enter` > 0: the link enters its bad state with
     that probability per message, leaves it with `burst_leave`, and loses `burst_loss` there. A message
-    is delayed by up to a further slot with probability `reorder`, so that later ones overtake it.
+    is delayed by up to three slots more with probability `reorder`, so that later ones overtake it.
     """
 
     sender: str = "*"

@@ -22,6 +22,9 @@ ANYONE = "*"
 TRUNCATED_AT = 3.0
 """A normal jitter is at most this many standard deviations."""
 
+REORDER_SLOTS = 3
+"""A reordered message is delayed by up to this many slots more, so that later ones overtake it."""
+
 
 @dataclass(frozen=True, slots=True)
 class Cut:
@@ -114,7 +117,7 @@ class LinkEmulator:
     def _delay_ns(self, rule: Link, random: Random) -> int:
         delay_ns = (rule.delay_ms + _jitter_ms(rule, random)) * NS_PER_MS
         if rule.reorder and random.random() < rule.reorder:
-            delay_ns += random.random() * self._slot_ns
+            delay_ns += random.random() * REORDER_SLOTS * self._slot_ns
         return round(delay_ns)
 
 

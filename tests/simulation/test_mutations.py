@@ -219,7 +219,9 @@ def hull_reset_by_a_duplicate_fix(patch: Patch) -> None:
 
     def mutant(self: Knowledge, fix: Fix, slot: int) -> None:
         if fix.uav in self._roster and fix.voter and fix.slot <= slot:
+            self._count(self.newest.get(fix.uav), -1)
             self.newest[fix.uav] = fix
+            self._count(fix, 1)
 
     patch.setattr(Knowledge, "hear_fix", mutant)
 
