@@ -142,6 +142,22 @@ def test_a_named_successor_is_granted_in_the_next_slot() -> None:
     assert late.election.grant == (2, "b")
 
 
+def test_a_successor_named_by_a_clock_ahead() -> None:
+    """The report of slot 6, heard in slot 5, still asks for the grant in slot 7."""
+    voter = trusting("d")
+    voter.election.hear_report(report(6, successor="b", next_term=2))
+    assert voter.slot(6).election.grant == (1, "a")
+    assert voter.slot(7).election.grant == (2, "b")
+
+
+@pytest.mark.parametrize("grant", [(1, "b"), (0, "b"), (0, "")])
+def test_no_way_to_grant_another_head_in_one_term(grant: Grant) -> None:
+    """Whoever calls for it, the one place where the grant changes refuses."""
+    voter = suspecting("d")
+    voter.election._adopt(grant)
+    assert (voter.election.grant, voter.election.suspects) == ((1, "a"), True)
+
+
 @pytest.mark.parametrize(
     "useless",
     [
