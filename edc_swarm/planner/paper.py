@@ -47,8 +47,8 @@ SETTINGS: dict[str, Any] = {
     "eps_rel": 0.0,
     "max_iter": 20_000,
     "time_limit": 1e10,
-    "adaptive_rho": 1,
-    "adaptive_rho_interval": 50,
+    "rho": 1e-3,
+    "adaptive_rho": 0,
     "check_dualgap": False,
     "polishing": False,
 }
