@@ -28,6 +28,7 @@ app.command("processes.commands.run:run")
 app.command("processes.commands.sim:sim")
 app.command("processes.commands.metrics:metrics")
 app.command("processes.commands.check:check")
+app.command("processes.commands.fuzz:fuzz")
 app.command("processes.commands.replay:replay")
 app.command("processes.commands.recover:recover")
 
