@@ -21,11 +21,15 @@ import zenoh
 LEASE_MS = 1000
 MAX_SESSIONS = 5000
 CONNECT_RETRY = {"period_init_ms": 100, "period_max_ms": 1000, "period_increase_factor": 2}
+OBSERVER_RETRY = {"period_init_ms": 20, "period_max_ms": 20, "period_increase_factor": 1}
+"""Who only listens must be back at a restarted router before those who speak."""
 
 Item = TypeVar("Item")
 
 
-def open_client(endpoint: str, *, timeout_ms: int = -1, lease_ms: int = LEASE_MS) -> zenoh.Session:
+def open_client(
+    endpoint: str, *, timeout_ms: int = -1, observer: bool = False, lease_ms: int = LEASE_MS
+) -> zenoh.Session:
     """Connect to the router at `endpoint`; waits for ever unless `timeout_ms` is given."""
     return _open(
         {
@@ -33,7 +37,7 @@ def open_client(endpoint: str, *, timeout_ms: int = -1, lease_ms: int = LEASE_MS
             "connect/endpoints": [endpoint],
             "connect/timeout_ms": timeout_ms,
             "connect/exit_on_failure": timeout_ms >= 0,
-            "connect/retry": CONNECT_RETRY,
+            "connect/retry": OBSERVER_RETRY if observer else CONNECT_RETRY,
         },
         lease_ms,
     )

@@ -275,6 +275,8 @@ class Launcher:
     def _pump(self, timeout_s: float) -> None:
         for item in self._inbox.wait(timeout_s):
             self._take(item)
+        if self._operator is not None:
+            self._operator.flush()
         if self._ending:
             return
         if self._interrupted:

@@ -14,9 +14,10 @@ from edc_swarm.errors import MessageError
 from edc_swarm.faults import PROCESS_VERBS
 from edc_swarm.messages import Event, Fix, Keys, MissionMessage, Report, decode, encode
 from edc_swarm.progress import MissionMonitor
-from processes.bus import hand_over, open_client, put
+from processes.bus import hand_over, open_client
 from processes.ears import OPERATOR, Heard, Token
 from processes.inbox import Inbox
+from processes.outbox import Outbox
 
 OPEN_TIMEOUT_MS = 5000
 
@@ -47,7 +48,8 @@ class Operator:
         self.heard: set[str] = set()
         self.first_flown_slot = -1
         self.monitor: MissionMonitor | None = None
-        self._session = open_client(endpoint, timeout_ms=OPEN_TIMEOUT_MS)
+        self._session = open_client(endpoint, timeout_ms=OPEN_TIMEOUT_MS, observer=True)
+        self._outbox = Outbox(self._session)
         self._declare()
 
     def _declare(self) -> None:
@@ -62,7 +64,7 @@ class Operator:
         """Start the mission."""
         self._mission = msgspec.structs.replace(mission, instance=self._instance, sent_ns=time.time_ns())
         self.monitor = MissionMonitor(mission)
-        put(self._session, self._keys.mission, encode(self._mission))
+        self._say(self._keys.mission, encode(self._mission))
 
     def publish_event(self, kind: str, detail: str = "") -> None:
         """Tell the swarm and the record."""
@@ -79,13 +81,17 @@ class Operator:
         payload = encode(event)
         if kind == "fault" and detail.split(maxsplit=1)[0] not in PROCESS_VERBS:
             self._in_force.append(payload)
-        put(self._session, self._keys.event(OPERATOR), payload)
+        self._say(self._keys.event(OPERATOR), payload)
 
     def close(self) -> None:
         """Say the last sequence numbers; the recorder ends with this."""
         last = {self._keys.event(OPERATOR): self._last_event_seq, self._keys.mission: 0 if self._mission else -1}
         known = {key: seq for key, seq in last.items() if seq >= 0}
         self.publish_event("closed", msgspec.json.encode(known).decode())
+
+    def flush(self) -> None:
+        """Send what had to wait for a router."""
+        self._outbox.flush()
 
     def disconnect(self) -> None:
         """Leave the bus."""
@@ -111,6 +117,10 @@ class Operator:
                 (self._tokens.add if alive else self._tokens.discard)((uav, instance))
             case zenoh.Query():
                 self._answer(item)
+
+    def _say(self, key: str, payload: bytes) -> None:
+        self._outbox.put(key, payload)
+        self._outbox.flush()
 
     def _hear(self, key: str, payload: bytes) -> None:
         try:

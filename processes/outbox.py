@@ -13,7 +13,8 @@ LIMIT = 20_000
 FROZEN_S = 0.3
 """A loop that comes this much too late was frozen: its session may be dead without knowing it."""
 DOUBT_S = 0.1
-"""For this long after a freeze nothing is said: by then a dead session has been noticed."""
+"""For this long nothing is said after a freeze, until a dead session has been noticed, and after a
+router has come back, until the recorder, which is quicker to try again, is back too."""
 
 
 class Outbox:
@@ -27,6 +28,7 @@ class Outbox:
         self._session = session
         self._waiting: deque[tuple[str, bytes]] = deque(maxlen=LIMIT)
         self._doubt_until_s = 0.0
+        self._connected = True
 
     @property
     def holds_back(self) -> bool:
@@ -39,11 +41,21 @@ class Outbox:
 
     def flush(self) -> None:
         """Send what waits if there is a router."""
-        if self._waiting and time.monotonic() >= self._doubt_until_s and is_connected(self._session):
+        if self._waiting and self._may_speak():
             while self._waiting:
                 put(self._session, *self._waiting.popleft())
 
-    def doubt(self, late_s: float) -> None:
+    def _may_speak(self) -> bool:
+        connected = is_connected(self._session)
+        if connected and not self._connected:
+            self._doubt()
+        self._connected = connected
+        return connected and time.monotonic() >= self._doubt_until_s
+
+    def note_delay(self, late_s: float) -> None:
         """Take into account that the loop came `late_s` too late."""
         if late_s > FROZEN_S:
-            self._doubt_until_s = time.monotonic() + DOUBT_S
+            self._doubt()
+
+    def _doubt(self) -> None:
+        self._doubt_until_s = time.monotonic() + DOUBT_S

@@ -63,7 +63,7 @@ class Recorder:
         self._messages = 0
         self._last_word = self._keys.event("operator")
         self._stopping = False
-        self._session = open_client(settings.endpoint)
+        self._session = open_client(settings.endpoint, observer=True)
         self._session.declare_subscriber(self._keys.everything, hand_over(self._take))
         self._token = self._session.liveliness().declare_token(self._keys.alive(NAME, self._instance))
 

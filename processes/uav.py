@@ -115,7 +115,7 @@ class UavProcess:
         timeout_s = min(self._timeout_s(), RETRY_S if self._outbox.holds_back else IDLE_S)
         start_s = time.monotonic()
         items = self._inbox.wait(timeout_s)
-        self._outbox.doubt(time.monotonic() - start_s - timeout_s)
+        self._outbox.note_delay(time.monotonic() - start_s - timeout_s)
         return items
 
     def _timeout_s(self) -> float:

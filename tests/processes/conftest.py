@@ -1,0 +1,158 @@
+"""Real processes on loopback: the command as a user starts it, and proof that nothing is left of it."""
+
+from __future__ import annotations
+
+import json
+import os
+import signal
+import subprocess
+import sys
+import time
+import uuid
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from edc_swarm.recording import Recording, find_gaps, read_recording
+
+MARK = "EDC_SWARM_TEST"
+DEADLINE_S = 120.0
+
+
+@dataclass
+class Ended:
+    """How a command ended."""
+
+    status: int
+    stdout: str
+    stderr: str
+    path: Path
+
+    @property
+    def json(self) -> dict[str, Any]:
+        """What it said on standard output."""
+        return json.loads(self.stdout)
+
+    @property
+    def recording(self) -> Recording:
+        """What it recorded."""
+        return read_recording(self.path)
+
+
+@dataclass
+class Started:
+    """A command that runs; all its processes carry `mark` in their environment."""
+
+    process: subprocess.Popen[str]
+    path: Path
+    mark: str
+
+    def pids(self, module: str = "") -> list[int]:
+        """Ids of its living processes, those whose command line has `module`."""
+        return [pid for pid in _marked(self.mark) if module in _command_line(pid)]
+
+    def await_file(self, found: Callable[[], bool]) -> None:
+        """Wait until something is there, for as long as the command lives."""
+        await_true(lambda: found() or self.process.poll() is not None)
+        assert self.process.poll() is None, self.process.communicate()
+
+    def await_flight(self, uavs: int) -> None:
+        """Wait until the UAV processes are there and the recorder has written its first chunk."""
+        part = self.path.with_name(self.path.name + ".part")
+        self.await_file(lambda: len(self.uav_pids()) == uavs and part.stat().st_size > 10_000)
+
+    def uav_pids(self) -> list[int]:
+        """Ids of the UAV processes: the children of the fork source."""
+        (source, *children) = self.pids("processes.fork_source") or [0]
+        return [pid for pid in children if _parent(pid) == source]
+
+    def end(self) -> Ended:
+        """Wait for the end; nothing may be left running."""
+        try:
+            stdout, stderr = self.process.communicate(timeout=DEADLINE_S)
+        finally:
+            self.process.kill()
+        await_true(lambda: not _marked(self.mark))
+        return Ended(self.process.returncode, stdout, stderr, self.path)
+
+
+Fly = Callable[..., Started]
+
+
+@pytest.fixture
+def start(tmp_path: Path) -> Iterator[Fly]:
+    """Start `edc-swarm` with arguments; whatever is left of it at the end is killed."""
+    started: list[Started] = []
+
+    def go(*arguments: str, name: str = "run.mcap", prefix: tuple[str, ...] = ()) -> Started:
+        started.append(start_command(*arguments, path=tmp_path / name, prefix=prefix))
+        return started[-1]
+
+    yield go
+    for command in started:
+        for pid in _marked(command.mark):
+            os.kill(pid, signal.SIGKILL)
+        command.process.communicate()
+
+
+@pytest.fixture
+def run(start: Fly) -> Callable[..., Ended]:
+    """Fly a mission four times as fast as the clock, to its end; no message may be missing."""
+
+    def go(*arguments: str, **options: Any) -> Ended:
+        ended = start("run", "--json", "--time-scale", "4", *arguments, **options).end()
+        assert ended.path.exists(), ended.stderr
+        assert not find_gaps(ended.recording)
+        return ended
+
+    return go
+
+
+def start_command(*arguments: str, path: Path, prefix: tuple[str, ...] = ()) -> Started:
+    """Start the command line with a mark in the environment."""
+    mark = uuid.uuid4().hex
+    out = ("--out", str(path)) if arguments[0] in {"run", "sim"} and "--out" not in arguments else ()
+    process = subprocess.Popen(
+        [*prefix, sys.executable, "-m", "processes.cli", *arguments, *out],
+        stdout=subprocess.PIPE,
+        stderr=subprocess.PIPE,
+        text=True,
+        env={**os.environ, MARK: mark},
+    )
+    return Started(process, path, mark)
+
+
+def await_true(found: Callable[[], bool], deadline_s: float = DEADLINE_S) -> None:
+    """Wait for what is bound to happen."""
+    end_s = time.monotonic() + deadline_s
+    while not found():
+        assert time.monotonic() < end_s, "waited in vain"
+        time.sleep(0.01)
+
+
+def _marked(mark: str) -> list[int]:
+    sought = f"{MARK}={mark}".encode()
+    pids = (int(entry) for entry in os.listdir("/proc") if entry.isdigit())
+    return sorted(pid for pid in pids if sought in _read(pid, "environ").split(b"\0") and not _is_zombie(pid))
+
+
+def _command_line(pid: int) -> str:
+    return _read(pid, "cmdline").replace(b"\0", b" ").decode()
+
+
+def _parent(pid: int) -> int:
+    return int(_read(pid, "stat").rpartition(b")")[2].split()[1] or 0)
+
+
+def _is_zombie(pid: int) -> bool:
+    return _read(pid, "stat").rpartition(b")")[2].split()[:1] in ([b"Z"], [])
+
+
+def _read(pid: int, name: str) -> bytes:
+    try:
+        return Path(f"/proc/{pid}/{name}").read_bytes()
+    except OSError:
+        return b""

@@ -1,0 +1,91 @@
+"""However a run ends, nothing is left running and the recording can be read."""
+
+from __future__ import annotations
+
+import os
+import signal
+import time
+from pathlib import Path
+
+import pytest
+
+from edc_swarm.recording import find_gaps, read_recording
+from tests.processes.conftest import await_true
+
+
+def test_ctrl_c_in_flight_leaves_a_whole_recording(start):
+    """Every process gets to say its last word: the record is finished, not recovered."""
+    command = start("run", "--json")
+    command.await_flight(10)
+    command.process.send_signal(signal.SIGINT)
+    ended = command.end()
+    assert ended.status == 1
+    assert "interrupted" in ended.stderr
+    assert "Traceback" not in ended.stderr
+    assert not find_gaps(ended.recording)
+    assert ended.recording.run_end is not None
+
+
+def test_ctrl_c_at_the_start(start):
+    """Before anything is connected there is nothing to close, but all must end."""
+    command = start("run")
+    command.await_file(lambda: bool(command.pids("processes.fork_source")))
+    command.process.send_signal(signal.SIGINT)
+    ended = command.end()
+    assert ended.status in {1, 2}
+    assert "Traceback" not in ended.stderr
+
+
+def test_kill_of_the_command_ends_its_children_even_frozen_ones(start):
+    """SIGKILL is the one parent-death signal that a stopped process obeys."""
+    command = start("run")
+    command.await_flight(10)
+    os.kill(command.uav_pids()[0], signal.SIGSTOP)
+    command.process.kill()
+    await_true(lambda: not command.pids())
+    command.process.communicate()
+
+
+def test_what_a_killed_run_has_left_is_recovered_at_the_next_start(start, run, tmp_path: Path):
+    """The original stays beside what could be read of it."""
+    command = start("run", name="killed.mcap")
+    command.await_flight(10)
+    command.process.kill()
+    await_true(lambda: not command.pids())
+    ended = run("--uavs", "3")
+    assert "recovered" in ended.stderr
+    assert read_recording(tmp_path / "killed.recovered.mcap").fixes
+    assert (tmp_path / "killed.mcap.part.torn").exists()
+
+
+def test_a_full_disk_is_an_error_with_a_name(start):
+    """A limit on the size of files stands in for the full disk: both are errors of `write`."""
+    limited = ("bash", "-c", 'ulimit -f 64; exec "$@"', "limited")
+    ended = start("run", "--uavs", "10", "--time-scale", "4", prefix=limited).end()
+    assert ended.status == 2
+    assert "EFBIG" in ended.stderr
+    assert "Traceback" not in ended.stderr
+
+
+def test_an_existing_recording_is_kept_until_the_new_one_is_whole(start, tmp_path: Path):
+    """Neither without --force nor by a run with it that never finished."""
+    kept = tmp_path / "run.mcap"
+    kept.write_bytes(b"old")
+    assert start("run").end().status == 2
+    command = start("run", "--force", "--uavs", "3")
+    command.await_file(lambda: bool(command.pids("processes.recorder")))
+    command.process.kill()
+    await_true(lambda: not command.pids())
+    assert kept.read_bytes() == b"old"
+
+
+@pytest.mark.parametrize("number", [signal.SIGTERM, signal.SIGHUP])
+def test_other_signals_end_in_order_too(start, number):
+    """A closed terminal or a service manager is no reason to lose the record."""
+    command = start("run", "--uavs", "3")
+    command.await_flight(3)
+    command.process.send_signal(number)
+    begin_s = time.monotonic()
+    ended = command.end()
+    assert time.monotonic() - begin_s < 60
+    assert not find_gaps(ended.recording)

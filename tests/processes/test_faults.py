@@ -1,0 +1,50 @@
+"""Faults on real processes: SIGKILL, SIGSTOP, partitions above the bus, a router that goes away.
+
+One trial of each; `benchmarks/` has many. The guarantees are judged on the recording.
+"""
+
+from __future__ import annotations
+
+import pytest
+
+FAULTS = {
+    "head killed": ["kill head @10"],
+    "two heads killed within three slots": ["kill head @10", "kill head @12"],
+    "head frozen and resumed": ["freeze head @10 for 10s"],
+    "head cut off": ["partition head|rest @10 for 10"],
+    "nobody has a quorum": ["partition halves @10 for 10"],
+    "router restarted": ["restart router @10"],
+    "killed and restarted": ["kill u003 @6", "restart u003 @12"],
+    "memory lost": ["restart u003 lose-memory @8.2s"],
+    "clock off, GPS changed, solver slow": ["clock u002 offset 5 @6", "gps u003 white @6", "slow head 40 @8 for 5"],
+    "links bad": ["link *>* delay 10 jitter 10 loss 0.1 duplicate 0.1 reorder 0.1 @4 for 15"],
+}
+SAFE = ("G1", "G2", "G3", "G4", "G5")
+
+
+@pytest.mark.parametrize("faults", FAULTS.values(), ids=FAULTS)
+def test_guarantees_hold(run, faults):
+    """One trial: no message is missing, no guarantee is broken, the fault is on the record."""
+    ended = run(*(word for fault in faults for word in ("--fault", fault)))
+    verdicts = {verdict["guarantee"]: verdict for verdict in ended.json["guarantees"]}
+    assert [verdicts[name]["status"] for name in SAFE] == ["held"] * len(SAFE), ended.stdout
+    assert verdicts["G7"]["status"] != "broken"
+    told = [event.detail for event in ended.recording.events if event.kind == "fault"]
+    assert len(told) == len(faults)
+
+
+def test_recorder_killed_loses_at_most_the_last_second(start):
+    """A second is eight slots here; two more for what was under way."""
+    ended = start("run", "--json", "--time-scale", "4", "--fault", "kill recorder @16").end()
+    assert "the recorder died; recovered" in ended.stderr
+    last_slot = max(fix.slot for fix in ended.recording.fixes)
+    assert last_slot >= 16 - 8 - 2
+    assert ended.json["gaps"] == ended.json["potential_collisions"] == 0
+
+
+def test_a_late_joiner_learns_of_faults_in_force(run):
+    """A UAV that is restarted inside a partition stays cut off."""
+    ended = run("--fault", "partition u003|rest @6 for 20", "--fault", "restart u003 @10")
+    fixes = [fix for fix in ended.recording.fixes if fix.uav == "u003" and 12 <= fix.slot < 25]
+    assert not any(fix.executing for fix in fixes)
+    assert ended.json["potential_collisions"] == 0

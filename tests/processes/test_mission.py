@@ -1,0 +1,109 @@
+"""`edc-swarm run` from start to end, with real processes."""
+
+from __future__ import annotations
+
+import json
+import os
+import signal
+
+import pytest
+
+from processes.cli import main
+from tests.processes.conftest import start_command
+
+
+@pytest.fixture(scope="module")
+def default_flight(tmp_path_factory: pytest.TempPathFactory):
+    """One flight of the default mission, looked at by several tests."""
+    path = tmp_path_factory.mktemp("default") / "run.mcap"
+    return start_command("run", "--json", "--time-scale", "4", path=path).end()
+
+
+def test_default_mission_arrives_without_a_collision(default_flight):
+    """What a user sees first."""
+    said = default_flight.json
+    assert default_flight.status == 0, default_flight.stderr
+    assert said["arrived"] == said["uavs"] == 10
+    assert said["potential_collisions"] == said["true_collisions"] == said["gaps"] == 0
+    assert all(guarantee["status"] == "held" for guarantee in said["guarantees"])
+
+
+def test_ten_distinct_processes_published(default_flight):
+    """The process id is part of the instance."""
+    pids = {fix.instance.split("-")[0] for fix in default_flight.recording.fixes}
+    assert len(pids) == 10
+
+
+def test_one_head_per_term_and_first_commands_by_slot_three(default_flight):
+    """Listen, grant, plan, fly: three slots, unless the machine was too slow."""
+    heads = default_flight.json["heads"]
+    assert len({head["term"] for head in heads}) == len(heads)
+    flown = [fix.slot for fix in default_flight.recording.fixes if fix.executing]
+    overloaded = default_flight.json["ticks_late_pct"] > 1
+    assert min(flown) <= 3 or overloaded
+    assert "connected" in default_flight.stderr
+    assert "first commands flown in slot" in default_flight.stderr
+
+
+def test_summary_is_what_metrics_says(default_flight, capsys):
+    """Every figure comes from the recording."""
+    assert main(["metrics", str(default_flight.path), "--json"]) == 0
+    metrics = json.loads(capsys.readouterr().out)
+    assert metrics.items() <= default_flight.json.items()
+
+
+def test_every_publisher_said_its_last_word(default_flight):
+    """So the end of every stream is proved."""
+    completeness = default_flight.json["guarantees"][4]
+    assert completeness["guarantee"] == "G5"
+    assert completeness["notes"] == []
+
+
+def test_run_metadata_and_nothing_else_is_left(default_flight):
+    """No logs where nobody said anything, no state, no part."""
+    run = default_flight.recording.run
+    assert {"command", "commit", "machine", "python", "version edc-swarm"} <= run.keys()
+    assert run["clock"] == "wall"
+    assert [entry.name for entry in default_flight.path.parent.iterdir()] == ["run.mcap"]
+
+
+def test_straight_planner_collides_and_check_names_the_pairs(run, capsys):
+    """A run that breaks a guarantee says so in its exit status."""
+    ended = run("--planner", "straight", "--uavs", "30")
+    assert ended.status == 1
+    assert ended.json["potential_collisions"] > 10
+    assert main(["check", str(ended.path)]) == 1
+    shown = capsys.readouterr().out
+    assert "G3 Separation: broken" in shown
+    assert "discs overlap by up to" in shown
+
+
+def test_a_process_killed_by_hand_is_told_and_the_others_finish(start):
+    """A death that no fault asked for is shown and recorded."""
+    command = start("run", "--json", "--time-scale", "4")
+    command.await_flight(10)
+    os.kill(command.uav_pids()[6], signal.SIGKILL)
+    ended = command.end()
+    assert ended.json["potential_collisions"] == ended.json["gaps"] == 0
+    assert len(ended.json["not_living"]) == 1
+    assert f"{ended.json['not_living'][0]} was ended by SIGKILL" in ended.stderr
+    assert any(event.kind == "exited" for event in ended.recording.events)
+
+
+def test_two_missions_side_by_side(start):
+    """Each has its own mission id and port."""
+    flights = [
+        start("run", "--json", "--time-scale", "4", "--uavs", "5", "--seed", str(seed), name=f"{seed}.mcap")
+        for seed in (1, 2)
+    ]
+    for ended in [flight.end() for flight in flights]:
+        assert ended.json["potential_collisions"] == ended.json["gaps"] == 0
+        assert ended.json["uavs"] == len({fix.uav for fix in ended.recording.fixes}) == 5
+    assert len({flight.path for flight in flights}) == 2
+
+
+def test_response_times_are_measured_at_the_start(run):
+    """Each measures before it connects."""
+    ended = run("--elect", "response-time", "--uavs", "5")
+    assert ended.json["arrived"] == 5
+    assert all(fix.response_ms > 0 for fix in ended.recording.fixes)
