@@ -22,6 +22,7 @@ MAX_UAVS = 2000
 MAX_FAULTS = 1000
 MAX_LINKS = 1000
 MAX_MISSION_BYTES = 4 << 20
+MOST_SLOTS = 1_000_000
 
 PlannerName = Annotated[str, Meta(min_length=1, max_length=200)]
 Minimise = Literal["distance", "energy", "time"]
@@ -29,7 +30,7 @@ Criterion = Literal["energy", "response-time"]
 GpsModel = Literal["none", "bias", "white", "gauss-markov"]
 Distribution = Literal["constant", "uniform", "normal", "lognormal"]
 
-UavId = Annotated[str, Meta(pattern="^[A-Za-z0-9_-]{1,32}$")]
+UavId = Annotated[str, Meta(pattern=r"^[A-Za-z0-9_-]{1,32}$(?!\n)")]
 Positive = Annotated[float, Meta(gt=0)]
 NonNegative = Annotated[float, Meta(ge=0)]
 Fraction = Annotated[float, Meta(ge=0, le=1)]
@@ -118,7 +119,7 @@ class Mission(Struct, frozen=True, kw_only=True):
     drawn at random from `seed`.
     """
 
-    name: Annotated[str, Meta(pattern="^[A-Za-z0-9_-]{1,64}$")] = "mission"
+    name: Annotated[str, Meta(pattern=r"^[A-Za-z0-9_-]{1,64}$(?!\n)")] = "mission"
     seed: Annotated[int, Meta(ge=0, le=(1 << 63) - 1)] = 0
     uavs: Annotated[int, Meta(ge=1, le=MAX_UAVS)] = 10
     area_m2: Positive = 10_000.0
@@ -128,7 +129,7 @@ class Mission(Struct, frozen=True, kw_only=True):
     dt_s: Annotated[float, Meta(ge=0.02, le=60)] = 0.5
     tau_s: NonNegative = 0.0
     guard_s: NonNegative = 0.0
-    max_slots: Annotated[int, Meta(ge=0, le=1_000_000)] = 0
+    max_slots: Annotated[int, Meta(ge=0, le=MOST_SLOTS)] = 0
     time_scale: Annotated[float, Meta(gt=0, le=1000)] = 1.0
     planner: PlannerName = "edc"
     minimise: Minimise = "distance"
@@ -263,7 +264,10 @@ def default_max_slots(mission: Mission) -> int:
     if mission.max_slots:
         return mission.max_slots
     longest_m = max((entry.straight_m for entry in mission.roster), default=0.0)
-    return math.ceil(20 * longest_m / (mission.v_max_mps * mission.dt_s)) + 200
+    step_m = mission.v_max_mps * mission.dt_s
+    if 20 * longest_m >= step_m * (MOST_SLOTS - 200):
+        return MOST_SLOTS
+    return math.ceil(20 * longest_m / step_m) + 200
 
 
 def _validate(mission: Mission) -> None:

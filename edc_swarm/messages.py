@@ -25,7 +25,7 @@ Seq = Annotated[int, Meta(ge=0, lt=1 << 53)]
 Slot = Annotated[int, Meta(ge=-1, lt=1 << 40)]
 Term = Annotated[int, Meta(ge=0, lt=1 << 40)]
 Ns = Annotated[int, Meta(ge=0, le=(1 << 63) - 1)]
-HeadId = Annotated[str, Meta(pattern="^[A-Za-z0-9_-]{0,32}$")]
+HeadId = Annotated[str, Meta(pattern=r"^[A-Za-z0-9_-]{0,32}$(?!\n)")]
 UavIds = Annotated[list[UavId], Meta(max_length=MAX_UAVS)]
 Floats = Annotated[list[float], Meta(max_length=MAX_UAVS)]
 Status = Literal["planned", "no-qp-needed", "failed", "no-quorum", "claim"]
@@ -152,7 +152,7 @@ class Report(Struct, frozen=True, kw_only=True, gc=False):
 class Event(Struct, frozen=True, kw_only=True, gc=False):
     """Something worth telling: a fault injected, a transition, a warning, the end of a publisher."""
 
-    source: Annotated[str, Meta(pattern="^[A-Za-z0-9_-]{1,32}$")]
+    source: Annotated[str, Meta(pattern=r"^[A-Za-z0-9_-]{1,32}$(?!\n)")]
     instance: Instance = ""
     seq: Seq = 0
     sent_ns: Ns = 0

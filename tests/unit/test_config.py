@@ -49,7 +49,7 @@ def test_defaults() -> None:
 @pytest.mark.parametrize(
     ("field", "good", "bad"),
     [
-        ("name", ["a", "A-b_9" * 12], ["", "a b", "x" * 65, "a/b", 3, None]),
+        ("name", ["a", "A-b_9" * 12], ["", "a b", "a\n", "x" * 65, "a/b", 3, None]),
         ("seed", [0, (1 << 63) - 1], [-1, 1 << 63, 0.5, "1", True]),
         ("uavs", [1, 2000], [0, 2001, 1.5, "ten"]),
         ("area_m2", [1e-3, 1, 1e9], [0, -1, "big"]),
@@ -144,6 +144,7 @@ def test_numbers_are_finite(value: float, path: str, wrap: Any) -> None:
     [
         ([entry("a"), entry("a", start_x_m=50, target_x_m=0)], "roster[1].uav"),
         ([entry("a b")], "roster[0].uav"),
+        ([entry("a\n")], "roster[0].uav"),
         ([entry("x" * 33)], "roster[0].uav"),
         ([entry(r_m=0)], "roster[0].r_m"),
         ([entry(body_m=6.0)], "roster[0].body_m"),
@@ -195,6 +196,13 @@ def test_derived_values() -> None:
     flown = mission_from_dict({"roster": [entry()], "tau_s": 0.1})
     assert (default_max_slots(flown), default_tau_s(flown)) == (20 * 20 + 200, 0.1)
     assert default_max_slots(mission_from_dict({"max_slots": 7})) == 7
+
+
+@pytest.mark.parametrize(("v_max_mps", "x_m"), [(5.0, 1e308), (1e-300, 50.0), (5e-324, 50.0), (5.0, 2e5)])
+def test_no_mission_lasts_for_ever(v_max_mps: float, x_m: float) -> None:
+    """However far and slow, `max_slots` stays within its limit."""
+    roster = [entry(start_x_m=-x_m, target_x_m=x_m)]
+    assert default_max_slots(mission_from_dict({"roster": roster, "v_max_mps": v_max_mps})) == 1_000_000
 
 
 def test_options_are_validated_as_a_whole() -> None:

@@ -77,6 +77,8 @@ def test_lists_are_finite_too() -> None:
         ("uav", ""),
         ("uav", "a/b"),
         ("uav", "a*"),
+        ("uav", "a\n"),
+        ("head", "a\n"),
         ("uav", "x" * 33),
         ("head", "a b"),
         ("instance", "x" * 65),
