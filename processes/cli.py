@@ -31,6 +31,7 @@ app.command("processes.commands.check:check")
 app.command("processes.commands.fuzz:fuzz")
 app.command("processes.commands.replay:replay")
 app.command("processes.commands.recover:recover")
+app.command("processes.commands.visualise:visualise")
 
 
 def main(arguments: Sequence[str] | None = None) -> int:

@@ -71,6 +71,8 @@ class MissionOptions:
         Fly this many times as fast as the clock (1).
     out
         The recording to write (a new name in recordings/).
+    no_viz
+        Leave out of the recording what Foxglove and Lichtblick show.
     json
         Print the metrics as JSON alone on standard output.
     force
@@ -93,6 +95,7 @@ class MissionOptions:
     loss: float | None = None
     time_scale: float | None = None
     out: Path | None = None
+    no_viz: bool = False
     json: bool = False
     force: bool = False
 

@@ -10,6 +10,7 @@ from collections.abc import Iterator
 from contextlib import contextmanager, suppress
 from pathlib import Path
 from types import TracebackType
+from typing import BinaryIO
 
 from edc_swarm.errors import InputError, RecordingError
 from edc_swarm.recording import recover
@@ -138,18 +139,30 @@ def locked_for_reading(part: Path) -> Iterator[None]:
         raise RecordingError(part, f"cannot be read ({_why(error)})") from None
 
 
-def write_recovered(part: Path, whole: Path) -> list[str]:
-    """Recover `part` as `whole`, which is there when it is whole; what is missing, one line each."""
-    unfinished = whole.with_name(whole.name + ".tmp")
+@contextmanager
+def new_file(path: Path) -> Iterator[BinaryIO]:
+    """A file that is at `path` when it is whole, and not before.
+
+    Raises
+    ------
+    RecordingError
+        It cannot be written.
+    """
+    unfinished = path.with_name(path.name + ".tmp")
     try:
         with unfinished.open("wb") as stream:
-            missing = recover(part, stream)
-        unfinished.replace(whole)
+            yield stream
+        unfinished.replace(path)
     except OSError as error:
-        raise RecordingError(whole, f"cannot be written ({_why(error)})") from None
+        raise RecordingError(path, f"cannot be written ({_why(error)})") from None
     finally:
         unfinished.unlink(missing_ok=True)
-    return missing
+
+
+def write_recovered(part: Path, whole: Path) -> list[str]:
+    """Recover `part` as `whole`; what is missing, one line each."""
+    with new_file(whole) as stream:
+        return recover(part, stream)
 
 
 def _salvage(part: Path) -> Path | None:

@@ -16,11 +16,13 @@ from edc_swarm.planner import make_planner, warm_up
 from edc_swarm.planner.interface import Plan, Planner, PlanRequest
 from edc_swarm.recording import RecordingWriter
 from edc_swarm.simulation import Simulation, SimulationEnd, mission_message
+from edc_swarm.viz import Scenery
 from processes.conclusion import conclude
 from processes.options import MISSION_HELP, MissionOptions
 from processes.output import Output, default_output
 from processes.progress_bar import ProgressBar
 from processes.run_facts import run_facts
+from processes.view import attach_layout, write_shown
 
 
 def sim(
@@ -34,18 +36,24 @@ def sim(
     mission = options.mission(mission_file)
     path = options.out or default_output(mission.name, mission.planner, str(mission.seed))
     with Output(path, force=options.force) as output:
-        timings = _simulate(mission, output, show_progress=not options.json)
+        timings = _simulate(mission, output, viz=not options.no_viz, show_progress=not options.json)
     path.with_suffix(".timings.json").write_bytes(msgspec.json.encode(timings))
     return conclude(path, as_json=options.json)
 
 
-def _simulate(mission: Mission, output: Output, *, show_progress: bool) -> list[Timing]:
+def _simulate(mission: Mission, output: Output, *, viz: bool, show_progress: bool) -> list[Timing]:
     message, timings = mission_message(mission), list[Timing]()
     warm_up(mission)
     with output.part.open("r+b") as stream:
         writer = RecordingWriter(stream, run_facts("virtual"))
 
+        attach_layout(writer, message)
+        scenery = Scenery()
+
         def record(key: str, said: Message, now_ns: int) -> None:
+            if viz:
+                write_shown(writer, scenery.advance(now_ns))
+                scenery.hear(said, now_ns)
             writer.write(key, encode(said), now_ns)
 
         simulation = Simulation(message, lambda: TimedPlanner(message, timings), record)

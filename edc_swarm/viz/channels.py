@@ -1,0 +1,89 @@
+"""The topics of the visualisation and the schemas that viewers know them by.
+
+On the bus they are `swarm/{mission}/viz/NAME`; in recordings `/viz/NAME`, so that one layout fits
+every mission.
+"""
+
+from __future__ import annotations
+
+from functools import cache
+from typing import Any
+
+import msgspec
+from foxglove_schemas_protobuf.LocationFix_pb2 import LocationFix
+from foxglove_schemas_protobuf.Log_pb2 import Log
+from foxglove_schemas_protobuf.SceneUpdate_pb2 import SceneUpdate
+from google.protobuf.descriptor_pb2 import FileDescriptorSet
+from google.protobuf.message import Message as Protobuf
+from msgspec import Struct
+
+from edc_swarm.messages import PREFIX
+from edc_swarm.recording.mcap_file import Channel
+from edc_swarm.recording.schemas import json_schema
+
+ROOT = "/viz/"
+UAVS, TRAILS, COMMANDS, HULLS, AREA = "uavs", "trails", "commands", "hulls", "area"
+LOCATION, LOG, STATUS = "location", "log", "status"
+
+
+class Status(Struct, frozen=True, kw_only=True):
+    """Figures for plots, once per slot report; the `*_limit_*` are constant, to be drawn beside."""
+
+    slot: int
+    term: int
+    head: str
+    status: str
+    plan_ms: float
+    plan_limit_ms: float
+    gap_m: float
+    planned_gap_m: float
+    gap_limit_m: float
+    heard: int
+    unheard: int
+    arrived: int
+    least_energy_j: float
+
+
+_SCHEMAS: dict[str, type[Protobuf] | type[Struct]] = {
+    **dict.fromkeys((UAVS, TRAILS, COMMANDS, HULLS, AREA), SceneUpdate),
+    LOCATION: LocationFix,
+    LOG: Log,
+    STATUS: Status,
+}
+
+
+def topic_of(key: str) -> str | None:
+    """Topic of the visualisation on `key` of the bus, None for all other keys."""
+    parts = key.split("/", 3)
+    if len(parts) == 4 and parts[0] == PREFIX and parts[2] == "viz":
+        return ROOT + parts[3]
+    return None
+
+
+@cache
+def channel_of(topic: str) -> Channel | None:
+    """How a recording describes a topic of the visualisation, None for one that is not known."""
+    schema = _SCHEMAS.get(topic.removeprefix(ROOT).partition("/")[0])
+    if schema is None or not topic.startswith(ROOT):
+        return None
+    if issubclass(schema, Struct):
+        data = msgspec.json.encode(json_schema(schema))
+        return Channel(topic, "json", f"edc_swarm.{schema.__name__}", "jsonschema", data)
+    return Channel(topic, "protobuf", schema.DESCRIPTOR.full_name, "protobuf", _descriptors(schema))
+
+
+def _descriptors(schema: type[Protobuf]) -> bytes:
+    """The schema with everything it needs, as a FileDescriptorSet."""
+    files: dict[str, Any] = {}
+    _collect(schema.DESCRIPTOR.file, files)
+    whole = FileDescriptorSet()
+    for file in files.values():
+        file.CopyToProto(whole.file.add())
+    return whole.SerializeToString(deterministic=True)
+
+
+def _collect(file: Any, files: dict[str, Any]) -> None:
+    """A file's dependencies, then the file (protobuf has no one type for a file descriptor)."""
+    for needed in file.dependencies:
+        _collect(needed, files)
+    files.setdefault(file.name, file)

@@ -1,0 +1,112 @@
+"""The layout of a viewer: the swarm from above, plan time and gaps, who leads, the log."""
+
+from __future__ import annotations
+
+import math
+from typing import Any
+
+from edc_swarm.messages import MissionMessage
+from edc_swarm.viz import channels
+from edc_swarm.viz.channels import ROOT
+from edc_swarm.viz.scenery import extent_m
+
+LAYOUT_ATTACHMENT = "foxglove-layout.json"
+GRID_M = 20.0
+SCENE, PLAN, GAP, HEAD, LOG, MAP = "3D!swarm", "Plot!plan", "Plot!gap", "StateTransitions!head", "RosOut!log", "map!gps"
+_SHOWN = (channels.AREA, channels.TRAILS, channels.HULLS, channels.COMMANDS, channels.UAVS)
+
+
+def layout(mission: MissionMessage) -> dict[str, Any]:
+    """A layout for Foxglove and for Lichtblick, whose camera looks at the whole area of `mission`.
+
+    Topics are hidden unless a layout shows them.
+    """
+    (left_m, low_m), (right_m, high_m) = extent_m(mission)
+    middle_m, size_m = [(left_m + right_m) / 2, (low_m + high_m) / 2, 0.0], max(right_m - left_m, high_m - low_m)
+    return {
+        "configById": {
+            SCENE: _titled("Swarm from above", _scene(middle_m, size_m)),
+            PLAN: _titled("Plan time", _plot({"plan_ms": "plan time (ms)", "plan_limit_ms": "limit"})),
+            GAP: _titled("Least gap", _plot({"gap_m": "now (m)", "planned_gap_m": "planned", "gap_limit_m": "limit"})),
+            HEAD: _titled("Head and term", {"isSynced": True, "paths": [_path("head"), _path("term")]}),
+            LOG: _titled("Log", {"searchTerms": [], "minLogLevel": 1}),
+            MAP: _titled("GPS", {"layer": "map", "followTopic": "", "disabledTopics": []}),
+        },
+        "globalVariables": {},
+        "userNodes": {},
+        "playbackConfig": {"speed": 1},
+        "layout": {
+            "direction": "row",
+            "splitPercentage": 62,
+            "first": SCENE,
+            "second": _column([PLAN, GAP, HEAD, MAP, LOG]),
+        },
+    }
+
+
+def _titled(title: str, config: dict[str, Any]) -> dict[str, Any]:
+    """A panel's title, by the key that each of the two viewers reads."""
+    return {**config, "foxglovePanelTitle": title, "lichtblickPanelTitle": title}
+
+
+def _scene(middle_m: list[float], size_m: float) -> dict[str, Any]:
+    divisions = math.ceil(2 * size_m / GRID_M)
+    grid = {
+        "layerId": "foxglove.Grid",
+        "instanceId": "grid",
+        "label": "Grid",
+        "visible": True,
+        "frameLocked": True,
+        "size": divisions * GRID_M,
+        "divisions": divisions,
+        "lineWidth": 1,
+        "color": "#ffffff18",
+        "position": middle_m,
+        "rotation": [0, 0, 0],
+        "order": 1,
+    }
+    camera = {
+        "perspective": False,
+        "distance": 1.3 * size_m,
+        "phi": 0,
+        "thetaOffset": 0,
+        "target": [0, 0, 0],
+        "targetOffset": middle_m,
+        "targetOrientation": [0, 0, 0, 1],
+        "fovy": 45,
+        "near": 0.5,
+        "far": 5000,
+    }
+    return {
+        "cameraState": camera,
+        "followMode": "follow-none",
+        "followTf": "map",
+        "scene": {"backgroundColor": "#101418", "labelScaleFactor": 1},
+        "transforms": {},
+        "topics": {ROOT + name: {"visible": True} for name in _SHOWN},
+        "layers": {"grid": grid},
+    }
+
+
+def _plot(series: dict[str, str]) -> dict[str, Any]:
+    return {
+        "paths": [{**_path(name), "label": label} for name, label in series.items()],
+        "xAxisVal": "timestamp",
+        "showLegend": True,
+        "legendDisplay": "floating",
+        "showXAxisLabels": True,
+        "showYAxisLabels": True,
+        "isSynced": True,
+    }
+
+
+def _path(name: str) -> dict[str, Any]:
+    return {"value": f"{ROOT}{channels.STATUS}.{name}", "enabled": True, "timestampMethod": "receiveTime"}
+
+
+def _column(panels: list[str]) -> Any:
+    """Panels one below the other, of equal height."""
+    if len(panels) == 1:
+        return panels[0]
+    share = 100 / len(panels)
+    return {"direction": "column", "splitPercentage": share, "first": panels[0], "second": _column(panels[1:])}

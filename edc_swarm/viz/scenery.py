@@ -1,0 +1,315 @@
+"""A mission as a viewer sees it: follows the messages, and gives scenes at their rates.
+
+Time is given, never read: the same messages at the same times give the same bytes.
+"""
+
+from __future__ import annotations
+
+from collections import deque
+from dataclasses import dataclass, field
+
+import msgspec
+import numpy as np
+from foxglove_schemas_protobuf.LocationFix_pb2 import LocationFix
+from foxglove_schemas_protobuf.Log_pb2 import Log
+from foxglove_schemas_protobuf.SceneEntity_pb2 import SceneEntity
+from numpy.typing import NDArray
+
+from edc_swarm.config import NS_PER_S, RosterEntry
+from edc_swarm.messages import Command, Event, Fix, Message, MissionMessage, Report, Truth
+from edc_swarm.viz import channels
+from edc_swarm.viz.channels import ROOT, Status
+from edc_swarm.viz.shapes import (
+    AMBER,
+    FRAME,
+    GREY,
+    RED,
+    WHITE,
+    Point,
+    colour_of,
+    disc,
+    entity,
+    line,
+    ring,
+    scene,
+    stadium,
+    stamp,
+    text,
+)
+
+TICK_NS = NS_PER_S // 2
+"""UAVs, commands and hulls are shown at 2 Hz, ..."""
+SLOW_TICKS = 2
+"""... trails and positions on the map every so many ticks, ..."""
+STATIC_TICKS = 120
+"""... and what does not move once a minute, for those who join late."""
+TRAIL_S = 15.0
+MAX_TRAIL = 120
+OVERLAP_TOLERANCE_M = 1e-9
+FORGET_NS = 60 * NS_PER_S
+"""After a longer silence the time in between is not shown."""
+WARNINGS = frozenset({"fault", "exited", "suspects", "recorder-dropped"})
+
+
+@dataclass(frozen=True, slots=True)
+class Shown:
+    """One message of the visualisation: its topic, when it is for, its bytes."""
+
+    topic: str
+    time_ns: int
+    payload: bytes
+
+
+@dataclass(slots=True)
+class _Uav:
+    """What is known of one UAV."""
+
+    entry: RosterEntry
+    index: int
+    fix: Fix | None = None
+    truth: Truth | None = None
+    command: Command | None = None
+    trail: deque[tuple[int, Point]] = field(default_factory=lambda: deque(maxlen=MAX_TRAIL))
+
+
+class Scenery:
+    """Follows one mission. Feed `advance` and `hear` with times that do not go back."""
+
+    def __init__(self) -> None:
+        self._mission: MissionMessage | None = None
+        self._uavs: dict[str, _Uav] = {}
+        self._report: Report | None = None
+        self._said: list[Shown] = []
+        self._next_ns = 0
+        self._ticks = 0
+
+    @property
+    def next_ns(self) -> int | None:
+        """When the next scenes are due; None before the mission is known."""
+        return self._next_ns if self._mission is not None else None
+
+    def advance(self, now_ns: int) -> list[Shown]:
+        """All that is to be shown up to `now_ns`, from what was heard so far."""
+        shown, self._said = self._said, []
+        if self._mission is None:
+            return shown
+        if now_ns - self._next_ns > FORGET_NS:
+            self._next_ns = now_ns
+        while self._next_ns <= now_ns:
+            shown += self._tick(self._next_ns)
+            self._next_ns += TICK_NS
+            self._ticks += 1
+        return shown
+
+    def hear(self, message: Message, now_ns: int) -> None:
+        """Take in a message that was said at `now_ns`."""
+        match message:
+            case MissionMessage():
+                self._begin(message, now_ns)
+            case Fix() if (uav := self._uavs.get(message.uav)) is not None:
+                if message.voter and (uav.fix is None or message.slot >= uav.fix.slot):
+                    uav.fix = message
+            case Truth() if message.uav in self._uavs:
+                self._uavs[message.uav].truth = message
+            case Command() if message.uav in self._uavs:
+                self._uavs[message.uav].command = message
+            case Report():
+                self._hear_report(message, now_ns)
+            case Event():
+                self._said.append(Shown(ROOT + channels.LOG, now_ns, _log(message, now_ns)))
+
+    def _begin(self, mission: MissionMessage, now_ns: int) -> None:
+        if self._mission is None:
+            self._mission = mission
+            self._uavs = {entry.uav: _Uav(entry, index) for index, entry in enumerate(mission.roster)}
+            self._next_ns = now_ns
+
+    def _hear_report(self, report: Report, now_ns: int) -> None:
+        known = self._report
+        if not report.has_quorum or (known is not None and (report.term, report.slot) < (known.term, known.slot)):
+            return
+        self._report = report
+        payload = msgspec.json.encode(self._status(report, now_ns))
+        self._said.append(Shown(ROOT + channels.STATUS, now_ns, payload))
+
+    # --- what is shown when ------------------------------------------------------------------
+
+    def _tick(self, now_ns: int) -> list[Shown]:
+        centres = {name: self._centre(uav, now_ns) for name, uav in self._uavs.items()}
+        for name, uav in self._uavs.items():
+            uav.trail.append((now_ns, centres[name]))
+        scenes = {
+            channels.UAVS: self._discs(centres, now_ns),
+            channels.COMMANDS: self._commands(now_ns),
+            channels.HULLS: self._hulls(now_ns),
+        }
+        if self._ticks % SLOW_TICKS == 0:
+            scenes[channels.TRAILS] = self._trails(now_ns)
+        if self._ticks % STATIC_TICKS == 0:
+            scenes[channels.AREA] = self._area(now_ns)
+        shown = [Shown(ROOT + name, now_ns, scene(entities, now_ns)) for name, entities in scenes.items()]
+        return [*shown, *self._locations(now_ns)] if self._ticks % SLOW_TICKS == 0 else shown
+
+    def _discs(self, centres: dict[str, Point], now_ns: int) -> list[SceneEntity]:
+        overlapping = self._overlapping(centres)
+        return [self._disc(uav, centres[name], name in overlapping, now_ns) for name, uav in self._uavs.items()]
+
+    def _disc(self, uav: _Uav, centre: Point, overlaps: bool, now_ns: int) -> SceneEntity:
+        entry, colour = uav.entry, RED if overlaps else colour_of(uav.index)
+        made = entity(entry.uav, now_ns)
+        made.cylinders.append(disc(centre, entry.r_m, colour, 0.45 if overlaps else 0.22))
+        made.lines.append(ring(centre, entry.r_m, colour, 2.0))
+        made.lines.append(line([centre, (entry.target_x_m, entry.target_y_m)], colour, 1.0, alpha=0.5))
+        if uav.truth is not None:
+            where = self._between(uav.truth, now_ns)
+            made.cylinders.append(disc(where, max(entry.body_m, 0.15), WHITE, 0.9, z_m=0.05))
+        words = entry.uav
+        if self._report is not None and entry.uav == self._report.head:
+            made.lines.append(ring(centre, entry.r_m * 1.06, WHITE, 4.0))
+            words += "  H"
+        elif self._report is not None and entry.uav in self._report.standby:
+            words += f"  s{self._report.standby.index(entry.uav) + 1}"
+        size_m = max(0.8, 0.3 * entry.r_m)
+        made.texts.append(text((centre[0], centre[1] + entry.r_m + 0.7 * size_m), words, WHITE, size_m))
+        return made
+
+    def _commands(self, now_ns: int) -> list[SceneEntity]:
+        """The steps that are flown now or in the next slot."""
+        slot, shown = self._slot(now_ns), []
+        for name, uav in self._uavs.items():
+            command = uav.command
+            if command is not None and command.slot >= slot and command.speed_mps > 0:
+                ends = [(command.start_x_m, command.start_y_m), (command.target_x_m, command.target_y_m)]
+                shown.append(entity(name, now_ns))
+                shown[-1].lines.append(line(ends, WHITE, 3.0))
+        return shown
+
+    def _hulls(self, now_ns: int) -> list[SceneEntity]:
+        """Where the UAVs that the head does not hear can be, their GPS error included."""
+        report, shown = self._report, []
+        if report is None:
+            return []
+        ends_m = (report.hull_ax_m, report.hull_ay_m, report.hull_bx_m, report.hull_by_m, report.hull_r_m)
+        for name, ax_m, ay_m, bx_m, by_m, radius_m in zip(report.hull_uav, *ends_m, strict=False):
+            if name in self._uavs:
+                outline = stadium((ax_m, ay_m), (bx_m, by_m), radius_m + self._uavs[name].entry.r_m)
+                shown.append(entity(name, now_ns))
+                shown[-1].lines.append(line(outline, AMBER, 3.0, closed=True))
+        return shown
+
+    def _trails(self, now_ns: int) -> list[SceneEntity]:
+        shown = []
+        for name, uav in self._uavs.items():
+            recent = [(then_ns, point) for then_ns, point in uav.trail if now_ns - then_ns <= TRAIL_S * NS_PER_S]
+            alphas = [0.8 * (1 - (now_ns - then_ns) / NS_PER_S / TRAIL_S) for then_ns, _ in recent]
+            shown.append(entity(name, now_ns))
+            shown[-1].lines.append(line([p for _, p in recent], colour_of(uav.index), 2.0, alphas=alphas))
+        return shown
+
+    def _area(self, now_ns: int) -> list[SceneEntity]:
+        """The geofence, which holds the area and all starts and targets, and every target."""
+        assert self._mission is not None
+        (left_m, low_m), (right_m, high_m) = extent_m(self._mission)
+        fence = entity("geofence", now_ns)
+        corners = [(left_m, low_m), (right_m, low_m), (right_m, high_m), (left_m, high_m)]
+        fence.lines.append(line(corners, GREY, 2.0, closed=True))
+        targets = entity("targets", now_ns)
+        for uav in self._uavs.values():
+            at = (uav.entry.target_x_m, uav.entry.target_y_m)
+            targets.lines.append(ring(at, 0.6, colour_of(uav.index), 2.0, z_m=0.02))
+        return [fence, targets]
+
+    def _locations(self, now_ns: int) -> list[Shown]:
+        fixes = [uav.fix for uav in self._uavs.values() if uav.fix is not None]
+        return [Shown(f"{ROOT}{channels.LOCATION}/{fix.uav}", now_ns, _location(fix, now_ns)) for fix in fixes]
+
+    # --- where things are --------------------------------------------------------------------
+
+    def _slot(self, now_ns: int) -> int:
+        assert self._mission is not None
+        return (now_ns - self._mission.epoch_ns) // self._mission.slot_ns
+
+    def _share(self, slot: int, now_ns: int) -> float:
+        """How much of a slot is over."""
+        assert self._mission is not None
+        begun_ns = self._mission.epoch_ns + slot * self._mission.slot_ns
+        return min(1.0, max(0.0, (now_ns - begun_ns) / self._mission.slot_ns))
+
+    def _centre(self, uav: _Uav, now_ns: int) -> Point:
+        """Centre of the tracked disc."""
+        fix = uav.fix
+        if fix is None:
+            return uav.entry.start_x_m, uav.entry.start_y_m
+        if not fix.executing:
+            return fix.waypoint_x_m, fix.waypoint_y_m
+        share = self._share(fix.slot, now_ns)
+        x_m = fix.from_x_m + share * (fix.waypoint_x_m - fix.from_x_m)
+        return x_m, fix.from_y_m + share * (fix.waypoint_y_m - fix.from_y_m)
+
+    def _between(self, truth: Truth, now_ns: int) -> Point:
+        share = self._share(truth.slot, now_ns)
+        x_m = truth.from_x_m + share * (truth.to_x_m - truth.from_x_m)
+        return x_m, truth.from_y_m + share * (truth.to_y_m - truth.from_y_m)
+
+    def _gaps_m(self, centres: dict[str, Point]) -> NDArray[np.float64]:
+        """(K, K) distances between discs; infinite on the diagonal."""
+        centre_m = np.array(list(centres.values()))
+        r_m = np.array([uav.entry.r_m for uav in self._uavs.values()])
+        apart_m = centre_m[:, None] - centre_m[None]
+        gap_m: NDArray[np.float64] = np.hypot(apart_m[..., 0], apart_m[..., 1]) - r_m[:, None] - r_m
+        np.fill_diagonal(gap_m, np.inf)
+        return gap_m
+
+    def _overlapping(self, centres: dict[str, Point]) -> set[str]:
+        least_m = self._gaps_m(centres).min(axis=1, initial=np.inf)
+        return {name for name, gap_m in zip(centres, least_m.tolist(), strict=True) if gap_m < -OVERLAP_TOLERANCE_M}
+
+    def _status(self, report: Report, now_ns: int) -> Status:
+        assert self._mission is not None
+        mission, fixes = self._mission, [uav.fix for uav in self._uavs.values() if uav.fix is not None]
+        centres = {name: self._centre(uav, now_ns) for name, uav in self._uavs.items()}
+        gap_m = float(self._gaps_m(centres).min()) if len(centres) > 1 else 0.0
+        return Status(
+            slot=report.slot,
+            term=report.term,
+            head=report.head,
+            status=report.status,
+            plan_ms=report.plan_ms,
+            plan_limit_ms=1e3 * (mission.dt_s - mission.tau_s) / mission.time_scale,
+            gap_m=gap_m,
+            planned_gap_m=report.min_gap_m,
+            gap_limit_m=0.0,
+            heard=len(report.heard),
+            unheard=len(report.unheard),
+            arrived=sum(fix.arrived for fix in fixes),
+            least_energy_j=min((fix.energy_j for fix in fixes), default=0.0),
+        )
+
+
+def extent_m(mission: MissionMessage) -> tuple[Point, Point]:
+    """Lower left and upper right corner of the area and of all that is in it."""
+    side_m = mission.area_m2**0.5
+    xs_m = [x_m for entry in mission.roster for x_m in (entry.start_x_m, entry.target_x_m)]
+    ys_m = [y_m for entry in mission.roster for y_m in (entry.start_y_m, entry.target_y_m)]
+    return (min([0.0, *xs_m]), min([0.0, *ys_m])), (max([side_m, *xs_m]), max([side_m, *ys_m]))
+
+
+def _location(fix: Fix, now_ns: int) -> bytes:
+    """The GPS position; uniform in a disc of radius r has the variance r^2 / 4 on each axis."""
+    variance_m2 = fix.r_m**2 / 4
+    return LocationFix(
+        timestamp=stamp(now_ns),
+        frame_id=FRAME,
+        latitude=fix.lat_deg,
+        longitude=fix.lon_deg,
+        position_covariance=[variance_m2, 0, 0, 0, variance_m2, 0, 0, 0, 0],
+        position_covariance_type=LocationFix.DIAGONAL_KNOWN,
+    ).SerializeToString(deterministic=True)
+
+
+def _log(event: Event, now_ns: int) -> bytes:
+    level = Log.WARNING if event.kind in WARNINGS else Log.INFO
+    words = f"{event.kind}: {event.detail}" if event.detail else event.kind
+    return Log(
+        timestamp=stamp(now_ns), level=level, message=words, name=event.source, file="", line=max(event.slot, 0)
+    ).SerializeToString(deterministic=True)

@@ -1,0 +1,87 @@
+"""The live view: what the visualiser shows, served by the Foxglove WebSocket protocol to this host.
+
+foxglove-sdk is optional (`pip install edc-swarm[live]`) and imported only here, when it is asked for.
+"""
+
+from __future__ import annotations
+
+import importlib.util
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import Any
+
+from edc_swarm.errors import InputError
+from edc_swarm.viz import Shown, channel_of
+
+HOST = "127.0.0.1"
+PORT = 8765
+"""The port that viewers offer first."""
+NOT_REPEATED = "/viz/log"
+
+
+@dataclass(frozen=True, slots=True)
+class Subscribed:
+    """A viewer wants to see a topic from now on."""
+
+    topic: str
+
+
+def check_live() -> None:
+    """Raise `InputError` where the live view is not installed."""
+    if importlib.util.find_spec("foxglove") is None:
+        raise InputError("--live", True, "absent, or foxglove-sdk installed: pip install 'edc-swarm[live]'")
+
+
+class Live:
+    """A server. Whoever subscribes is to be shown the last message of the topic at once: `repeat`.
+
+    A scene is a full snapshot, so showing it again harms nobody.
+    """
+
+    def __init__(self, port: int, tell: Callable[[Subscribed], None]) -> None:
+        import foxglove  # noqa: PLC0415  (optional)
+        from foxglove.websocket import ServerListener  # noqa: PLC0415
+
+        class Listener(ServerListener):
+            """Only hands over: the server's threads never work here."""
+
+            def on_subscribe(self, client: Any, channel: Any) -> None:
+                del client
+                tell(Subscribed(channel.topic))
+
+        self._foxglove = foxglove
+        self._context = foxglove.Context()
+        self._channels: dict[str, Any] = {}
+        self._last: dict[str, Shown] = {}
+        self._server = foxglove.start_server(
+            name="edc-swarm", host=HOST, port=port, context=self._context, server_listener=Listener()
+        )
+
+    def show(self, shown: Shown) -> None:
+        """Send to everyone who subscribes to its topic."""
+        self._last[shown.topic] = shown
+        self._send(shown)
+
+    def repeat(self, topic: str) -> None:
+        """Send the last message of a topic again."""
+        if topic in self._last and topic != NOT_REPEATED:
+            self._send(self._last[topic])
+
+    def stop(self) -> None:
+        """Disconnect everyone."""
+        self._server.stop()
+
+    def _send(self, shown: Shown) -> None:
+        channel = self._channels.get(shown.topic) or self._advertise(shown.topic)
+        channel.log(shown.payload, log_time=shown.time_ns)
+
+    def _advertise(self, topic: str) -> Any:
+        described = channel_of(topic)
+        assert described is not None
+        schema = self._foxglove.Schema(
+            name=described.schema_name, encoding=described.schema_encoding, data=described.schema_data
+        )
+        channel = self._channels[topic] = self._foxglove.Channel(
+            topic, message_encoding=described.encoding, schema=schema, context=self._context
+        )
+        return channel

@@ -1,0 +1,155 @@
+"""The visualiser: `python -m processes.viz` with its orders, a `VizSettings`, on standard input.
+
+It listens to the mission like the recorder, outside the link model, and publishes what viewers
+show. With `live_port` it also serves the Foxglove WebSocket protocol to this host.
+"""
+
+from __future__ import annotations
+
+import os
+import secrets
+import signal
+import sys
+import time
+from dataclasses import dataclass
+
+import msgspec
+import zenoh
+from msgspec import Struct
+
+from edc_swarm.errors import MessageError
+from edc_swarm.messages import Event, Keys, decode, encode
+from edc_swarm.viz import ROOT, Scenery, Shown
+from processes.bus import hand_over, open_client
+from processes.ears import OPERATOR
+from processes.inbox import Inbox
+from processes.live import Live, Subscribed
+from processes.outbox import Outbox
+from processes.parent import die_with_parent
+
+NAME = "viz"
+IDLE_S = 0.25
+
+
+class VizSettings(Struct, frozen=True, kw_only=True):
+    """What the visualiser must be told. `live_port` is 0 for no live view."""
+
+    endpoint: str
+    mission: str
+    live_port: int = 0
+    parent: int = 0
+
+
+@dataclass(frozen=True, slots=True)
+class _Said:
+    """Bytes from the bus and when they came."""
+
+    key: str
+    payload: bytes
+    time_ns: int
+
+
+@dataclass(frozen=True, slots=True)
+class _Stop:
+    """The order to end."""
+
+
+Item = _Said | Subscribed | _Stop
+
+
+class Visualiser:
+    """Shows one mission."""
+
+    def __init__(self, settings: VizSettings) -> None:
+        self._keys = Keys(settings.mission)
+        self._inbox: Inbox[Item] = Inbox()
+        self._scenery = Scenery()
+        self._counts: dict[str, int] = {}
+        self._instance = f"{os.getpid()}-{secrets.token_hex(4)}"
+        self._over = False
+        self._live = Live(settings.live_port, self._inbox.put_always) if settings.live_port else None
+        self._session = open_client(settings.endpoint, observer=True)
+        self._outbox = Outbox(self._session)
+        keys, heard = self._keys, hand_over(self._take)
+        for key in (keys.mission, f"{keys.root}/uav/**", f"{keys.root}/head/**", keys.event("*")):
+            self._session.declare_subscriber(key, heard, allowed_origin=zenoh.Locality.REMOTE)
+        self._session.get(keys.mission, hand_over(self._take_reply), consolidation=zenoh.ConsolidationMode.NONE)
+        self._token = self._session.liveliness().declare_token(keys.alive(NAME, self._instance))
+
+    def stop(self) -> None:
+        """Ask to end; may be called from a signal handler."""
+        self._inbox.put_always(_Stop())
+
+    def show(self) -> None:
+        """Publish scenes until the operator says that the mission is over, then the last word."""
+        while not self._over:
+            for item in self._inbox.wait(self._patience_s()):
+                self._take_item(item)
+            self._publish(self._scenery.advance(time.time_ns()))
+            self._outbox.flush()
+        self._close()
+
+    def _patience_s(self) -> float:
+        due_ns = self._scenery.next_ns
+        return IDLE_S if due_ns is None else min(IDLE_S, max(0.0, (due_ns - time.time_ns()) / 1e9))
+
+    def _take_item(self, item: Item) -> None:
+        match item:
+            case _Stop():
+                self._over = True
+            case Subscribed(topic) if self._live is not None:
+                self._live.repeat(topic)
+            case _Said(key, payload, time_ns):
+                self._publish(self._scenery.advance(time_ns))
+                self._hear(key, payload, time_ns)
+
+    def _hear(self, key: str, payload: bytes, time_ns: int) -> None:
+        try:
+            message = decode(key, payload)
+        except MessageError:
+            return
+        self._scenery.hear(message, time_ns)
+        if isinstance(message, Event) and message.source == OPERATOR and message.kind == "end":
+            self._over = True
+
+    def _publish(self, shown: list[Shown]) -> None:
+        for each in shown:
+            key = f"{self._keys.root}/viz/{each.topic.removeprefix(ROOT)}"
+            self._counts[key] = self._counts.get(key, -1) + 1
+            self._outbox.put(key, each.payload)
+            if self._live is not None:
+                self._live.show(each)
+
+    def _close(self) -> None:
+        """Say how many messages of each topic there were; viewers' messages carry no numbers."""
+        self._publish(self._scenery.advance(time.time_ns()))
+        detail = msgspec.json.encode(self._counts).decode()
+        event = Event(source=NAME, instance=self._instance, sent_ns=time.time_ns(), kind="closed", detail=detail)
+        self._outbox.put(self._keys.event(NAME), encode(event))
+        self._outbox.flush()
+        self._session.close()
+        if self._live is not None:
+            self._live.stop()
+
+    def _take(self, sample: zenoh.Sample) -> None:
+        self._inbox.put(_Said(str(sample.key_expr), sample.payload.to_bytes(), time.time_ns()))
+
+    def _take_reply(self, reply: zenoh.Reply) -> None:
+        if reply.ok is not None:
+            self._take(reply.ok)
+
+
+def main() -> int:
+    """Show one mission."""
+    settings = msgspec.json.decode(sys.stdin.buffer.read(), type=VizSettings)
+    if settings.parent:
+        die_with_parent(settings.parent)
+        signal.signal(signal.SIGINT, signal.SIG_IGN)
+    visualiser = Visualiser(settings)
+    signal.signal(signal.SIGTERM, lambda *_: visualiser.stop())
+    visualiser.show()
+    return 0
+
+
+if __name__ == "__main__":
+    sys.exit(main())
