@@ -37,6 +37,8 @@ from processes.recorder import NAME as RECORDER
 from processes.run_facts import run_facts
 from processes.state import create_state, promise_path
 from processes.uav import UavSettings
+from processes.viz import NAME as VIZ
+from processes.viz import VizSettings
 
 ROUTER, FORK_SOURCE = "router", "fork-source"
 START_TIMEOUT_S = 120.0
@@ -69,12 +71,23 @@ class RunReport:
     notes: list[str]
 
 
+@dataclass(frozen=True, slots=True)
+class View:
+    """Whether viewers are shown something, and live on which port of this host (0: not live)."""
+
+    viz: bool = True
+    live_port: int = 0
+
+
 class Launcher:
     """One run: its processes, from the first to the last."""
 
-    def __init__(self, mission: Mission, output: Output, *, listen: str | None, show_progress: bool) -> None:
+    def __init__(
+        self, mission: Mission, output: Output, *, listen: str | None, view: View, show_progress: bool
+    ) -> None:
         self._output = output
         self._listen = listen
+        self._view = view
         self._show_progress = show_progress
         name = f"{mission.name[:50]}-{secrets.token_hex(4)}"
         self._mission = msgspec.structs.replace(mission, name=name)
@@ -118,11 +131,12 @@ class Launcher:
         self._start_router()
         self._operator = Operator(connect_endpoint(self._endpoint), self._mission.name, self._inbox)
         self._start_recorder()
+        self._start_visualiser()
         self._wait(lambda: FORK_SOURCE in self._ready, "the planner to be imported and warm")
         for entry in self._mission.roster:
             create_state(self._output.state, entry)
             self._fork(entry.uav)
-        everyone = {*self._roster, RECORDER}
+        everyone = {*self._roster, RECORDER, *({VIZ} & self._children.keys())}
         self._wait(lambda: self.bus.alive >= everyone, "all to connect")
         self._connected_at_s = time.monotonic()
 
@@ -153,6 +167,17 @@ class Launcher:
             parent=os.getpid(),
         )
         self._spawn(RECORDER, "processes.recorder", [], orders=msgspec.json.encode(settings))
+
+    def _start_visualiser(self) -> None:
+        if not self._view.viz:
+            return
+        settings = VizSettings(
+            endpoint=connect_endpoint(self._endpoint),
+            mission=self._mission.name,
+            live_port=self._view.live_port,
+            parent=os.getpid(),
+        )
+        self._spawn(VIZ, "processes.viz", [], orders=msgspec.json.encode(settings))
 
     def _start_fork_source(self) -> None:
         ours, theirs = socket.socketpair(socket.AF_UNIX, socket.SOCK_SEQPACKET)
@@ -323,6 +348,8 @@ class Launcher:
             self._revive(name)
         elif self._ending or name in self._expected_deaths:
             return
+        elif name == VIZ:
+            self._note_crash(name, status)
         elif name == RECORDER and status == CANNOT_WRITE:
             self._failure = InputError(
                 "--out", str(self._output.path), f"where it can be written: {self._output.tail(RECORDER, 1)}"
@@ -349,7 +376,7 @@ class Launcher:
         self._to_restart.clear()
         if self._operator is not None:
             self._close_bus(self._operator)
-        for name in (RECORDER, ROUTER):
+        for name in (VIZ, RECORDER, ROUTER):
             if name in self._children:
                 self._children[name].end(CLOSE_TIMEOUT_S)
         if self._source is not None:
@@ -365,7 +392,7 @@ class Launcher:
         """
         if self._interrupted:
             operator.publish_event("end", "interrupted")
-        self._wait_quietly(lambda: operator.closed >= self._uavs.keys(), CLOSE_TIMEOUT_S)
+        self._wait_quietly(lambda: operator.closed >= {*self._uavs, *({VIZ} & self._children.keys())}, CLOSE_TIMEOUT_S)
         operator.close()
         timeout_s = CLOSE_TIMEOUT_S if self._interrupted else RECORDER_TIMEOUT_S
         self._wait_quietly(lambda: RECORDER not in self._children, timeout_s)

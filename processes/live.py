@@ -5,7 +5,9 @@ foxglove-sdk is optional (`pip install edc-swarm[live]`) and imported only here,
 
 from __future__ import annotations
 
+import contextlib
 import importlib.util
+import socket
 from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Any
@@ -26,10 +28,22 @@ class Subscribed:
     topic: str
 
 
-def check_live() -> None:
-    """Raise `InputError` where the live view is not installed."""
+def live_port() -> int:
+    """The port to serve on: the usual one, or a free one where that is taken.
+
+    Raises
+    ------
+    InputError
+        The live view is not installed.
+    """
     if importlib.util.find_spec("foxglove") is None:
         raise InputError("--live", True, "absent, or foxglove-sdk installed: pip install 'edc-swarm[live]'")
+    for port in (PORT, 0):
+        with contextlib.suppress(OSError), socket.socket() as probe:
+            probe.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
+            probe.bind((HOST, port))
+            return int(probe.getsockname()[1])
+    raise InputError("--live", True, "absent: this host has no free port")
 
 
 class Live:

@@ -14,18 +14,22 @@ import secrets
 import signal
 import sys
 import time
+from contextlib import suppress
 from pathlib import Path
-from typing import BinaryIO
+from typing import BinaryIO, cast
 
 import msgspec
 import zenoh
 from msgspec import Struct
 
-from edc_swarm.messages import Event, Keys, encode
+from edc_swarm.errors import MessageError
+from edc_swarm.messages import Event, Keys, MissionMessage, decode, encode
 from edc_swarm.recording import RecordingWriter
+from edc_swarm.viz import channel_of, topic_of
 from processes.bus import hand_over, open_client, put
 from processes.inbox import Inbox
 from processes.parent import die_with_parent
+from processes.view import attach_layout
 
 NAME = "recorder"
 FLUSH_S = 1.0
@@ -63,6 +67,7 @@ class Recorder:
         self._messages = 0
         self._last_word = self._keys.event("operator")
         self._stopping = False
+        self._has_layout = False
         self._session = open_client(settings.endpoint, observer=True)
         self._session.declare_subscriber(self._keys.everything, hand_over(self._take))
         self._token = self._session.liveliness().declare_token(self._keys.alive(NAME, self._instance))
@@ -103,10 +108,26 @@ class Recorder:
         if not key:
             self._stopping = True
             return
-        self._writer.write(key, payload, received_ns)
+        self._record(key, payload, received_ns)
         self._messages += 1
         if key == self._last_word and b'"kind":"closed"' in payload:
             self._stopping = True
+
+    def _record(self, key: str, payload: bytes, received_ns: int) -> None:
+        """Record a message of the swarm, or of the visualiser under the topic that viewers' layouts know."""
+        topic = topic_of(key)
+        channel = channel_of(topic) if topic is not None else None
+        if channel is not None:
+            self._writer.write_as(channel, payload, received_ns)
+            return
+        self._writer.write(key, payload, received_ns)
+        if key == self._keys.mission and not self._has_layout:
+            self._attach_layout(payload)
+
+    def _attach_layout(self, payload: bytes) -> None:
+        with suppress(MessageError):
+            attach_layout(self._writer, cast("MissionMessage", decode(self._keys.mission, payload)))
+            self._has_layout = True
 
     def _flush(self) -> None:
         self._writer.flush()

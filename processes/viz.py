@@ -64,7 +64,7 @@ class Visualiser:
         self._keys = Keys(settings.mission)
         self._inbox: Inbox[Item] = Inbox()
         self._scenery = Scenery()
-        self._counts: dict[str, int] = {}
+        self._last: dict[str, int] = {}
         self._instance = f"{os.getpid()}-{secrets.token_hex(4)}"
         self._over = False
         self._live = Live(settings.live_port, self._inbox.put_always) if settings.live_port else None
@@ -114,16 +114,16 @@ class Visualiser:
 
     def _publish(self, shown: list[Shown]) -> None:
         for each in shown:
-            key = f"{self._keys.root}/viz/{each.topic.removeprefix(ROOT)}"
-            self._counts[key] = self._counts.get(key, -1) + 1
-            self._outbox.put(key, each.payload)
+            key = f"viz/{each.topic.removeprefix(ROOT)}"
+            self._last[key] = self._last.get(key, -1) + 1
+            self._outbox.put(f"{self._keys.root}/{key}", each.payload)
             if self._live is not None:
                 self._live.show(each)
 
     def _close(self) -> None:
         """Say how many messages of each topic there were; viewers' messages carry no numbers."""
         self._publish(self._scenery.advance(time.time_ns()))
-        detail = msgspec.json.encode(self._counts).decode()
+        detail = msgspec.json.encode(self._last).decode()
         event = Event(source=NAME, instance=self._instance, sent_ns=time.time_ns(), kind="closed", detail=detail)
         self._outbox.put(self._keys.event(NAME), encode(event))
         self._outbox.flush()

@@ -50,7 +50,8 @@ class Gap:
 def find_gaps(recording: Recording) -> list[Gap]:
     """Every hole and every duplicate in the sequence numbers, in the order of streams."""
     tails = _tails(recording)
-    seen: dict[Stream, list[int]] = {stream: [] for stream in tails} | sequence_numbers(recording)
+    silent = {stream: _counted(recording, stream[0]) for stream in tails}
+    seen: dict[Stream, list[int]] = silent | sequence_numbers(recording)
     gaps: list[Gap] = []
     for (key, instance), numbers in sorted(seen.items()):
         end = tails.get((key, instance), -1) + 1
@@ -76,6 +77,11 @@ def sequence_numbers(recording: Recording) -> dict[Stream, list[int]]:
             groups[source].append(seq)
         numbers.update({(form.format(*ends), instance): seqs for (instance, *ends), seqs in groups.items()})
     return numbers
+
+
+def _counted(recording: Recording, key: str) -> list[int]:
+    """Numbers of what carries none, by counting: the visualiser's messages; a stream that is missing has none."""
+    return list(range(recording.unknown.get(f"/{key}", 0))) if key.startswith("viz/") else []
 
 
 def _tails(recording: Recording) -> dict[Stream, int]:

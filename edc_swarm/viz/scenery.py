@@ -5,15 +5,14 @@ Time is given, never read: the same messages at the same times give the same byt
 
 from __future__ import annotations
 
+import math
 from collections import deque
 from dataclasses import dataclass, field
 
 import msgspec
-import numpy as np
 from foxglove_schemas_protobuf.LocationFix_pb2 import LocationFix
 from foxglove_schemas_protobuf.Log_pb2 import Log
 from foxglove_schemas_protobuf.SceneEntity_pb2 import SceneEntity
-from numpy.typing import NDArray
 
 from edc_swarm.config import NS_PER_S, RosterEntry
 from edc_swarm.messages import Command, Event, Fix, Message, MissionMessage, Report, Truth
@@ -151,7 +150,7 @@ class Scenery:
         return [*shown, *self._locations(now_ns)] if self._ticks % SLOW_TICKS == 0 else shown
 
     def _discs(self, centres: dict[str, Point], now_ns: int) -> list[SceneEntity]:
-        overlapping = self._overlapping(centres)
+        overlapping = self._gaps(centres).overlapping
         return [self._disc(uav, centres[name], name in overlapping, now_ns) for name, uav in self._uavs.items()]
 
     def _disc(self, uav: _Uav, centre: Point, overlaps: bool, now_ns: int) -> SceneEntity:
@@ -251,24 +250,13 @@ class Scenery:
         x_m = truth.from_x_m + share * (truth.to_x_m - truth.from_x_m)
         return x_m, truth.from_y_m + share * (truth.to_y_m - truth.from_y_m)
 
-    def _gaps_m(self, centres: dict[str, Point]) -> NDArray[np.float64]:
-        """(K, K) distances between discs; infinite on the diagonal."""
-        centre_m = np.array(list(centres.values()))
-        r_m = np.array([uav.entry.r_m for uav in self._uavs.values()])
-        apart_m = centre_m[:, None] - centre_m[None]
-        gap_m: NDArray[np.float64] = np.hypot(apart_m[..., 0], apart_m[..., 1]) - r_m[:, None] - r_m
-        np.fill_diagonal(gap_m, np.inf)
-        return gap_m
-
-    def _overlapping(self, centres: dict[str, Point]) -> set[str]:
-        least_m = self._gaps_m(centres).min(axis=1, initial=np.inf)
-        return {name for name, gap_m in zip(centres, least_m.tolist(), strict=True) if gap_m < -OVERLAP_TOLERANCE_M}
+    def _gaps(self, centres: dict[str, Point]) -> Gaps:
+        return gaps([(centres[name], uav.entry.r_m, name) for name, uav in self._uavs.items()])
 
     def _status(self, report: Report, now_ns: int) -> Status:
         assert self._mission is not None
         mission, fixes = self._mission, [uav.fix for uav in self._uavs.values() if uav.fix is not None]
         centres = {name: self._centre(uav, now_ns) for name, uav in self._uavs.items()}
-        gap_m = float(self._gaps_m(centres).min()) if len(centres) > 1 else 0.0
         return Status(
             slot=report.slot,
             term=report.term,
@@ -276,7 +264,7 @@ class Scenery:
             status=report.status,
             plan_ms=report.plan_ms,
             plan_limit_ms=1e3 * (mission.dt_s - mission.tau_s) / mission.time_scale,
-            gap_m=gap_m,
+            gap_m=self._gaps(centres).least_m or 0.0,
             planned_gap_m=report.min_gap_m,
             gap_limit_m=0.0,
             heard=len(report.heard),
@@ -284,6 +272,30 @@ class Scenery:
             arrived=sum(fix.arrived for fix in fixes),
             least_energy_j=min((fix.energy_j for fix in fixes), default=0.0),
         )
+
+
+@dataclass(frozen=True, slots=True)
+class Gaps:
+    """The least gap between two discs (None for fewer than two), and the UAVs whose discs overlap."""
+
+    least_m: float | None
+    overlapping: set[str]
+
+
+def gaps(discs: list[tuple[Point, float, str]]) -> Gaps:
+    """Gaps between discs (centre, radius, name), from left to right: far pairs are never looked at."""
+    ordered = sorted(discs)
+    widest_m = max((r_m for _, r_m, _ in ordered), default=0.0)
+    least_m, overlapping = math.inf, set[str]()
+    for i, ((x_m, y_m), r_m, name) in enumerate(ordered):
+        for (other_x_m, other_y_m), other_r_m, other in ordered[i + 1 :]:
+            if other_x_m - x_m - r_m - widest_m > max(least_m, 0.0):
+                break
+            gap_m = math.hypot(other_x_m - x_m, other_y_m - y_m) - r_m - other_r_m
+            least_m = min(least_m, gap_m)
+            if gap_m < -OVERLAP_TOLERANCE_M:
+                overlapping |= {name, other}
+    return Gaps(least_m if math.isfinite(least_m) else None, overlapping)
 
 
 def extent_m(mission: MissionMessage) -> tuple[Point, Point]:

@@ -7,10 +7,12 @@ from typing import Annotated
 
 from cyclopts import Parameter
 
+from edc_swarm.errors import InputError
 from processes.address import check_endpoint
 from processes.conclusion import conclude
 from processes.console import note
-from processes.launcher import Launcher, RunReport
+from processes.launcher import Launcher, RunReport, View
+from processes.live import live_port
 from processes.options import MISSION_HELP, MissionOptions
 from processes.output import Output, default_output, timestamp
 
@@ -21,6 +23,7 @@ def run(
     *,
     options: MissionOptions | None = None,
     listen: str | None = None,
+    live: bool = False,
 ) -> int:
     """Fly a mission: a process for every UAV, a router, a recorder.
 
@@ -28,16 +31,23 @@ def run(
     ----------
     listen
         Where the router listens, tcp/HOST:PORT (a free port of this host).
+    live
+        Let Foxglove or Lichtblick on this host watch the mission while it is flown.
     """
     options = options or MissionOptions()
     mission = options.mission(mission_file)
     if listen is not None:
         check_endpoint(listen)
+    view = View(viz=not options.no_viz, live_port=live_port() if live else 0)
+    if live:
+        if options.no_viz:
+            raise InputError("--live", live, "absent where --no-viz is given")
+        note(f"live: open the Foxglove WebSocket connection ws://localhost:{view.live_port}")
     path = options.out or default_output(mission.name, mission.planner, timestamp())
     with Output(path, force=options.force) as output:
         for found in output.salvaged:
             note(f"recovered {found} from a run that was killed")
-        report = Launcher(mission, output, listen=listen, show_progress=not options.json).run()
+        report = Launcher(mission, output, listen=listen, view=view, show_progress=not options.json).run()
         if output.part.exists():
             note(f"the recorder died; recovered {path}: {'; '.join(output.recover_part()) or 'nothing is missing'}")
     _tell(report, len(mission.roster))
