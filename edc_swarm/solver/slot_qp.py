@@ -184,7 +184,8 @@ def _normals(
     closing_m = np.maximum(-dot(candidate, step_m[first][None]), 0.0) + np.maximum(
         dot(candidate, step_m[second][None]), 0.0
     )
-    left_m = room_m - closing_m
+    # Seen from the end points of a previous step a candidate may separate nothing at all: not eligible.
+    left_m = np.where(room_m >= 0, room_m - closing_m, -np.inf)
     # A candidate must win by more than rounding, so that symmetric situations keep the centre line.
     left_m[0] += 1e-9
     best = np.argmax(left_m, axis=0)
