@@ -83,7 +83,10 @@ def _shares(problem: Problem, step_m: Floats) -> Floats:
 
 def _share(closing_m: Floats, room_m: Floats) -> Floats:
     usable_m = np.maximum(room_m - MARGIN_M, 0.0)
-    return np.asarray(np.where(closing_m > usable_m, usable_m / np.where(closing_m > 0, closing_m, 1.0), 1.0))
+    share = np.ones(len(closing_m))
+    over = closing_m > usable_m
+    share[over] = usable_m[over] / closing_m[over]
+    return share
 
 
 def _rounded(problem: Problem, step_m: Floats) -> Floats:
