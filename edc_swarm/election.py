@@ -189,8 +189,6 @@ class Election:
 
     def _suspect(self) -> None:
         if not self.suspects:
-            if not self._was_led:
-                self._in_vain.add(self.head)
             self.suspects = True
             self._suspects_since = self.slot
 
@@ -263,15 +261,20 @@ class Election:
     def _grant_best_candidate(self) -> None:
         """Grant (highest term heard + 1, best candidate), if a quorum is looking for a head.
 
-        A UAV that was granted in vain, since it cannot hear or cannot plan, has its turn again after
-        all others.
+        Whoever was granted in vain, since it cannot hear or cannot plan, has its turn again after all
+        others. All heads of the newest term count, not only the own one: what a split vote has set
+        apart then comes together again.
         """
         since = self.slot - self._mission.lease_slots
         seen = [fix for fix in self._knowledge.recent(since) if fix.suspects or fix.uav == self._uav]
         if len(seen) < self._mission.quorum:
             return
         highest = max(self.term, *(fix.term for fix in seen))
+        if not self._was_led:
+            self._in_vain |= {self.head, *(fix.head for fix in seen if fix.term == highest)}
         fresh = [fix for fix in seen if fix.uav not in self._in_vain]
+        if not fresh:
+            self._in_vain.clear()
         self._adopt((highest + 1, self.ranked(fresh or seen)[0]))
 
 

@@ -476,3 +476,24 @@ def roster(*energies_j: float) -> list[dict[str, Any]]:
 def test_the_mission_type_is_the_missions() -> None:
     """The message on the bus has every field of the mission file."""
     assert set(Mission.__struct_fields__) <= set(MissionMessage.__struct_fields__)
+
+
+def test_a_vote_that_is_split_for_long_ends() -> None:
+    """After half of all messages were lost for 35 s, and votes split, one head leads everybody."""
+    flight = Flight(
+        "kill head @5.242s",
+        "kill u002 mid-step @13.450s",
+        "restart u002 @13.550s",
+        link=[{"distribution": "lognormal", "loss": 0.5, "duplicate": 0.2, "reorder": 0.2, "end_s": 35.0}],
+        elect="response-time",
+        seed=930,
+        uavs=8,
+        area_m2=2000.0,
+        lag_slots=1,
+        lease_slots=3,
+        handover_margin=0.0,
+        max_slots=110,
+        to_the_end=True,
+    )
+    assert flight.missed(85, 109) == 0
+    assert len({report.term for report in flight.reports if report.slot >= 85}) == 1

@@ -374,3 +374,24 @@ def test_who_cannot_join_is_taken_in(astray: Fix, successor: Grant | None) -> No
     """The head succeeds itself above a newer term, and above its own where that is promised to another."""
     voter = head_at(5).hear(astray)
     assert voter.election.pick_successor(everyone(5), False) == successor
+
+
+def test_a_split_vote_comes_together() -> None:
+    """UAVs that have tried different heads, and now grant two of which neither grants itself, soon agree."""
+    voters = {uav: Voter(uav, (4, "a" if uav in "bcd" else "b")) for uav in IDS}
+    for uav, tried in zip(IDS, ("", "bc", "cd", "ae", "d"), strict=True):
+        voters[uav].election._in_vain = set(tried)
+        voters[uav].election._was_led = False
+    fixes = [fix(uav, 0, 4, voter.election.head, suspects=True) for uav, voter in voters.items()]
+    for slot in range(1, 40):
+        for voter in voters.values():
+            for each in fixes:
+                voter.knowledge.hear_fix(each, slot)
+            voter.election.begin_slot(slot)
+            voter.election._was_led = voter.election._was_led and voter.election.term == 4
+        fixes = [
+            fix(uav, slot, v.election.term, v.election.head, suspects=v.election.suspects) for uav, v in voters.items()
+        ]
+        if len({voter.election.grant for voter in voters.values()}) == 1:
+            return
+    raise AssertionError("they never agreed")
