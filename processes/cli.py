@@ -29,9 +29,11 @@ app.command("processes.commands.sim:sim")
 app.command("processes.commands.metrics:metrics")
 app.command("processes.commands.check:check")
 app.command("processes.commands.fuzz:fuzz")
+app.command("processes.commands.figures:figures")
 app.command("processes.commands.replay:replay")
 app.command("processes.commands.recover:recover")
 app.command("processes.commands.visualise:visualise")
+app.command("processes.commands.report:report")
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
