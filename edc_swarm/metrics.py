@@ -128,8 +128,8 @@ class Columns:
         (S, K) battery, NaN where not heard.
     plan_slot, plan_ms
         (P,) slots planned, and how long that took.
-    fix_to_command_ms
-        (C,) for each command, the time since the fix it answers was sent.
+    command_slot, fix_to_command_ms
+        (C,) slot of each command that answers a recorded fix, and the time since that fix was sent.
     """
 
     uavs: list[str]
@@ -143,6 +143,7 @@ class Columns:
     energy_j: Floats
     plan_slot: NDArray[np.int64]
     plan_ms: Floats
+    command_slot: NDArray[np.int64]
     fix_to_command_ms: Floats
 
 
@@ -221,6 +222,7 @@ def _columns(recording: Recording, tracks: Tracks, timings: Sequence[Timing]) ->
     mission, centre_m = recording.mission, tracks.centre_m
     target_m = np.array([(e.target_x_m, e.target_y_m) for e in mission.roster]).reshape(-1, 2)
     planned: Sequence[Timing | Report] = timings or [r for r in recording.reports if r.status in PLANNED]
+    command_slot, fix_to_command_ms = _fix_to_command_ms(recording)
     return Columns(
         uavs=tracks.uavs,
         time_s=mission.dt_s * np.arange(tracks.slots, dtype=np.float64),
@@ -233,7 +235,8 @@ def _columns(recording: Recording, tracks: Tracks, timings: Sequence[Timing]) ->
         energy_j=tracks.energy_j,
         plan_slot=np.array([plan.slot for plan in planned], np.int64),
         plan_ms=np.array([plan.plan_ms for plan in planned], np.float64),
-        fix_to_command_ms=_fix_to_command_ms(recording),
+        command_slot=command_slot,
+        fix_to_command_ms=fix_to_command_ms,
     )
 
 
@@ -332,21 +335,22 @@ def _quantiles(values: Floats) -> Quantiles:
     return Quantiles(float(p50), float(p99), float(values.max()))
 
 
-def _fix_to_command_ms(recording: Recording) -> Floats:
-    """For each command, its send time minus that of its UAV's last fix of the slot before."""
+def _fix_to_command_ms(recording: Recording) -> tuple[NDArray[np.int64], Floats]:
+    """For each command its slot, and its send time minus that of its UAV's last fix of the slot before."""
     sent: dict[tuple[str, int], int | list[int]] = {}
     for cell, sent_ns in zip(map(_CELL, recording.fixes), map(_SENT, recording.fixes), strict=True):
         if sent.setdefault(cell, sent_ns) is not sent_ns:
             earlier = sent[cell]
             sent[cell] = [*(earlier if isinstance(earlier, list) else [earlier]), sent_ns]
-    delays_ns = []
+    slots, delays_ns = [], []
     for command in recording.commands:
         fixes_ns = sent.get((command.uav, command.slot - 1), [])
         if isinstance(fixes_ns, list):
             fixes_ns = max((ns for ns in fixes_ns if ns <= command.sent_ns), default=-1)
         if 0 <= fixes_ns <= command.sent_ns:
+            slots.append(command.slot)
             delays_ns.append(command.sent_ns - fixes_ns)
-    return np.array(delays_ns, np.float64) / 1e6
+    return np.array(slots, np.int64), np.array(delays_ns, np.float64) / 1e6
 
 
 def _slots_held(executed: NDArray[np.bool_], at_target: NDArray[np.bool_], first: int | None, last: int) -> int:

@@ -55,6 +55,17 @@ def least_gap_m(from_m: Floats, to_m: Floats, radius_m: Floats) -> float:
     return least_m if np.isfinite(least_m) else float("nan")
 
 
+def least_gaps_m(from_m: Floats, to_m: Floats, radius_m: Floats) -> Floats:
+    """(S,) least gap of any two discs in each slot; NaN for fewer than two UAVs."""
+    first, second = np.triu_indices(len(radius_m), 1)
+    least_m = np.full(len(from_m), np.nan)
+    if len(first):
+        sum_m = radius_m[first] + radius_m[second]
+        for slot, (a_m, b_m) in enumerate(zip(from_m, to_m, strict=True)):
+            least_m[slot] = np.min(closest_approach_m(a_m[first], b_m[first], a_m[second], b_m[second]) - sum_m)
+    return least_m
+
+
 def closest_moment(from_m: Floats, to_m: Floats, slot: int, first: int, second: int) -> float:
     """Share of the slot, in [0, 1], at which two points that move together are closest."""
     apart_m = from_m[slot, first] - from_m[slot, second]

@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Sequence
 
 from rich.console import Console
 from rich.table import Table
 
 from edc_swarm.invariants import GuaranteeResult
-from edc_swarm.metrics import Metrics, Quantiles
+from edc_swarm.metrics import Metrics
+from edc_swarm.tables import metric_rows
 
 
 def print_metrics(metrics: Metrics, console: Console) -> None:
@@ -16,7 +17,7 @@ def print_metrics(metrics: Metrics, console: Console) -> None:
     table = Table(show_header=False, box=None, pad_edge=False, padding=(0, 2, 0, 0))
     table.add_column(style="bold")
     table.add_column()
-    for name, value in _rows(metrics):
+    for name, value in metric_rows(metrics):
         table.add_row(name, value)
     console.print(table)
 
@@ -35,33 +36,3 @@ def print_guarantees(results: Sequence[GuaranteeResult], console: Console, limit
 def _some(texts: Sequence[str], limit: int) -> str:
     more = f"; ... {len(texts)} in all" if len(texts) > limit else ""
     return "; ".join(texts[:limit]) + more
-
-
-def _rows(m: Metrics) -> Iterable[tuple[str, str]]:
-    heads = ", ".join(f"{h.head} (term {h.term}, slots {h.first_slot}-{h.last_slot})" for h in m.heads[:6])
-    away = f"; not living: {', '.join(m.not_living)}" if m.not_living else ""
-    return (
-        ("arrived", f"{m.arrived} of {m.uavs}{away}"),
-        ("slots", f"{m.slots} ({m.duration_s:g} s), {m.slots_missed} without commands"),
-        ("heads", (heads + (", ..." if len(m.heads) > 6 else "")) or "none"),
-        ("collisions", f"{m.potential_collisions} potential, {m.true_collisions} true"),
-        (
-            "least gap",
-            f"{_number(m.min_disc_gap_m, 'm')} between discs, {_number(m.min_true_distance_m, 'm')} true distance",
-        ),
-        ("way flown", f"{m.path_m:.1f} m, {_number(m.extra_distance_pct, '%')} more than straight"),
-        ("makespan", f"{_number(m.makespan_s, 's')}, {_number(m.makespan_ratio, '')} times the least"),
-        ("energy", f"{m.energy_propulsion_j / 1e3:.2f} kJ, straight {m.energy_straight_j / 1e3:.2f} kJ"),
-        ("plan time", _quantiles(m.plan_ms)),
-        ("fix to command", _quantiles(m.fix_to_command_ms)),
-        ("late ticks", f"{m.ticks_late_pct:.2f} %"),
-        ("messages", f"{m.messages}, {m.gaps} gaps"),
-    )
-
-
-def _number(value: float | None, unit: str) -> str:
-    return "-" if value is None else f"{value:.2f} {unit}".rstrip()
-
-
-def _quantiles(q: Quantiles) -> str:
-    return f"{_number(q.p50, 'ms')} median, {_number(q.p99, 'ms')} p99, {_number(q.max, 'ms')} most"

@@ -1,0 +1,169 @@
+"""What the script of the report page draws: arrays as base64, the rest as JSON."""
+
+from __future__ import annotations
+
+import base64
+from collections.abc import Iterable, Sequence
+from typing import Any
+
+import numpy as np
+from msgspec import Struct
+from numpy.typing import NDArray
+
+from edc_swarm.messages import MissionMessage
+from edc_swarm.metrics import Columns, HeadTerm, Timing, columns_of
+from edc_swarm.recording import Recording
+from edc_swarm.recording.living import FAULT
+from edc_swarm.separation import least_gaps_m
+
+MAX_CELLS = 1_000_000
+"""Most UAV-slots that are animated; of a longer mission only every so many slots are."""
+MAX_FAULTS = 200
+
+
+class Series(Struct, frozen=True):
+    """One line of a plot: points (s, y)."""
+
+    name: str
+    x: list[float]
+    y: list[float]
+
+
+class Plot(Struct, frozen=True):
+    """A plot over mission time. `limit` is drawn as a line where it is in sight."""
+
+    title: str
+    unit: str
+    series: list[Series]
+    limit: float | None = None
+    limit_name: str = ""
+
+
+class FaultMark(Struct, frozen=True):
+    """A fault on the time axis."""
+
+    time_s: float
+    text: str
+
+
+class Page(Struct, frozen=True, kw_only=True):
+    """One mission. `centres` is float32 (F, K, 2), `heard` uint8 (F, K), `leader` an index or -1 (F)."""
+
+    name: str
+    uavs: list[str]
+    r_m: list[float]
+    target_m: list[tuple[float, float]]
+    extent_m: tuple[float, float, float, float]
+    frames: int
+    frame_s: float
+    end_s: float
+    centres: str
+    heard: str
+    leader: list[int]
+    terms: list[HeadTerm]
+    slot_s: float
+    faults: list[FaultMark]
+    plots: list[Plot]
+
+    @classmethod
+    def of(cls, recording: Recording, heads: list[HeadTerm], timings: Sequence[Timing] = ()) -> Page:
+        """Gather what the page shows of a recording."""
+        mission, columns = recording.mission, columns_of(recording, timings)
+        slots, count = columns.step_m.shape
+        every = max(1, -(-slots * count // MAX_CELLS))
+        heard = ~np.isnan(columns.energy_j[::every])
+        leader = _leader(recording, columns)[::every]
+        return cls(
+            name=mission.name,
+            uavs=columns.uavs,
+            r_m=[entry.r_m for entry in mission.roster],
+            target_m=[(entry.target_x_m, entry.target_y_m) for entry in mission.roster],
+            extent_m=_extent_m(mission, columns),
+            frames=len(heard),
+            frame_s=mission.dt_s * every,
+            end_s=mission.dt_s * slots,
+            centres=_packed(np.concatenate([columns.centre_m[:-1:every], columns.centre_m[-1:]]), np.float32),
+            heard=_packed(heard, np.uint8),
+            leader=leader.tolist(),
+            terms=heads,
+            slot_s=mission.dt_s,
+            faults=_faults(recording),
+            plots=_plots(mission, columns),
+        )
+
+
+def _extent_m(mission: MissionMessage, columns: Columns) -> tuple[float, float, float, float]:
+    """Left, low, right, high of all discs and targets."""
+    r_m = max((entry.r_m for entry in mission.roster), default=0.0)
+    targets_m = np.array([(e.target_x_m, e.target_y_m) for e in mission.roster]).reshape(-1, 2)
+    points_m = np.concatenate([columns.centre_m.reshape(-1, 2), targets_m])
+    if not len(points_m):
+        return 0.0, 0.0, 1.0, 1.0
+    (left, low), (right, high) = points_m.min(axis=0) - r_m, points_m.max(axis=0) + r_m
+    return float(left), float(low), float(right), float(high)
+
+
+def _leader(recording: Recording, columns: Columns) -> NDArray[np.int64]:
+    """(S,) roster index of the head that planned with the fixes of each slot, -1 where nobody did."""
+    index = {uav: k for k, uav in enumerate(columns.uavs)}
+    leader = np.full(len(columns.time_s), -1, np.int64)
+    for report in sorted(recording.reports, key=lambda report: report.term):
+        if report.has_quorum and 0 <= report.slot < len(leader):
+            leader[report.slot] = index.get(report.head, -1)
+    return leader
+
+
+def _faults(recording: Recording) -> list[FaultMark]:
+    mission, said = recording.mission, [event for event in recording.events if event.kind == FAULT]
+    per_s = mission.time_scale / 1e9
+    return [FaultMark((e.sent_ns - mission.epoch_ns) * per_s, e.detail) for e in said[:MAX_FAULTS]]
+
+
+def _plots(mission: MissionMessage, columns: Columns) -> list[Plot]:
+    slots_s = columns.time_s
+    r_m = np.array([entry.r_m for entry in mission.roster])
+    gap_m = least_gaps_m(columns.centre_m[:-1], columns.centre_m[1:], r_m)
+    order = np.argsort(columns.plan_slot, kind="stable")
+    limit_ms = 1e3 * (mission.dt_s - mission.tau_s) / mission.time_scale
+    plan = _series("plan time", mission.dt_s * columns.plan_slot[order], columns.plan_ms[order])
+    return [
+        Plot("Least gap between two discs", "m", [_series("least gap", slots_s, gap_m)], 0.0, "overlap"),
+        Plot("Plan time", "ms", [plan], limit_ms, "limit"),
+        Plot("From fix to command", "ms", _latencies(mission, columns)),
+        Plot("Energy used by all UAVs", "kJ", [_series("energy", slots_s, _used_j(columns) / 1e3)]),
+    ]
+
+
+def _latencies(mission: MissionMessage, columns: Columns) -> list[Series]:
+    """Greatest and middle latency of each slot's commands."""
+    order = np.argsort(columns.command_slot, kind="stable")
+    slots, first = np.unique(columns.command_slot[order], return_index=True)
+    groups = np.split(columns.fix_to_command_ms[order], first[1:]) if len(slots) else []
+    times_s = mission.dt_s * (slots - 1)
+    most, middle = ([float(reduce(group)) for group in groups] for reduce in (np.max, np.median))
+    return [_series("greatest", times_s, most), _series("median", times_s, middle)]
+
+
+def _used_j(columns: Columns) -> NDArray[np.float64]:
+    """(S,) energy taken from all batteries since each was first heard of; silence holds the last value."""
+    energy_j = columns.energy_j.copy()
+    for now, before in zip(energy_j[1:], energy_j[:-1], strict=True):
+        unknown = np.isnan(now)
+        now[unknown] = before[unknown]
+    heard = ~np.isnan(energy_j)
+    first_j = (
+        energy_j[np.argmax(heard, axis=0), np.arange(energy_j.shape[1])] if len(energy_j) else energy_j.sum(axis=0)
+    )
+    used_j: NDArray[np.float64] = np.nansum(first_j - energy_j, axis=1)
+    return used_j
+
+
+def _series(name: str, x: Iterable[float], y: Iterable[float]) -> Series:
+    pairs = [(round(float(a), 4), round(float(b), 4)) for a, b in zip(x, y, strict=True) if np.isfinite(b)]
+    return Series(name, [a for a, _ in pairs], [b for _, b in pairs])
+
+
+def _packed(values: NDArray[Any], kind: type[np.generic]) -> str:
+    """Little-endian bytes, as base64."""
+    little = np.ascontiguousarray(values, np.dtype(kind).newbyteorder("<"))
+    return base64.b64encode(little.tobytes()).decode()

@@ -1,0 +1,70 @@
+"""The report page's document: tables in HTML, data and script inside it."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass
+from html import escape
+from string import Template
+
+import msgspec
+
+from edc_swarm.invariants import GuaranteeResult
+from edc_swarm.metrics import Metrics
+from edc_swarm.report_page.data import Page
+from edc_swarm.tables import metric_rows
+
+MAX_WHERE = 20
+MAX_FACT = 300
+FACTS = ("command", "commit", "clock", "machine")
+
+
+@dataclass(frozen=True, slots=True)
+class Assets:
+    """The files that the page is made of: `page.html`, `page.css` and `page.js`."""
+
+    template: str
+    style: str
+    script: str
+
+
+def render(
+    page: Page, metrics: Metrics, guarantees: Sequence[GuaranteeResult], run: dict[str, str], assets: Assets
+) -> str:
+    """The whole document."""
+    return Template(assets.template).substitute(
+        title=escape(page.name),
+        subtitle=escape(_subtitle(metrics, guarantees)),
+        style=assets.style,
+        script=assets.script,
+        metrics=_rows(metric_rows(metrics)),
+        guarantees="".join(_guarantee(result) for result in guarantees),
+        faults=_rows((f"{fault.time_s:.2f} s", fault.text) for fault in page.faults) or _rows([("none", "")]),
+        facts=_rows((name, run[name][:MAX_FACT]) for name in FACTS if run.get(name)),
+        metrics_json=_embedded(metrics),
+        data=_embedded(page),
+    )
+
+
+def _subtitle(metrics: Metrics, guarantees: Sequence[GuaranteeResult]) -> str:
+    broken = [result.guarantee for result in guarantees if not result.held]
+    arrived = f"{metrics.arrived} of {metrics.uavs} UAVs arrived in {metrics.duration_s:g} s"
+    return f"{arrived}; {'broken: ' + ', '.join(broken) if broken else 'every guarantee held'}"
+
+
+def _rows(rows: Iterable[tuple[str, str]]) -> str:
+    return "".join(f"<tr><th scope=row>{escape(name)}</th><td>{escape(value)}</td></tr>\n" for name, value in rows)
+
+
+def _guarantee(result: GuaranteeResult) -> str:
+    where = [escape(line) for line in (*result.where[:MAX_WHERE], *result.notes[:MAX_WHERE])]
+    if len(result.where) > MAX_WHERE:
+        where.append(f"... {len(result.where)} in all")
+    items = f"<ul>{''.join(f'<li>{line}</li>' for line in where)}</ul>" if where else ""
+    verdict = f'<span class="{result.status}">{result.status.replace("-", " ")}</span>'
+    return f"<tr><th scope=row>{result.guarantee} {escape(result.title)}</th><td>{verdict}{items}</td></tr>\n"
+
+
+def _embedded(value: object) -> str:
+    """JSON that cannot end the script element it stands in."""
+    return msgspec.json.encode(value).decode().replace("<", "\\u003c")

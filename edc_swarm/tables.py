@@ -1,0 +1,38 @@
+"""What a run has come to, in rows of words and numbers: the same on the terminal and on the page."""
+
+from __future__ import annotations
+
+from edc_swarm.metrics import Metrics, Quantiles
+
+MAX_HEADS = 6
+
+
+def metric_rows(m: Metrics) -> list[tuple[str, str]]:
+    """Name and value of everything that is told of a run."""
+    heads = ", ".join(f"{h.head} (term {h.term}, slots {h.first_slot}-{h.last_slot})" for h in m.heads[:MAX_HEADS])
+    away = f"; not living: {', '.join(m.not_living)}" if m.not_living else ""
+    return [
+        ("arrived", f"{m.arrived} of {m.uavs}{away}"),
+        ("slots", f"{m.slots} ({m.duration_s:g} s), {m.slots_missed} without commands"),
+        ("heads", (heads + (", ..." if len(m.heads) > MAX_HEADS else "")) or "none"),
+        ("collisions", f"{m.potential_collisions} potential, {m.true_collisions} true"),
+        (
+            "least gap",
+            f"{_number(m.min_disc_gap_m, 'm')} between discs, {_number(m.min_true_distance_m, 'm')} true distance",
+        ),
+        ("way flown", f"{m.path_m:.1f} m, {_number(m.extra_distance_pct, '%')} more than straight"),
+        ("makespan", f"{_number(m.makespan_s, 's')}, {_number(m.makespan_ratio, '')} times the least"),
+        ("energy", f"{m.energy_propulsion_j / 1e3:.2f} kJ, straight {m.energy_straight_j / 1e3:.2f} kJ"),
+        ("plan time", _quantiles(m.plan_ms)),
+        ("fix to command", _quantiles(m.fix_to_command_ms)),
+        ("late ticks", f"{m.ticks_late_pct:.2f} %"),
+        ("messages", f"{m.messages}, {m.gaps} gaps"),
+    ]
+
+
+def _number(value: float | None, unit: str) -> str:
+    return "-" if value is None else f"{value:.2f} {unit}".rstrip()
+
+
+def _quantiles(q: Quantiles) -> str:
+    return f"{_number(q.p50, 'ms')} median, {_number(q.p99, 'ms')} p99, {_number(q.max, 'ms')} most"

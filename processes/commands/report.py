@@ -1,0 +1,57 @@
+"""`edc-swarm report`: a recording as one HTML page."""
+
+from __future__ import annotations
+
+from importlib.resources import files
+from pathlib import Path
+from typing import Annotated
+
+from cyclopts import Parameter
+
+from edc_swarm.errors import InputError
+from edc_swarm.invariants import check
+from edc_swarm.metrics import compute_metrics, load_timings
+from edc_swarm.recording import read_recording
+from edc_swarm.report_page import Assets, Page, render
+from processes.output import SUFFIX, new_file
+
+HTML = ".html"
+
+
+def report(
+    recording: Path,
+    /,
+    *,
+    out: Annotated[Path | None, Parameter(name=["--out", "-o"])] = None,
+    force: bool = False,
+) -> int:
+    """Make a page of a recording, self-contained: the animated mission, plots, metrics, guarantees.
+
+    Parameters
+    ----------
+    recording
+        The recording, FILE.mcap.
+    out
+        The page to write (FILE.html beside the recording).
+    force
+        Overwrite an existing page.
+    """
+    path = out or recording.with_name(recording.name.removesuffix(SUFFIX) + HTML)
+    if path.suffix != HTML:
+        raise InputError("--out", str(path), f"a name that ends in {HTML}")
+    if path.exists() and not force:
+        raise InputError("--out", str(path), "a new file (or give --force)")
+    whole, timings = read_recording(recording), load_timings(recording)
+    metrics = compute_metrics(whole, timings)
+    page = Page.of(whole, metrics.heads, timings)
+    document = render(page, metrics, check(whole), whole.run, _assets())
+    with new_file(path) as stream:
+        stream.write(document.encode())
+    print(path)
+    return 0
+
+
+def _assets() -> Assets:
+    folder = files("edc_swarm.report_page")
+    template, style, script = ((folder / f"page.{kind}").read_text("utf-8") for kind in ("html", "css", "js"))
+    return Assets(template, style, script)
