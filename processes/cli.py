@@ -76,11 +76,12 @@ def _name(error: CycloptsError) -> str:
 
 
 def _kind(target: Any) -> str:
-    """What a value is converted to, in words."""
-    choices = [
-        choice for kind in (target, *get_args(target)) if get_origin(kind) is Literal for choice in get_args(kind)
-    ]
-    return f"one of {', '.join(choices)}" if choices else _KINDS.get(target, f"of type {target}")
+    """What a value is converted to, in words; `target` may be a union with None."""
+    kinds = (target, *get_args(target))
+    choices = [choice for kind in kinds if get_origin(kind) is Literal for choice in get_args(kind)]
+    if choices:
+        return f"one of {', '.join(choices)}"
+    return next((_KINDS[kind] for kind in kinds if kind in _KINDS), f"of type {target}")
 
 
 _KINDS = {int: "a whole number", float: "a number"}

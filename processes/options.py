@@ -2,11 +2,12 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Any
+from typing import Annotated, Any
 
-from cyclopts import Parameter
+from cyclopts import Parameter, Token
 from msgspec import to_builtins
 
 from edc_swarm.config import Criterion, GpsModel, Minimise, Mission, load_mission, with_options
@@ -30,6 +31,15 @@ FIELDS = {
     "time_scale": "time_scale",
 }
 """Field of the mission that an option sets."""
+
+
+def _whole(kind: object, tokens: Sequence[Token]) -> int:
+    """Convert without rounding: 10.5 UAVs are a mistake."""
+    del kind
+    return int(tokens[0].value)
+
+
+Whole = Annotated[int, Parameter(converter=_whole)]
 
 
 @Parameter(name="*")
@@ -79,11 +89,11 @@ class MissionOptions:
         Overwrite an existing recording.
     """
 
-    uavs: int | None = None
+    uavs: Whole | None = None
     area: float | None = None
     gps_error: float | None = None
     gps_model: GpsModel | None = None
-    seed: int | None = None
+    seed: Whole | None = None
     slot: float | None = None
     speed_max: float | None = None
     planner: str | None = None

@@ -62,7 +62,7 @@ class Started:
     def await_flight(self, uavs: int) -> None:
         """Wait until the UAV processes are there and the recorder has written its first chunk."""
         part = self.path.with_name(self.path.name + ".part")
-        self.await_file(lambda: len(self.uav_pids()) == uavs and part.stat().st_size > 10_000)
+        self.await_file(lambda: len(self.uav_pids()) == uavs and part.stat().st_size > 5_000)
 
     def uav_pids(self) -> list[int]:
         """Ids of the UAV processes: the children of the fork source."""

@@ -14,10 +14,13 @@ FAULTS = {
     "head cut off": ["partition head|rest @10 for 10"],
     "nobody has a quorum": ["partition halves @10 for 10"],
     "router restarted": ["restart router @10"],
-    "killed and restarted": ["kill u003 @6", "restart u003 @12"],
-    "memory lost": ["restart u003 lose-memory @8.2s"],
-    "clock off, GPS changed, solver slow": ["clock u002 offset 5 @6", "gps u003 white @6", "slow head 40 @8 for 5"],
-    "links bad": ["link *>* delay 10 jitter 10 loss 0.1 duplicate 0.1 reorder 0.1 @4 for 15"],
+    "restarted, one of them without memory": ["kill u003 @6", "restart u003 @12", "restart u005 lose-memory @4.2s"],
+    "links bad, clock off, GPS changed, solver slow": [
+        "link *>* delay 10 jitter 10 loss 0.1 duplicate 0.1 reorder 0.1 @4 for 15",
+        "clock u002 offset 5 @6",
+        "gps u003 white @6",
+        "slow head 40 @8 for 5",
+    ],
 }
 SAFE = ("G1", "G2", "G3", "G4", "G5")
 

@@ -1,0 +1,195 @@
+"""The small parts of the processes, each by itself."""
+
+from __future__ import annotations
+
+import fcntl
+import time
+from pathlib import Path
+
+import pytest
+
+from edc_swarm.config import Mission
+from edc_swarm.errors import InputError, MessageError
+from edc_swarm.links import LinkEmulator, cut_pair
+from edc_swarm.messages import Report
+from edc_swarm.node import GpsChanged, Tick
+from edc_swarm.planner.interface import Plan, PlanRequest
+from edc_swarm.roster import complete_mission
+from edc_swarm.vehicle import Airframe, Promise
+from processes.address import check_endpoint, connect_endpoint, free_endpoint
+from processes.clock import WallClock
+from processes.ears import Malformed, Postbox, Token
+from processes.faulty import Faulty
+from processes.inbox import Inbox
+from processes.output import Output, salvage_parts
+from processes.peers import CHECK_AFTER_NS, Peers
+from processes.planning import SlowPlanner
+from processes.state import UavState, create_state, promise_path
+
+MISSION = complete_mission(Mission(uavs=3))
+REPORT = Report(head="u002", slot=1, term=1, status="planned", quorum=2)
+
+
+def test_inbox_is_bounded_but_for_orders():
+    """What must not be lost passes a full queue."""
+    inbox: Inbox[int] = Inbox(limit=2)
+    for number in range(4):
+        inbox.put(number)
+    inbox.put_always(9)
+    assert inbox.wait(0) == [0, 1, 9]
+    assert inbox.dropped == 2
+    assert inbox.wait(0) == []
+
+
+def test_clock_follows_the_wall_and_a_fault():
+    """The offset is from the true time, however often it is set."""
+    clock = WallClock()
+    assert abs(clock.now_ns() - time.time_ns()) < 50_000_000
+    for _ in range(2):
+        clock.set_off(3_600_000_000_000, 0.0)
+    assert abs(clock.now_ns() - time.time_ns() - 3_600_000_000_000) < 50_000_000
+
+
+def test_state_survives_and_is_locked(tmp_path: Path):
+    """A second process for the same UAV is refused while the first lives."""
+    entry = MISSION.roster[0]
+    create_state(tmp_path, entry)
+    state = UavState(tmp_path, entry.uav)
+    assert state.promise == Promise(waypoint_x_m=entry.start_x_m, waypoint_y_m=entry.start_y_m)
+    promise = Promise(slot=7, term=3, head="u" * 32, waypoint_x_m=0.1 + 0.2, waypoint_y_m=-1e-300)
+    airframe = Airframe(x_m=0.1 + 0.2, y_m=-1e-300, energy_j=1.0)
+    state.write(promise, airframe)
+    with pytest.raises(InputError, match="no other process flies"):
+        UavState(tmp_path, entry.uav)
+    del state
+    again = _reopened(tmp_path, entry.uav)
+    assert (again.promise, again.airframe) == (promise, airframe)
+
+
+def _reopened(folder: Path, uav: str) -> UavState:
+    """The state as another process would find it: its files copied, so without the lock."""
+    other = folder / "copy"
+    other.mkdir()
+    for file in folder.glob(f"{uav}.*"):
+        (other / file.name).write_bytes(file.read_bytes())
+    return UavState(other, uav)
+
+
+def test_a_missing_or_torn_promise_is_a_lost_memory(tmp_path: Path):
+    """Such a UAV must not grant, so it must not be given a fresh promise either."""
+    first, second, _ = MISSION.roster
+    create_state(tmp_path, first)
+    create_state(tmp_path, second)
+    promise_path(tmp_path, first.uav).unlink()
+    promise_path(tmp_path, second.uav).write_bytes(b'{"slot":')
+    states = [UavState(tmp_path, entry.uav) for entry in (first, second)]
+    assert [state.promise for state in states] == [None, None]
+    states[0].write(None, states[0].airframe)
+    assert not promise_path(tmp_path, first.uav).exists()
+
+
+def test_peers_believe_a_vanished_token_only_after_a_moment():
+    """A restarted process takes its word back; a second instance keeps a UAV alive."""
+    peers = Peers()
+    for instance in ("1", "2"):
+        peers.take(Token("u001", instance, True), 0)
+    peers.take(Token("u001", "1", False), 0)
+    assert peers.next_ns is None
+    peers.take(Token("u001", "2", False), 10)
+    assert peers.next_ns == 10 + CHECK_AFTER_NS
+    assert peers.gone(9 + CHECK_AFTER_NS) == []
+    assert peers.gone(10 + CHECK_AFTER_NS) == ["u001"]
+    assert peers.gone(11 + CHECK_AFTER_NS) == []
+    peers.take(Token("u001", "2", False), 20)
+    peers.take(Token("u001", "3", True), 21)
+    assert peers.gone(1 << 60) == []
+
+
+def test_postbox_delays_duplicates_and_cuts():
+    """The link model decides what arrives now, later, twice or never."""
+    box = Postbox(LinkEmulator(MISSION, "u001"))
+    assert box.arrive(REPORT, 0, 0.0)
+    faulty = Faulty(MISSION, "u001", box.links, WallClock())
+    faulty.suffer("link u002>u001 delay 5 duplicate 1 @0s")
+    assert not box.arrive(REPORT, 100, 1.0)
+    assert box.next_ns == 5_000_100
+    assert box.take_due(5_000_099) is None
+    assert [box.take_due(5_000_100) for _ in range(3)] == [REPORT, REPORT, None]
+    faulty.suffer("partition u002|u001,u003 @2s for 1s")
+    assert not box.arrive(REPORT, 0, 2.5)
+    assert box.next_ns is None
+
+
+def test_partition_ends_when_healed_and_is_one_way_when_said():
+    """Only the receiver's side is cut."""
+    links = LinkEmulator(MISSION, "u001")
+    for cut in cut_pair(["u001"], ["u002"], 0.0, 10.0, one_way=True):
+        links.add_cut(cut)
+    assert not links.is_cut("u002", 1.0)
+    Faulty(MISSION, "u001", links, WallClock()).suffer("partition u002>u001 @0s")
+    assert links.is_cut("u002", 1.0)
+    Faulty(MISSION, "u001", links, WallClock()).suffer("heal @1s")
+    assert not links.is_cut("u002", 1.0)
+
+
+def test_faults_about_others_and_nonsense_change_nothing():
+    """The operator's events go to everybody."""
+    faulty = Faulty(MISSION, "u001", LinkEmulator(MISSION, "u001"), WallClock())
+    assert faulty.suffer("gps u002 white @1s") == []
+    assert faulty.suffer("nonsense") == []
+    assert faulty.suffer("gps u001 white @1s") == [GpsChanged("white")]
+    assert faulty.suffer("clock u001 offset 5 @1s") == [Tick()]
+
+
+def test_slow_planner_is_slow_for_a_while():
+    """It plans the same, later."""
+
+    class Still:
+        def plan(self, request: PlanRequest) -> Plan:
+            del request
+            return Plan([], "no-qp-needed")
+
+    slow = SlowPlanner(Still())
+    request = PlanRequest(slot=0, uav=[], position_m=[], target_m=[], r_m=[])
+    slow.slow_down(0.05, 60.0)
+    begin_s = time.monotonic()
+    slow.plan(request)
+    assert time.monotonic() - begin_s >= 0.05
+
+
+def test_malformed_bytes_are_told_at_powers_of_two():
+    """A flood of keys is counted together."""
+    malformed = Malformed()
+    told = [malformed.count(MessageError("k", "bad")) for _ in range(9)]
+    assert [text is not None for text in told] == [n in {1, 2, 4, 8} for n in range(1, 10)]
+    for number in range(2000):
+        malformed.count(MessageError(f"key{number}", "bad"))
+    assert len(malformed._counts) <= 1001
+
+
+def test_addresses():
+    """A free one can be listened on; others are refused by name."""
+    check_endpoint(free_endpoint())
+    assert connect_endpoint("tcp/0.0.0.0:7447") == "tcp/127.0.0.1:7447"
+    for bad in ("foo", "tcp/localhost", "tcp/localhost:0", "tcp/localhost:99999", "udp/localhost:5"):
+        with pytest.raises(InputError, match="--listen"):
+            check_endpoint(bad)
+
+
+def test_a_part_that_is_being_written_is_left_alone(tmp_path: Path):
+    """Its recorder holds a lock on it."""
+    part = tmp_path / "live.mcap.part"
+    part.write_bytes(b"\x89MCAP0\r\n")
+    with part.open("rb") as held:
+        fcntl.flock(held, fcntl.LOCK_EX)
+        assert salvage_parts(tmp_path) == []
+        assert part.exists()
+    assert salvage_parts(tmp_path) == []
+    assert (tmp_path / "live.mcap.part.torn").exists()
+
+
+def test_two_runs_cannot_claim_one_name(tmp_path: Path):
+    """The part is made exclusively."""
+    with Output(tmp_path / "a.mcap", force=False), pytest.raises(InputError, match="no other run"):
+        Output(tmp_path / "a.mcap", force=True)
+    assert list(tmp_path.iterdir()) == []

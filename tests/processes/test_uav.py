@@ -1,0 +1,133 @@
+"""One UAV process, nobody forked it: what it imports, and what bad bytes do to it."""
+
+from __future__ import annotations
+
+import subprocess
+import sys
+from collections.abc import Iterator
+from pathlib import Path
+
+import pytest
+
+from edc_swarm.config import Mission
+from edc_swarm.messages import Event, Fix, Keys, Report, decode, encode
+from edc_swarm.roster import complete_mission
+from edc_swarm.simulation import mission_message
+from processes.address import free_endpoint
+from processes.bus import hand_over, open_client
+from processes.clock import WallClock
+from processes.inbox import Inbox
+from processes.state import create_state
+from tests.processes.conftest import await_true
+
+
+@pytest.fixture
+def endpoint() -> Iterator[str]:
+    """A router of its own process."""
+    address = free_endpoint()
+    router = subprocess.Popen([sys.executable, "-m", "processes.router", address], stdout=subprocess.PIPE)
+    assert router.stdout is not None
+    assert router.stdout.readline() == b"ready\n"
+    yield address
+    router.terminate()
+    assert router.wait() == 0
+    router.stdout.close()
+
+
+class Bench:
+    """A mission of three of which only the last one flies; the test plays the others and the operator."""
+
+    def __init__(self, endpoint: str, folder: Path) -> None:
+        mission = complete_mission(Mission(name="bench", uavs=3, standbys=0, time_scale=2))
+        ranked = sorted(mission.roster, key=lambda entry: -entry.energy_j)
+        self.first, self.second, self.last = (entry.uav for entry in ranked)
+        self.mission = mission_message(mission, WallClock().now_ns())
+        self.keys = Keys(self.mission.name)
+        self.inbox: Inbox[tuple[str, bytes]] = Inbox()
+        self.heard: list[Fix | Event] = []
+        for entry in mission.roster:
+            create_state(folder, entry)
+        self.session = open_client(endpoint)
+        self._listen(self.keys.fix("*"))
+        self._listen(self.keys.event("*"))
+        self._token = self.session.liveliness().declare_subscriber(
+            self.keys.all_alive, hand_over(lambda sample: self.inbox.put((str(sample.key_expr), b"")))
+        )
+        arguments = ["--endpoint", endpoint, "--mission", "bench", "--uav", self.last, "--state", str(folder)]
+        self.process = subprocess.Popen([sys.executable, "-m", "processes.uav", *arguments], stderr=subprocess.PIPE)
+
+    def _listen(self, key: str) -> None:
+        take = hand_over(lambda sample: self.inbox.put((str(sample.key_expr), sample.payload.to_bytes())))
+        self.session.declare_subscriber(key, take)
+
+    def say(self, *messages: Event | Report | Fix) -> None:
+        """Publish as whoever the message is from."""
+        for message in messages:
+            self.session.put(self.keys.of(message), encode(message))
+
+    def await_heard(self, kind: type, count: int = 1) -> list[Fix | Event]:
+        """Wait for messages of a kind from the UAV."""
+
+        def enough() -> bool:
+            for key, payload in self.inbox.wait(0.05):
+                if payload and self.last in key:
+                    self.heard.append(decode(key, payload))  # type: ignore[arg-type]
+            return len([m for m in self.heard if isinstance(m, kind)]) >= count
+
+        await_true(enough)
+        return [message for message in self.heard if isinstance(message, kind)]
+
+    def begin(self) -> None:
+        """Start the mission."""
+        await_true(lambda: bool(self.inbox.wait(0.05)))
+        self.session.put(self.keys.mission, encode(self.mission))
+        self.await_heard(Fix)
+
+    def imports_numpy(self) -> bool:
+        """Whether numpy is mapped into the UAV process."""
+        return "numpy" in Path(f"/proc/{self.process.pid}/maps").read_text()
+
+    def report(self, **fields: object) -> Report:
+        """A report of the first UAV as head, with a quorum."""
+        newest = self.heard[-1].slot
+        grants = [self.first, self.second]
+        return Report(head=self.first, slot=newest, term=1, status="planned", grants=grants, quorum=2, **fields)  # type: ignore[arg-type]
+
+    def close(self) -> None:
+        """End the mission; the UAV must go in peace."""
+        self.say(Event(source="operator", kind="end"))
+        _, said = self.process.communicate(timeout=30)
+        self.session.close()
+        assert (self.process.returncode, said) == (0, b"")
+
+
+@pytest.fixture
+def bench(endpoint: str, tmp_path: Path) -> Iterator[Bench]:
+    """One UAV on a bus of its own."""
+    made = Bench(endpoint, tmp_path)
+    yield made
+    made.process.kill()
+    made.process.communicate()
+
+
+def test_imports_numpy_only_when_it_is_a_standby(bench: Bench):
+    """A UAV alone in its container stays small until it may have to lead."""
+    bench.begin()
+    bench.say(bench.report())
+    bench.await_heard(Fix, 5)
+    assert not bench.imports_numpy()
+    bench.say(bench.report(standby=[bench.last]))
+    await_true(bench.imports_numpy)
+    bench.close()
+
+
+def test_bad_bytes_are_counted_told_now_and_then_and_dropped(bench: Bench):
+    """A thousand of them make ten events and no crash."""
+    bench.begin()
+    for number in range(1000):
+        bench.session.put(bench.keys.report(bench.first), b"\xff{garbage" + str(number).encode())
+    bench.session.put(bench.keys.event("operator"), b"[" * 100_000)
+    events = [event for event in bench.await_heard(Event, 11) if event.kind == "malformed"]
+    assert [int(event.detail.split()[0]) for event in events[:10]] == [2**power for power in range(10)]
+    bench.await_heard(Fix, len(bench.heard) + 3)
+    bench.close()

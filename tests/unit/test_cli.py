@@ -1,0 +1,181 @@
+"""The command line: one line for bad input, JSON alone, help of every command."""
+
+from __future__ import annotations
+
+import json
+import os
+import socket
+from pathlib import Path
+
+import pytest
+
+from processes.cli import app, main
+
+COMMANDS = [name for name in app if not name.startswith("-")]
+
+
+def complaint(capsys: pytest.CaptureFixture[str], *arguments: str) -> str:
+    """What is said about bad input: exit status 2, one line, nothing on standard output."""
+    assert main(list(arguments)) == 2
+    said = capsys.readouterr()
+    assert said.out == ""
+    (line,) = said.err.splitlines()
+    assert line.startswith("error: ")
+    assert "must be" in line
+    return line
+
+
+@pytest.fixture(autouse=True)
+def elsewhere(tmp_path: Path, monkeypatch: pytest.MonkeyPatch):
+    """Run in an empty folder, which bad input leaves empty."""
+    monkeypatch.chdir(tmp_path)
+
+
+@pytest.mark.parametrize("command", ["run", "sim"])
+@pytest.mark.parametrize(
+    ("options", "named"),
+    [
+        ("--uavs 0", "uavs = 0"),
+        ("--uavs -3", "uavs = -3"),
+        ("--uavs ten", "--uavs = 'ten'"),
+        ("--uavs 10.5", "--uavs = '10.5'"),
+        ("--gps-error -1", "r_m = -1.0"),
+        ("--gps-error inf", "r_m = inf"),
+        ("--gps-error nan", "r_m = nan"),
+        ("--uavs 500", "uavs = 500"),
+        ("--area 0", "area_m2 = 0.0"),
+        ("--slot 0", "dt_s = 0.0"),
+        ("--speed-max -5", "v_max_mps = -5.0"),
+        ("--seed -1", "seed = -1"),
+        ("--time-scale 0", "time_scale = 0.0"),
+        ("--loss 1.5", "link[0].loss = 1.5"),
+        ("--gps-model good", "--gps-model = 'good'"),
+        ("--minimise money", "--minimise = 'money'"),
+        ("--elect luck", "--elect = 'luck'"),
+        ("--planner best", "planner = 'best'"),
+        ("--fault explode", "fault = 'explode'"),
+        ("--bogus 1", "option = '--bogus'"),
+        ("--uavs", "--uavs = ''"),
+        ("--seed 1 --seed 2", "--seed = '2'"),
+        ("missing.toml", "mission file = 'missing.toml'"),
+        ("one.toml two.toml", "arguments = 'two.toml'"),
+        ("--out old.txt", "--out = 'old.txt'"),
+    ],
+)
+def test_bad_options_are_named(capsys, tmp_path: Path, command: str, options: str, named: str):
+    """Field, value and what is allowed, before anything is started or written."""
+    assert named in complaint(capsys, command, *options.split())
+    assert list(tmp_path.iterdir()) == []
+
+
+@pytest.mark.parametrize(
+    ("text", "named"),
+    [
+        ("uavs = 'many'", "uavs = 'many'"),
+        ("colour = 'red'", "colour = 'red'"),
+        ("uavs = ", "mission file"),
+        ("r_m = inf", "r_m = inf"),
+        ("fault = ['kill nobody @3']", "fault = 'kill nobody @3'"),
+        ("[energy]\nrotors = 4", "energy.rotors = 4"),
+    ],
+)
+def test_bad_mission_files_are_named(capsys, tmp_path: Path, text: str, named: str):
+    """The same for a file as for options."""
+    file = tmp_path / "mission.toml"
+    file.write_text(text)
+    assert named in complaint(capsys, "sim", str(file))
+    assert list(tmp_path.iterdir()) == [file]
+
+
+@pytest.mark.parametrize("command", ["run", "sim"])
+def test_an_existing_recording_needs_force(capsys, tmp_path: Path, command: str):
+    """It is left as it was."""
+    kept = tmp_path / "old.mcap"
+    kept.write_bytes(b"old")
+    assert "--force" in complaint(capsys, command, "--out", str(kept))
+    assert kept.read_bytes() == b"old"
+
+
+@pytest.mark.parametrize("command", ["run", "sim"])
+def test_a_folder_that_cannot_be_written(capsys, tmp_path: Path, command: str):
+    """A file stands where a folder must be: that stops root too."""
+    (tmp_path / "file").write_text("")
+    assert "--out = " in complaint(capsys, command, "--out", str(tmp_path / "file" / "x.mcap"))
+
+
+def test_a_port_in_use(capsys):
+    """Told before anything is started."""
+    with socket.socket() as taken:
+        taken.bind(("127.0.0.1", 0))
+        taken.listen()
+        endpoint = f"tcp/127.0.0.1:{taken.getsockname()[1]}"
+        assert f"--listen = '{endpoint}'" in complaint(capsys, "run", "--listen", endpoint)
+    assert "--listen = 'nowhere'" in complaint(capsys, "run", "--listen", "nowhere")
+
+
+@pytest.mark.parametrize("command", ["metrics", "check"])
+@pytest.mark.parametrize("content", [None, b"", b"not MCAP", b"\x89MCAP0\r\n"])
+def test_files_that_are_no_recordings(capsys, tmp_path: Path, command: str, content: bytes | None):
+    """Missing, empty, something else, torn."""
+    file = tmp_path / "x.mcap"
+    if content is not None:
+        file.write_bytes(content)
+    assert f"'{file}'" in complaint(capsys, command, str(file))
+
+
+def test_a_truncated_recording(capsys, tmp_path: Path):
+    """Refused by name, with the way out."""
+    whole, torn = tmp_path / "a.mcap", tmp_path / "b.mcap"
+    main(["sim", "--uavs", "3", "--planner", "straight", "--json", "--out", str(whole)])
+    torn.write_bytes(whole.read_bytes()[:-200])
+    capsys.readouterr()
+    assert "recover" in complaint(capsys, "metrics", str(torn))
+
+
+def test_an_unknown_command(capsys):
+    """The known ones are named."""
+    assert "run, sim, metrics, check" in complaint(capsys, "fly")
+
+
+def test_json_stands_alone_and_equals_metrics(capsys, tmp_path: Path):
+    """Also with a planner that collides; its exit status says so."""
+    out = tmp_path / "s.mcap"
+    assert main(["sim", "--uavs", "30", "--planner", "straight", "--json", "--out", str(out)]) == 1
+    said = json.loads(capsys.readouterr().out)
+    assert main(["metrics", str(out), "--json"]) == 0
+    assert json.loads(capsys.readouterr().out).items() <= said.items()
+    assert main(["check", str(out), "--json"]) == 1
+    assert json.loads(capsys.readouterr().out) == said["guarantees"]
+
+
+def test_same_seed_same_bytes(tmp_path: Path):
+    """G6, with the command line's own metadata; the name of the file is not part of it."""
+    for name in ("a", "b"):
+        main(["sim", "--uavs", "4", "--seed", "3", "--loss", "0.1", "--json", "--out", f"{tmp_path / name}.mcap"])
+    assert (tmp_path / "a.mcap").read_bytes() == (tmp_path / "b.mcap").read_bytes()
+
+
+def test_default_name_does_not_collide(tmp_path: Path, capsys):
+    """A second run of the same seed gets a number."""
+    for _ in range(2):
+        main(["sim", "--uavs", "2", "--planner", "straight"])
+    assert sorted(os.listdir(tmp_path / "recordings")) == [
+        "mission-straight-0-2.mcap",
+        "mission-straight-0-2.timings.json",
+        "mission-straight-0.mcap",
+        "mission-straight-0.timings.json",
+    ]
+    assert "recordings/mission-straight-0.mcap" in capsys.readouterr().out
+
+
+@pytest.mark.parametrize("command", COMMANDS)
+def test_every_command_has_help(capsys, command: str):
+    """With what it does in the first lines."""
+    assert main([command, "--help"]) == 0
+    assert f"edc-swarm {command}" in capsys.readouterr().out
+
+
+def test_version(capsys):
+    """A name and a number."""
+    assert main(["--version"]) == 0
+    assert capsys.readouterr().out.startswith("edc-swarm ")

@@ -1,0 +1,24 @@
+"""Imports point one way, and the library does no I/O: the linter's contracts, checked with the tests."""
+
+from __future__ import annotations
+
+import subprocess
+import sys
+from pathlib import Path
+
+ROOT = Path(__file__).resolve().parents[2]
+
+
+def test_import_contracts_are_kept():
+    """What `make check` runs too."""
+    tool = Path(sys.executable).with_name("lint-imports")
+    said = subprocess.run([tool, "--no-cache"], cwd=ROOT, capture_output=True, text=True, check=False)
+    assert said.returncode == 0, said.stdout + said.stderr
+
+
+def test_a_uav_imports_no_numpy():
+    """Nor anything else that only planning needs."""
+    heavy = "{'numpy', 'scipy', 'osqp', 'numba', 'rich', 'cyclopts'} & set(sys.modules)"
+    code = f"import sys, processes.uav; print(sorted({heavy}))"
+    said = subprocess.run([sys.executable, "-c", code], cwd=ROOT, capture_output=True, text=True, check=True)
+    assert said.stdout.strip() == "[]"
