@@ -1,0 +1,107 @@
+"""What each UAV spent its battery on, from a recording alone."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+from msgspec import Struct
+
+from edc_swarm.energy import compute_energy_j, propulsion_power_w, propulsion_powers_w
+from edc_swarm.metrics import PLANNED, Timing, columns_of
+from edc_swarm.recording import Recording
+
+
+class EnergyBill(Struct, frozen=True, kw_only=True):
+    """One UAV's energy over the whole run, waiting for the others at the target included.
+
+    Cruise is every slot in which it moved, hover every other one; radio is what it sent, compute
+    what it planned as head. `left_j` is the battery in its last fix.
+    """
+
+    uav: str
+    cruise_s: float
+    cruise_j: float
+    hover_s: float
+    hover_j: float
+    radio_j: float
+    compute_j: float
+    total_j: float
+    left_j: float
+    slots_led: int
+
+
+class Exhausted(Struct, frozen=True):
+    """A UAV whose battery ran empty: from this slot on it is an obstacle."""
+
+    uav: str
+    slot: int
+
+
+def energy_bills(recording: Recording, timings: Sequence[Timing] = ()) -> list[EnergyBill]:
+    """The bill of every UAV, in roster order. `timings`, when given, replace the recorded plan times."""
+    mission, columns = recording.mission, columns_of(recording)
+    flown_s = mission.dt_s - 2 * mission.guard_s
+    waiting_j = propulsion_power_w(0.0, mission.energy) * (mission.dt_s - flown_s)
+    slot_j = propulsion_powers_w(columns.step_m / flown_s, mission.energy) * flown_s + waiting_j
+    heard = ~np.isnan(columns.energy_j)
+    flying = np.flip(np.logical_or.accumulate(np.flip(heard, 0), 0), 0)
+    moving = (columns.step_m > 0) & flying
+    sent = _messages_sent(recording)
+    plan_s, led = _head_work(recording, timings)
+    bills = []
+    for k, entry in enumerate(mission.roster):
+        cruise, hover = moving[:, k], flying[:, k] & ~moving[:, k]
+        cruise_j, hover_j = float(slot_j[cruise, k].sum()), float(slot_j[hover, k].sum())
+        radio_j = sent.get(entry.uav, 0) * mission.energy.radio_j_per_message
+        compute_j = compute_energy_j(plan_s.get(entry.uav, 0.0), mission.head)
+        bills.append(
+            EnergyBill(
+                uav=entry.uav,
+                cruise_s=float(cruise.sum() * mission.dt_s),
+                cruise_j=cruise_j,
+                hover_s=float(hover.sum() * mission.dt_s),
+                hover_j=hover_j,
+                radio_j=radio_j,
+                compute_j=compute_j,
+                total_j=cruise_j + hover_j + radio_j + compute_j,
+                left_j=_last(columns.energy_j[:, k], entry.energy_j),
+                slots_led=led.get(entry.uav, 0),
+            )
+        )
+    return bills
+
+
+def exhausted(recording: Recording) -> list[Exhausted]:
+    """UAVs that fell out with an empty battery, in the order in which they did."""
+    return [Exhausted(event.source, event.slot) for event in recording.events if event.kind == "battery-empty"]
+
+
+def _messages_sent(recording: Recording) -> dict[str, int]:
+    """Messages that each UAV put on the air; truths are the emulator's."""
+    sent: dict[str, int] = {}
+    senders = [f.uav for f in recording.fixes] + [c.head for c in recording.commands]
+    for uav in senders + [r.head for r in recording.reports]:
+        sent[uav] = sent.get(uav, 0) + 1
+    return sent
+
+
+def _head_work(recording: Recording, timings: Sequence[Timing]) -> tuple[dict[str, float], dict[str, int]]:
+    """Seconds that each head planned, and slots that it led."""
+    measured: dict[int, list[float]] = {}
+    for timing in timings:
+        measured.setdefault(timing.slot, []).append(timing.plan_ms)
+    plan_s: dict[str, float] = {}
+    led: dict[str, int] = {}
+    for report in recording.reports:
+        if report.status in PLANNED:
+            times_ms = measured.get(report.slot)
+            plan_ms = times_ms.pop(0) if times_ms else report.plan_ms
+            plan_s[report.head] = plan_s.get(report.head, 0.0) + plan_ms / 1e3
+            led[report.head] = led.get(report.head, 0) + 1
+    return plan_s, led
+
+
+def _last(battery_j: np.typing.NDArray[np.float64], start_j: float) -> float:
+    known = battery_j[~np.isnan(battery_j)]
+    return float(known[-1]) if len(known) else start_j

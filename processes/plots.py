@@ -1,0 +1,130 @@
+"""Drawing figures with matplotlib (extra `plots`): PNG and SVG, for print and for the colour-blind.
+
+Colours are those of M. Okabe and K. Ito, "Color Universal Design", 2008; markers and dashes tell the
+lines apart without them.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from edc_swarm.errors import InputError
+from edc_swarm.figures.catalogue import Figure
+from edc_swarm.figures.table import Row, line
+
+SIZE_IN = (5.4, 3.7)
+DPI = 200
+STYLES: dict[str, tuple[str, str, str]] = {
+    "straight": ("#D55E00", "s", "--"),
+    "bound": ("#000000", "", ":"),
+    "paper": ("#E69F00", "^", "-."),
+    "edc": ("#0072B2", "o", "-"),
+    "edc-slot": ("#56B4E9", "v", ":"),
+    "energy": ("#009E73", "o", "-"),
+    "distance": ("#0072B2", "s", "--"),
+    "time": ("#CC79A7", "D", "-."),
+}
+"""Colour, marker and dashes of each line."""
+HEADS = ("#0072B2", "#E69F00", "#009E73", "#CC79A7", "#D55E00", "#56B4E9", "#F0E442", "#000000")
+RC = {
+    "font.size": 10,
+    "axes.grid": True,
+    "grid.color": "#dddddd",
+    "axes.axisbelow": True,
+    "axes.spines.top": False,
+    "axes.spines.right": False,
+    "svg.hashsalt": "edc-swarm",
+    "legend.frameon": False,
+    "legend.fontsize": 9,
+}
+
+
+def check_plots() -> None:
+    """Raise `InputError` unless matplotlib is there."""
+    try:
+        import matplotlib as mpl  # noqa: PLC0415 - an extra
+    except ImportError:
+        raise InputError("figures", "matplotlib", "installed: pip install 'edc-swarm[plots]'") from None
+    mpl.use("Agg")
+
+
+def draw_figure(figure: Figure, rows: Sequence[Row], stem: Path) -> None:
+    """Write `stem`.png and `stem`.svg: means with their 95 % bands."""
+    from matplotlib import pyplot as plt  # noqa: PLC0415 - an extra
+
+    with plt.rc_context(RC):
+        picture, axes = plt.subplots(figsize=SIZE_IN, layout="constrained")
+        for series in figure.series:
+            _draw_line(axes, rows, series.name, series.label)
+        _finish_axes(axes, figure)
+        _save(picture, stem)
+
+
+def _draw_line(axes: Any, rows: Sequence[Row], name: str, label: str) -> None:
+    points = line(rows, name)
+    if points is None:
+        return
+    colour, marker, dashes = STYLES[name]
+    axes.fill_between(points.x, points.low, points.high, color=colour, alpha=0.2, linewidth=0)
+    axes.plot(points.x, points.mean, color=colour, marker=marker, linestyle=dashes, label=label, markersize=5)
+
+
+def _finish_axes(axes: Any, figure: Figure) -> None:
+    axes.set_xlabel(figure.axis.label)
+    axes.set_ylabel(figure.label)
+    axes.set_xticks(figure.axis.values, [f"{value:,.0f}".replace(",", " ") for value in figure.axis.values])
+    if figure.logarithmic:
+        axes.set_yscale("log")
+    elif axes.get_ylim()[0] >= 0:
+        axes.set_ylim(bottom=0)
+    else:
+        axes.axhline(0, color="#000000", linewidth=0.8)
+    axes.legend(loc="best")
+    axes.set_title(f"{figure.title} (bands: 95 % confidence)", fontsize=10, loc="left")
+
+
+def draw_heads(result: Mapping[str, Any], stem: Path) -> None:
+    """Write a picture of a long mission: every battery beside their mean, and who led when."""
+    from matplotlib import pyplot as plt  # noqa: PLC0415 - an extra
+
+    uavs = [bill["uav"] for bill in result["bills"]]
+    time_s, energy_kj = np.array(result["time_s"]), np.array(result["energy_j"], dtype=float) / 1e3
+    heads = result["metrics"]["heads"]
+    ever_led = list(dict.fromkeys(head["head"] for head in heads))
+    colours = {uav: HEADS[index % len(HEADS)] for index, uav in enumerate(ever_led)}
+    with plt.rc_context(RC):
+        picture, (above, below) = plt.subplots(
+            2, 1, figsize=(6.8, 5.2), sharex=True, layout="constrained", height_ratios=[3, 2]
+        )
+        mean_kj = np.nanmean(energy_kj, axis=0)
+        for uav, battery_kj in zip(uavs, energy_kj, strict=True):
+            above.plot(
+                time_s,
+                battery_kj - mean_kj,
+                color=colours.get(uav, "#bbbbbb"),
+                linewidth=1.4,
+                zorder=2 + (uav in colours),
+            )
+        above.set_ylabel("Battery above the\nswarm's mean [kJ]")
+        above.set_title("Election by energy: who led when, and the batteries behind it", fontsize=10, loc="left")
+        for head in heads:
+            begin_s = head["first_slot"] * result["dt_s"]
+            width_s = (head["last_slot"] + 1) * result["dt_s"] - begin_s
+            below.barh(ever_led.index(head["head"]), width_s, left=begin_s, height=0.7, color=colours[head["head"]])
+        below.set_yticks(range(len(ever_led)), ever_led)
+        below.invert_yaxis()
+        below.set_ylabel("Head")
+        below.set_xlabel("Mission time [s]")
+        _save(picture, stem)
+
+
+def _save(picture: Any, stem: Path) -> None:
+    from matplotlib import pyplot as plt  # noqa: PLC0415 - an extra
+
+    picture.savefig(stem.with_suffix(".png"), dpi=DPI)
+    picture.savefig(stem.with_suffix(".svg"), metadata={"Date": None})
+    plt.close(picture)

@@ -1,0 +1,309 @@
+"""Making a declared sweep: in parallel, with progress, and going on where a killed one stopped.
+
+Results are one JSON line per run in `runs.jsonl` of the sweep's folder, written when the run is over;
+whoever reads them needs nothing else. A line that was torn by a kill is made again, and so is one
+that other code has made. Runs whose result is a time are made one after the other on this machine,
+when all others are done.
+"""
+
+from __future__ import annotations
+
+import fcntl
+import hashlib
+import importlib
+import multiprocessing
+import os
+import signal
+import time
+from collections.abc import Callable, Iterable, Iterator, Sequence
+from concurrent.futures import FIRST_COMPLETED, Future, ProcessPoolExecutor, wait
+from concurrent.futures.process import BrokenProcessPool
+from contextlib import ExitStack, contextmanager
+from functools import lru_cache
+from importlib.metadata import version
+from itertools import islice
+from pathlib import Path
+from types import TracebackType
+from typing import Any, BinaryIO, Protocol
+
+import msgspec
+from msgspec import Struct
+from rich.console import Console
+from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeElapsedColumn, TimeRemainingColumn
+
+import edc_swarm
+from edc_swarm.errors import InputError, SwarmError
+from edc_swarm.sweeps import Run
+from processes.parent import die_with_parent
+
+RUNS_FILE = "runs.jsonl"
+MAX_LINE_BYTES = 16 << 20
+MAX_JOBS = 1024
+IN_FLIGHT = 4
+"""Runs given to each worker ahead of time."""
+CONNECT_S = 5.0
+PACKAGES = ("numpy", "scipy", "numba", "osqp")
+DECIDE_NO_RESULT = ("figures/findings.py", "figures/catalogue.py", "figures/table.py", "figures/statistics.py")
+"""Files of the library that say what is done with results, not what they are."""
+
+
+class SweepError(SwarmError):
+    """A run of a sweep cannot be made; what was made before is kept."""
+
+
+class Line(Struct, kw_only=True):
+    """One run in the file of results."""
+
+    key: str
+    command: str
+    code: str
+    wall_s: float
+    result: Any
+
+
+class Ledger:
+    """The results of a sweep in a folder, held by one process at a time.
+
+    Attributes
+    ----------
+    results
+        By key, those of the present code.
+    outdated
+        Number of lines that other code has made.
+    """
+
+    def __init__(self, folder: Path) -> None:
+        self.folder, self.code = folder, code_fingerprint()
+        self.results: dict[str, Any] = {}
+        self.outdated = 0
+        self._file = _claimed(folder)
+        self._load()
+
+    def __enter__(self) -> Ledger:
+        return self
+
+    def __exit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
+    ) -> None:
+        self._file.close()
+
+    def add(self, run: Run, result: Any, wall_s: float) -> None:
+        """Keep a result; it is on disk when this returns, as far as a killed process is concerned."""
+        line = Line(key=run.key, command=run.command, code=self.code, wall_s=round(wall_s, 3), result=result)
+        self._file.write(msgspec.json.encode(line) + b"\n")
+        self._file.flush()
+        self.results[run.key] = result
+
+    def _load(self) -> None:
+        decoder, whole = msgspec.json.Decoder(Line), True
+        for raw in iter(lambda: self._file.readline(MAX_LINE_BYTES), b""):
+            whole = raw.endswith(b"\n")
+            try:
+                line = decoder.decode(raw)
+            except (msgspec.DecodeError, UnicodeDecodeError):
+                continue
+            if line.code == self.code:
+                self.results[line.key] = line.result
+            else:
+                self.outdated += 1
+        if not whole:
+            self._file.write(b"\n")
+
+
+def _claimed(folder: Path) -> BinaryIO:
+    """The file of results, open at its beginning for reading, appending, and nobody else."""
+    try:
+        folder.mkdir(parents=True, exist_ok=True)
+        if not (folder / RUNS_FILE).exists() and any(folder.iterdir()):
+            raise InputError("--out", str(folder), f"a new or empty folder, or one with the {RUNS_FILE} of a sweep")
+        file = (folder / RUNS_FILE).open("a+b")
+        fcntl.flock(file, fcntl.LOCK_EX | fcntl.LOCK_NB)
+    except BlockingIOError:
+        raise InputError("--out", str(folder), "a folder that no other sweep is writing") from None
+    except OSError as error:
+        why = (error.strerror or str(error)).lower()
+        raise InputError("--out", str(folder), f"a folder that can be written ({why})") from None
+    file.seek(0)
+    return file
+
+
+@lru_cache(maxsize=1)
+def code_fingerprint() -> str:
+    """What decides results: the library's and the measures' source, and the versions below them."""
+    library = Path(edc_swarm.__file__).parent
+    digest = hashlib.sha256("".join(f"{name}={version(name)};" for name in PACKAGES).encode())
+    for path in sorted(library.rglob("*.py")):
+        if path.relative_to(library).as_posix() not in DECIDE_NO_RESULT:
+            digest.update(path.read_bytes())
+    digest.update((Path(__file__).parent / "trials.py").read_bytes())
+    return digest.hexdigest()[:16]
+
+
+class Scheduler(Protocol):
+    """Makes runs somewhere."""
+
+    def results(self, runs: Sequence[Run]) -> Iterator[tuple[Run, Any, float]]:
+        """Each run with its result and the wall time it took, in the order in which they end."""
+        ...
+
+
+def sweep(runs: Iterable[Run], ledger: Ledger, scheduler: Scheduler, title: str = "sweep") -> dict[str, Any]:
+    """Make all runs that `ledger` does not hold yet; the results of all, by key.
+
+    Raises
+    ------
+    SweepError
+        A run failed; its command is in the error.
+    """
+    wanted = {run.key: run for run in runs}
+    missing = [run for key, run in wanted.items() if key not in ledger.results]
+    with _bar() as bar:
+        task = bar.add_task(title, total=len(wanted), completed=len(wanted) - len(missing))
+        for group, by in (
+            ([run for run in missing if not run.alone], scheduler),
+            ([run for run in missing if run.alone], Local(1)),
+        ):
+            for run, result, wall_s in by.results(group):
+                ledger.add(run, result, wall_s)
+                bar.advance(task)
+    return {key: ledger.results[key] for key in wanted}
+
+
+def make(run: Run, code: str) -> tuple[Any, float]:
+    """Make one run, in whatever process; its result and the wall time it took.
+
+    Raises
+    ------
+    SweepError
+        The run failed, or this process has other code than the sweep.
+    """
+    if code != code_fingerprint():
+        raise SweepError(f"a worker has another version of edc-swarm ({code_fingerprint()}, not {code})")
+    module, _, function = run.measure.partition(":")
+    measure: Callable[..., Any] = getattr(importlib.import_module(module), function)
+    begun_s = time.perf_counter()
+    try:
+        result = measure(run.mission)
+    except Exception as error:
+        raise SweepError(f"{run.command}: {type(error).__name__}: {error}") from error
+    return result, time.perf_counter() - begun_s
+
+
+class Local:
+    """Processes on this machine; with one job, this very process."""
+
+    def __init__(self, jobs: int) -> None:
+        self._jobs = jobs
+
+    def results(self, runs: Sequence[Run]) -> Iterator[tuple[Run, Any, float]]:
+        """See `Scheduler`."""
+        jobs = min(self._jobs, len(runs))
+        if jobs <= 1:
+            yield from ((run, *make(run, code_fingerprint())) for run in runs)
+            return
+        spawn = multiprocessing.get_context("spawn")
+        before = set(multiprocessing.active_children())
+        with ProcessPoolExecutor(jobs, mp_context=spawn, initializer=_begin_worker, initargs=(os.getpid(),)) as pool:
+            try:
+                yield from _windowed(lambda run: pool.submit(make, run, code_fingerprint()), runs, jobs * IN_FLIGHT)
+            except BrokenProcessPool:
+                raise SweepError("a worker process died (out of memory?); run it again to go on") from None
+            except BaseException:
+                _end(pool, set(multiprocessing.active_children()) - before)
+                raise
+
+
+def _windowed(
+    submit: Callable[[Run], Future[tuple[Any, float]]], runs: Sequence[Run], window: int
+) -> Iterator[tuple[Run, Any, float]]:
+    """Results as they come, with at most `window` runs under way."""
+    waiting = iter(runs)
+    pending = {submit(run): run for run in islice(waiting, window)}
+    while pending:
+        done, _ = wait(pending, return_when=FIRST_COMPLETED)
+        for future in done:
+            yield (pending.pop(future), *future.result())
+            pending.update((submit(run), run) for run in islice(waiting, 1))
+
+
+def _begin_worker(parent_pid: int) -> None:
+    """End with the command, which alone hears Ctrl-C."""
+    die_with_parent(parent_pid)
+    signal.signal(signal.SIGINT, signal.SIG_IGN)
+
+
+def _end(pool: ProcessPoolExecutor, workers: Iterable[multiprocessing.Process]) -> None:
+    """Do not wait for runs that nobody wants any more."""
+    pool.shutdown(wait=False, cancel_futures=True)
+    for worker in workers:
+        worker.kill()
+
+
+class Dask:
+    """A Dask cluster (extra `cluster`), whose workers have the same edc-swarm installed."""
+
+    def __init__(self, client: Any) -> None:
+        self._client = client
+
+    def results(self, runs: Sequence[Run]) -> Iterator[tuple[Run, Any, float]]:
+        """See `Scheduler`."""
+        import distributed  # noqa: PLC0415 - an extra
+
+        threads = sum(worker["nthreads"] for worker in self._client.scheduler_info(n_workers=-1)["workers"].values())
+        waiting, code = iter(runs), code_fingerprint()
+        pending = {self._submit(run, code): run for run in islice(waiting, max(1, threads) * IN_FLIGHT)}
+        done = distributed.as_completed(list(pending))
+        try:
+            for future in done:
+                yield (pending.pop(future), *future.result())
+                for run in islice(waiting, 1):
+                    following = self._submit(run, code)
+                    pending[following] = run
+                    done.add(following)
+        finally:
+            self._client.cancel(list(pending))
+
+    def _submit(self, run: Run, code: str) -> Any:
+        return self._client.submit(make, run, code, pure=False)
+
+
+@contextmanager
+def open_scheduler(address: str | None, jobs: int | None) -> Iterator[Scheduler]:
+    """Local processes, or the Dask cluster at `address`.
+
+    Raises
+    ------
+    InputError
+        A number of jobs that makes no sense, or a scheduler that does not answer.
+    """
+    if jobs is not None and not 1 <= jobs <= MAX_JOBS:
+        raise InputError("--jobs", jobs, f"between 1 and {MAX_JOBS}")
+    with ExitStack() as stack:
+        yield Local(jobs or os.cpu_count() or 1) if address is None else Dask(stack.enter_context(_client(address)))
+
+
+def _client(address: str) -> Any:
+    try:
+        import distributed  # noqa: PLC0415 - an extra
+    except ImportError:
+        raise InputError("--scheduler", address, "left out, or: pip install 'edc-swarm[cluster]'") from None
+    try:
+        client = distributed.Client(address, timeout=CONNECT_S, set_as_default=False)
+    except (OSError, ValueError, TypeError) as error:
+        why = str(error).splitlines()[0]
+        raise InputError("--scheduler", address, f"the address of a Dask scheduler that answers ({why})") from None
+    if not client.scheduler_info()["workers"]:
+        client.close()
+        raise InputError("--scheduler", address, "a Dask scheduler that has workers")
+    return client
+
+
+def _bar() -> Progress:
+    columns = (
+        TextColumn("{task.description}"),
+        BarColumn(),
+        MofNCompleteColumn(),
+        TimeElapsedColumn(),
+        TimeRemainingColumn(),
+    )
+    return Progress(*columns, console=Console(stderr=True))
