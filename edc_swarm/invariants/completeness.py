@@ -6,7 +6,7 @@ from collections.abc import Iterator
 
 from edc_swarm.invariants.evidence import Evidence
 from edc_swarm.invariants.report import GuaranteeResult, Violation, verdict
-from edc_swarm.recording import Gap, unknown_tails
+from edc_swarm.recording import Gap, Recording, unknown_tails
 
 
 def check_no_loss(evidence: Evidence) -> GuaranteeResult:
@@ -15,7 +15,7 @@ def check_no_loss(evidence: Evidence) -> GuaranteeResult:
     found = [_lost(gap) for gap in evidence.gaps]
     found += [Violation("unreadable", problem) for problem in recording.problems]
     found += _dropped(evidence)
-    notes = [f"tail unknown: {key} of {instance or 'unnamed'}" for key, instance in unknown_tails(recording)]
+    notes = list(_unknown_tails(recording))
     notes += [f"not a message: {g.topic} ({g.reason})" for g in recording.garbage]
     return verdict("G5", "No loss in the record", found, notes)
 
@@ -25,6 +25,16 @@ def _lost(gap: Gap) -> Violation:
     if gap.duplicate:
         return Violation("duplicate", f"{publisher}: message {gap.first} is recorded more than once")
     return Violation("gap", f"{publisher}: messages {gap.first} to {gap.last} are missing ({gap.count})")
+
+
+def _unknown_tails(recording: Recording) -> Iterator[str]:
+    """One note per publisher that never said its last words."""
+    keys: dict[str, list[str]] = {}
+    for key, instance in unknown_tails(recording):
+        keys.setdefault(instance or "unnamed", []).append(key)
+    for instance, silent in keys.items():
+        more = f" and {len(silent) - 1} more" if len(silent) > 1 else ""
+        yield f"tail unknown: {silent[0]}{more} of {instance}"
 
 
 def _dropped(evidence: Evidence) -> Iterator[Violation]:

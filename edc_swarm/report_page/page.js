@@ -60,8 +60,9 @@
   const stateOf = (k, at, hit, i) => {
     if (hit.has(k)) return "overlap";
     if (!heard[i * K + k]) return "silent";
-    return Math.hypot(at[0] - page.target_m[k][0], at[1] - page.target_m[k][1]) <= ARRIVED_M ? "arrived" : "flying";
+    return isThere(k, at) ? "arrived" : "flying";
   };
+  const isThere = (k, at) => Math.hypot(at[0] - page.target_m[k][0], at[1] - page.target_m[k][1]) <= ARRIVED_M;
   const colourOf = { overlap: "--vermillion", silent: "--grey", arrived: "--green", flying: "--blue" };
   const drawGrid = (g, v) => {
     const [left, low, right, high] = page.extent_m;
@@ -88,7 +89,7 @@
     g.strokeStyle = colours["--soft"]; g.lineWidth = 1; g.globalAlpha = 0.35; g.setLineDash([]);
     path(g, [[v.x(at[0]), v.y(at[1])], [x, y]]);
     g.globalAlpha = 0.9; g.lineWidth = 1.4;
-    g.strokeRect(x - 3, y - 3, 6, 6);
+    if (!isThere(k, at)) g.strokeRect(x - 3, y - 3, 6, 6);
     g.globalAlpha = 1;
   };
   const drawTrail = (g, v, k) => {
@@ -113,16 +114,17 @@
     }
   };
   const drawLabel = (g, v, k, at, leads) => {
-    const [x, y, r] = [v.x(at[0]), v.y(at[1]), v.scale * page.r_m[k]];
-    const words = page.uavs[k], size = Math.min(12, r * 0.8);
-    g.textAlign = "center"; g.textBaseline = "middle"; g.fillStyle = colours["--ink"];
-    const fits = (px) => { g.font = `${px}px system-ui, sans-serif`; return px >= 7.5 && g.measureText(words).width <= 1.9 * r; };
-    if (fits(size)) g.fillText(words, x, y + (leads ? size * 0.55 : 0));
-    if (leads) {
-      const px = Math.max(11, Math.min(14, r * 0.8));
-      g.font = `700 ${px}px system-ui, sans-serif`;
-      g.fillText("H", x, fits(size) ? (g.font = `700 ${px}px system-ui, sans-serif`, y - size * 0.6) : y);
-    }
+    const [x, y, r] = [v.x(at[0]), v.y(at[1]), v.scale * page.r_m[k]], words = page.uavs[k];
+    g.font = "10px system-ui, sans-serif";
+    const px = Math.min(12, 0.8 * r, 10 * 1.85 * r / g.measureText(words).width), named = px >= 7;
+    if (named) write(g, words, `${px}px`, x, y + (leads ? 0.55 * px : 0));
+    if (leads) write(g, "H", `700 ${Math.max(11, Math.min(14, 0.8 * r))}px`, x, y - (named ? 0.65 * px : 0));
+  };
+  const write = (g, words, font, x, y) => {
+    g.font = `${font} system-ui, sans-serif`; g.textAlign = "center"; g.textBaseline = "middle";
+    g.strokeStyle = colours["--panel"]; g.lineWidth = 2.5; g.lineJoin = "round"; g.setLineDash([]);
+    g.strokeText(words, x, y);
+    g.fillStyle = colours["--ink"]; g.fillText(words, x, y);
   };
 
   // ---- plots ----
@@ -254,7 +256,7 @@
   };
   const layout = () => {
     const style = getComputedStyle(document.documentElement);
-    colours = Object.fromEntries(["--ink", "--soft", "--line", "--blue", "--green", "--vermillion", "--grey"].map((n) => [n, style.getPropertyValue(n).trim()]));
+    colours = Object.fromEntries(["--ink", "--panel", "--soft", "--line", "--blue", "--green", "--vermillion", "--grey"].map((n) => [n, style.getPropertyValue(n).trim()]));
     const [left, low, right, high] = page.extent_m;
     map.style.height = `${Math.round(Math.max(280, Math.min(map.clientWidth * (high - low) / Math.max(1e-9, right - left), map.clientWidth, 760)))}px`;
     const host = byId("plots");
