@@ -355,11 +355,13 @@ def test_halves_hold_and_finish_after_healing() -> None:
 
 def test_heavy_loss_and_then_none() -> None:
     """After a minute in which almost nothing gets through, one head leads everybody again."""
-    flight = Flight("link *>* loss 0.9 reorder 0.3 @5 for 60", max_slots=90, planner=Circling)
+    fault = "link *>* loss 0.9 reorder 0.3 @5 for 60"
+    flight = Flight(fault, max_slots=90, planner=Circling, handover_margin=10.0)
     last = flight.reports[-1]
     assert last.slot == 89
     assert last.unheard == []
-    assert len({report.term for report in flight.reports if report.slot > 80}) == 1
+    assert flight.missed(75, 89) == 0
+    assert len({report.term for report in flight.reports if report.slot >= 75}) == 1
 
 
 @pytest.mark.parametrize("uavs", [1, 2, 3])
