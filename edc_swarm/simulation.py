@@ -184,6 +184,7 @@ class Simulation:
         self._publish_event("end", "completed" if completed else "max_slots")
         last = {self._keys.mission: 0, self._keys.event(OPERATOR): self._operator_seq}
         self._publish_event("closed", msgspec.json.encode(last).decode())
+        self._heap.clear()  # What is left would tie this swarm, planners and all, into a cycle.
         return SimulationEnd(completed, self.slot + 1, self.motions)
 
     # --- the mission's course ----------------------------------------------------------------

@@ -12,8 +12,9 @@ from typing import Any
 import msgspec
 import numpy as np
 import pytest
+from numpy.typing import NDArray
 
-from edc_swarm import fuzzing, head, node, vehicle
+from edc_swarm import fuzzing, node, vehicle
 from edc_swarm.config import Mission
 from edc_swarm.election import Election
 from edc_swarm.head import Head, Office
@@ -226,6 +227,27 @@ def hull_reset_by_a_duplicate_fix(patch: Patch) -> None:
     patch.setattr(Knowledge, "hear_fix", mutant)
 
 
+def joint_row_only(patch: Patch) -> None:
+    """Of the four corners only "both move" is kept: what one closes in, the other may make up for."""
+
+    def mutant(self: slot_qp.Problem, step_m: NDArray[np.float64]) -> tuple[Any, Any]:
+        moved = (self.normal * (step_m[self.second] - step_m[self.first])).sum(axis=1)
+        return np.maximum(moved, 0.0), np.zeros(len(moved))
+
+    patch.setattr(slot_qp.Problem, "closing_m", mutant)
+
+
+def negative_gap_taken(patch: Patch) -> None:
+    """Where there is no room, steps are not slowed down."""
+    share = certificate._share
+
+    def mutant(closing_m: NDArray[np.float64], room_m: NDArray[np.float64]) -> Any:
+        return np.where(room_m < slot_qp.DELTA_M, 1.0, share(closing_m, room_m))
+
+    patch.setattr(certificate, "_share", mutant)
+    patch.setattr(certificate, "_refused", lambda _problem, waypoint_m: np.zeros(len(waypoint_m), dtype=bool))
+
+
 DEFECTS: list[tuple[Defect, int, int]] = [
     (quorum_of_half, 0, 60),
     (second_grant_in_one_term, 0, 60),
@@ -245,6 +267,8 @@ DEFECTS: list[tuple[Defect, int, int]] = [
     (never_heard_uav_left_out, 0, 200),
     (ball_one_slot_short, 0, 200),
     (hull_reset_by_a_duplicate_fix, 0, 200),
+    (joint_row_only, 0, 60),
+    (negative_gap_taken, 0, 60),
 ]
 
 
