@@ -20,7 +20,7 @@ from edc_swarm.election import Election
 from edc_swarm.head import Head, Office
 from edc_swarm.knowledge import Knowledge
 from edc_swarm.messages import Command, Fix
-from edc_swarm.node import Effect, Persist, Received, UavNode
+from edc_swarm.node import Effect, Persist, UavNode
 from edc_swarm.solver import certificate, slot_qp
 
 Patch = pytest.MonkeyPatch
