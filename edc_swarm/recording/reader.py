@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable
+from functools import cache
 from operator import attrgetter
 from pathlib import Path
 from typing import Any, BinaryIO
@@ -102,8 +103,7 @@ def _decoder(topic: str, kind: type[Any]) -> Decode:
     """
     if kind not in {Fix, Truth, Command}:
         return lambda payload: decode(topic, payload)
-    decode_json = msgspec.json.Decoder(kind).decode
-    floats = attrgetter(*(f.name for f in msgspec.structs.fields(kind) if f.type is float))
+    decode_json, floats = _fast(kind)
     ends = ("head", "uav") if kind is Command else ("uav",)
     sender = attrgetter(*ends)
     parts = topic.split("/")
@@ -119,6 +119,13 @@ def _decoder(topic: str, kind: type[Any]) -> Decode:
         return message
 
     return fast
+
+
+@cache
+def _fast(kind: type[Any]) -> tuple[Callable[[bytes], Any], Callable[[Any], tuple[float, ...]]]:
+    """Decoder of a kind, and all its floats; made once, since a recording has hundreds of topics."""
+    floats = attrgetter(*(field.name for field in msgspec.structs.fields(kind) if field.type is float))
+    return msgspec.json.Decoder(kind).decode, floats
 
 
 def _read_metadata(file: McapFile, recording: Recording) -> None:
