@@ -1,0 +1,206 @@
+"""What viewers are shown: scenes that say what the messages say, in the form that viewers accept."""
+
+from __future__ import annotations
+
+import json
+import math
+from typing import Any
+
+import msgspec
+import pytest
+from foxglove_schemas_protobuf.LocationFix_pb2 import LocationFix
+from foxglove_schemas_protobuf.Log_pb2 import Log
+from foxglove_schemas_protobuf.SceneUpdate_pb2 import SceneUpdate
+from google.protobuf.descriptor_pb2 import FileDescriptorSet
+from google.protobuf.descriptor_pool import DescriptorPool
+from google.protobuf.message_factory import GetMessageClass
+from hypothesis import given
+from hypothesis import strategies as st
+from synthetic import EPOCH_NS, OFFSET_M, SLOT_NS, at, change, flight, mission_of, parallel
+
+from edc_swarm.messages import Command, Event, Fix, Message, Report
+from edc_swarm.viz import Scenery, Shown, channel_of, layout, topic_of
+from edc_swarm.viz.channels import Status
+from edc_swarm.viz.scenery import gaps
+from edc_swarm.viz.shapes import RED, colour_of
+
+
+def shown(messages: list[Message], until_ns: int | None = None) -> list[Shown]:
+    """All that is shown of a mission, up to a time."""
+    scenery, said = Scenery(), []
+    for message in sorted(messages, key=lambda message: message.sent_ns):
+        if until_ns is not None and message.sent_ns > until_ns:
+            break
+        said += scenery.advance(message.sent_ns)
+        scenery.hear(message, message.sent_ns)
+    return said + (scenery.advance(until_ns) if until_ns is not None else [])
+
+
+def scene(messages: list[Message], name: str, slot: float) -> dict[str, Any]:
+    """Entities of the last scene on a topic, by id, at a time in slots."""
+    said = [each for each in shown(messages, EPOCH_NS + round(slot * SLOT_NS)) if each.topic == f"/viz/{name}"]
+    return {entity.id: entity for entity in SceneUpdate.FromString(said[-1].payload).entities}
+
+
+@pytest.fixture
+def messages() -> list[Message]:
+    """Three UAVs that fly north side by side; u0 leads. The mission is published at its epoch."""
+    said = flight(parallel())
+    return [msgspec.structs.replace(said[0], sent_ns=EPOCH_NS), *[m for m in said[1:] if m.sent_ns]]
+
+
+def test_the_same_messages_give_the_same_bytes(messages: list[Message]) -> None:
+    """Nothing of the view depends on anything else."""
+    assert shown(messages) == shown(messages)
+
+
+def test_every_scene_is_a_full_snapshot(messages: list[Message]) -> None:
+    """A viewer that seeks loads only the last message: all that was shown before must go."""
+    scenes = [each for each in shown(messages) if channel_of(each.topic).schema_name == "foxglove.SceneUpdate"]
+    assert len({each.topic for each in scenes}) == 5
+    for each in scenes:
+        update = SceneUpdate.FromString(each.payload)
+        assert [deletion.type for deletion in update.deletions] == [1]
+        assert all(entity.frame_id == "map" for entity in update.entities)
+
+
+def test_discs_are_where_the_fixes_say(messages: list[Message]) -> None:
+    """At a tick in mid-slot a disc is half-way along its executed step, the body at its offset in it."""
+    change(messages, {"slot": 4}, Fix, waypoint_y_m=8.0, from_y_m=6.0)
+    messages[0] = msgspec.structs.replace(messages[0], sent_ns=EPOCH_NS + SLOT_NS // 2)
+    disc, body = scene(messages, "uavs", 4.5)["u1"].cylinders
+    assert (disc.pose.position.x, disc.pose.position.y, disc.size.x) == (12.0, 7.0, 10.0)
+    assert (body.pose.position.x, body.pose.position.y) == pytest.approx((12.0 + OFFSET_M[0], 7.0 + OFFSET_M[1]))
+
+
+def test_the_head_is_marked_and_standbys_are_numbered(messages: list[Message]) -> None:
+    """A second ring and an H; labels stand clear of the disc."""
+    change(messages, {}, Report, standby=["u2", "u1"])
+    entities = scene(messages, "uavs", 3)
+    assert {name: entity.texts[0].text for name, entity in entities.items()} == {
+        "u0": "u0  H",
+        "u1": "u1  s2",
+        "u2": "u2  s1",
+    }
+    assert len(entities["u0"].lines) == len(entities["u1"].lines) + 1
+    label, disc = entities["u1"].texts[0], entities["u1"].cylinders[0]
+    assert label.pose.position.y - label.font_size / 2 > disc.pose.position.y + disc.size.y / 2
+
+
+def test_overlapping_discs_are_red(messages: list[Message]) -> None:
+    """And only they."""
+    change(messages, {"uav": "u1", "slot": 3}, Fix, waypoint_x_m=5.0, from_x_m=5.0)
+    colours = {n: (e.cylinders[0].color.r, e.cylinders[0].color.g) for n, e in scene(messages, "uavs", 4).items()}
+    assert colours["u0"] == colours["u1"] == RED[:2]
+    assert colours["u2"] == colour_of(2)[:2]
+
+
+def test_hulls_of_the_unheard_are_outlined_with_their_radius(messages: list[Message]) -> None:
+    """Every vertex is at the hull's radius plus the GPS error from the segment."""
+    hull = {"hull_ax_m": [0.0], "hull_ay_m": [0.0], "hull_bx_m": [4.0], "hull_by_m": [0.0], "hull_r_m": [2.5]}
+    change(messages, {"slot": 3}, Report, hull_uav=["u2"], unheard=["u2"], **hull)
+    (outline,) = scene(messages, "hulls", 4)["u2"].lines
+    for point in outline.points:
+        beyond_m = max(0.0, -point.x, point.x - 4.0)
+        assert math.hypot(beyond_m, point.y) == pytest.approx(7.5)
+    assert scene(messages, "hulls", 3) == {}
+
+
+def test_trails_fade_and_commands_are_drawn(messages: list[Message]) -> None:
+    """A trail has one colour per point, opaque at its new end; a command is its step."""
+    (trail,) = scene(messages, "trails", 6)["u1"].lines
+    alphas = [colour.a for colour in trail.colors]
+    assert len(trail.points) == len(alphas) > 4
+    assert alphas == sorted(alphas)
+    change(messages, {}, Command, speed_mps=4.0)
+    (step,) = scene(messages, "commands", 3)["u1"].lines
+    assert [(p.x, p.y) for p in step.points] == [at(parallel()[1], 2), at(parallel()[1], 3)]
+
+
+def test_the_area_holds_all_starts_and_targets() -> None:
+    """Missions of a file may lie anywhere."""
+    mission = mission_of([[(-30.0, 4.0), (500.0, 4.0)]], area_m2=100.0, sent_ns=EPOCH_NS)
+    fence = scene([mission], "area", 1)["geofence"].lines[0]
+    assert {p.x for p in fence.points} == {-30.0, 500.0}
+
+
+def test_events_are_logged_with_their_source() -> None:
+    """Faults as warnings."""
+    event = Event(source="operator", kind="fault", detail="kill u1 @3s", sent_ns=EPOCH_NS, slot=6)
+    (said,) = shown([event], EPOCH_NS + 1)
+    log = Log.FromString(said.payload)
+    assert (log.message, log.name, log.level) == ("fault: kill u1 @3s", "operator", Log.WARNING)
+
+
+def test_positions_on_the_map_state_their_covariance(messages: list[Message]) -> None:
+    """A viewer draws no error ellipse for an unknown type."""
+    change(messages, {}, Fix, lat_deg=47.4, lon_deg=8.5)
+    fix = LocationFix.FromString(next(s for s in shown(messages)[::-1] if s.topic == "/viz/location/u1").payload)
+    assert (fix.latitude, fix.longitude) == (47.4, 8.5)
+    assert fix.position_covariance_type == LocationFix.DIAGONAL_KNOWN
+    assert list(fix.position_covariance) == [6.25, 0, 0, 0, 6.25, 0, 0, 0, 0]
+
+
+def test_the_last_words_of_a_mission_with_one_uav() -> None:
+    """No pair, no gap, no failure."""
+    messages = flight(parallel(uavs=1))
+    said = shown([msgspec.structs.replace(messages[0], sent_ns=EPOCH_NS), *messages[1:]])
+    status = msgspec.json.decode(next(s for s in said if s.topic == "/viz/status").payload, type=Status)
+    assert status.gap_m == 0.0
+
+
+def test_every_topic_is_described_by_a_schema_that_stands_alone(messages: list[Message]) -> None:
+    """A reader that has only the file can decode every message."""
+    for each in {each.topic: each for each in shown(messages)}.values():
+        channel = channel_of(each.topic)
+        assert channel is not None
+        if channel.encoding == "json":
+            assert json.loads(each.payload).keys() == json.loads(channel.schema_data)["properties"].keys()
+            continue
+        pool = DescriptorPool()
+        for file in FileDescriptorSet.FromString(channel.schema_data).file:
+            pool.Add(file)
+        kind = GetMessageClass(pool.FindMessageTypeByName(channel.schema_name))
+        assert kind.FromString(each.payload).SerializeToString(deterministic=True) == each.payload
+
+
+def test_topics_leave_the_mission_out() -> None:
+    """So one layout fits every recording."""
+    assert topic_of("swarm/m-1/viz/location/u1") == "/viz/location/u1"
+    assert topic_of("swarm/m-1/uav/u1/fix") is None
+    assert channel_of("/viz/other") is None
+
+
+def test_the_layout_shows_only_what_there_is(messages: list[Message]) -> None:
+    """Topics, message paths and panels all exist; both viewers find their title."""
+    whole = layout(mission_of(parallel()))
+    topics, panels = {each.topic for each in shown(messages)}, whole["configById"]
+    assert set(panels["3D!swarm"]["topics"]) <= topics
+    for config in panels.values():
+        assert config["foxglovePanelTitle"] == config["lichtblickPanelTitle"]
+        for path in config.get("paths", []):
+            topic, _, name = path["value"].rpartition(".")
+            assert topic in topics
+            assert name in Status.__struct_fields__
+    assert _leaves(whole["layout"]) == set(panels)
+
+
+def _leaves(node: Any) -> set[str]:
+    return {node} if isinstance(node, str) else _leaves(node["first"]) | _leaves(node["second"])
+
+
+@given(st.lists(st.tuples(st.tuples(st.floats(0, 60), st.floats(0, 60)), st.floats(0.5, 8)), max_size=9))
+def test_gaps_are_those_of_all_pairs(discs: list[tuple[tuple[float, float], float]]) -> None:
+    """Looking from left to right misses no pair."""
+    named = [(centre, r_m, str(k)) for k, (centre, r_m) in enumerate(discs)]
+    pairs = [
+        (math.hypot(a[0][0] - b[0][0], a[0][1] - b[0][1]) - a[1] - b[1], {a[2], b[2]})
+        for i, a in enumerate(named)
+        for b in named[i + 1 :]
+    ]
+    found = gaps(named)
+    assert found.overlapping == set().union(*(names for gap_m, names in pairs if gap_m < -1e-9))
+    if pairs:
+        assert found.least_m == pytest.approx(min(gap_m for gap_m, _ in pairs))
+    else:
+        assert found.least_m is None
