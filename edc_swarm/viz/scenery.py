@@ -112,7 +112,7 @@ class Scenery:
                 self._uavs[message.uav].truth = message
             case Command() if message.uav in self._uavs:
                 self._uavs[message.uav].command = message
-            case Report():
+            case Report() if self._mission is not None:
                 self._hear_report(message, now_ns)
             case Event():
                 self._said.append(Shown(ROOT + channels.LOG, now_ns, _log(message, now_ns)))
