@@ -123,9 +123,9 @@ def _forms(results: Mapping[str, Any], runs: Sequence[Run]) -> str:
     if not apart_m:
         return ""
     return (
-        f"<p>Up to {PRINTED_UAVS} UAVs the paper's model is flown as printed in the first runs of each point, beyond with"
-        f" its dotted variables eliminated: in {len(apart_m)} missions solved in both forms the paths differ by at most"
-        f" {max(apart_m):.1e} m.</p>"
+        f"<p>Up to {PRINTED_UAVS} UAVs the paper's model is flown as printed in the first runs of each point, beyond"
+        f" with its dotted variables eliminated: in {len(apart_m)} missions solved in both forms the paths differ"
+        f" by at most {max(apart_m):.1e} m.</p>"
     )
 
 
@@ -140,7 +140,7 @@ def _long(result: Mapping[str, Any]) -> str:
     )
     return (
         f'<section id="{LONG}"><h2>Who pays for leading: election by energy in a long mission</h2>'
-        f"<p><code>{escape(LONG_RUN.command)}</code>: batteries that begin nearly equal, and a radio that costs 0.5 J a"
+        f"<p><code>{escape(LONG_RUN.command)}</code>: batteries that begin nearly equal, and a radio that costs 1 J a"
         f" message. {leaders} UAVs led in {len(heads)} terms; each handed over when another battery was more than 0.5 %"
         f" better.{escape(ended) or ' No battery ran empty.'}</p>"
         f'<img src="{LONG}.svg" alt="Batteries and heads over time"><table><tr>{head}</tr>{body}</table>'

@@ -18,6 +18,9 @@ from edc_swarm.figures.table import Row, line
 
 SIZE_IN = (5.4, 3.7)
 DPI = 200
+BAND_SHARE = 1.6
+"""Bands wider than this share of the greatest mean are cut off."""
+ZERO = 1e-6
 STYLES: dict[str, tuple[str, str, str]] = {
     "straight": ("#D55E00", "s", "--"),
     "bound": ("#000000", "", ":"),
@@ -30,7 +33,7 @@ STYLES: dict[str, tuple[str, str, str]] = {
 }
 """Colour, marker and dashes of each line."""
 HEADS = ("#0072B2", "#E69F00", "#009E73", "#CC79A7", "#D55E00", "#56B4E9", "#F0E442", "#000000")
-RC = {
+RC: Any = {
     "font.size": 10,
     "axes.grid": True,
     "grid.color": "#dddddd",
@@ -60,7 +63,7 @@ def draw_figure(figure: Figure, rows: Sequence[Row], stem: Path) -> None:
         picture, axes = plt.subplots(figsize=SIZE_IN, layout="constrained")
         for series in figure.series:
             _draw_line(axes, rows, series.name, series.label)
-        _finish_axes(axes, figure)
+        _finish_axes(axes, figure, rows)
         _save(picture, stem)
 
 
@@ -73,16 +76,18 @@ def _draw_line(axes: Any, rows: Sequence[Row], name: str, label: str) -> None:
     axes.plot(points.x, points.mean, color=colour, marker=marker, linestyle=dashes, label=label, markersize=5)
 
 
-def _finish_axes(axes: Any, figure: Figure) -> None:
+def _finish_axes(axes: Any, figure: Figure, rows: Sequence[Row]) -> None:
     axes.set_xlabel(figure.axis.label)
     axes.set_ylabel(figure.label)
     axes.set_xticks(figure.axis.values, [f"{value:,.0f}".replace(",", " ") for value in figure.axis.values])
+    means = [row.mean for row in rows]
     if figure.logarithmic:
         axes.set_yscale("log")
-    elif axes.get_ylim()[0] >= 0:
-        axes.set_ylim(bottom=0)
-    else:
+    elif min(means) < -ZERO:
         axes.axhline(0, color="#000000", linewidth=0.8)
+    else:
+        most = max(means) or 1.0
+        axes.set_ylim(-0.02 * most, min(axes.get_ylim()[1], BAND_SHARE * most))
     axes.legend(loc="best")
     axes.set_title(f"{figure.title} (bands: 95 % confidence)", fontsize=10, loc="left")
 

@@ -22,6 +22,7 @@ from contextlib import ExitStack, contextmanager
 from functools import lru_cache
 from importlib.metadata import version
 from itertools import islice
+from multiprocessing.process import BaseProcess
 from pathlib import Path
 from types import TracebackType
 from typing import Any, BinaryIO, Protocol
@@ -232,7 +233,7 @@ def _begin_worker(parent_pid: int) -> None:
     signal.signal(signal.SIGINT, signal.SIG_IGN)
 
 
-def _end(pool: ProcessPoolExecutor, workers: Iterable[multiprocessing.Process]) -> None:
+def _end(pool: ProcessPoolExecutor, workers: Iterable[BaseProcess]) -> None:
     """Do not wait for runs that nobody wants any more."""
     pool.shutdown(wait=False, cancel_futures=True)
     for worker in workers:

@@ -211,10 +211,10 @@ LONG_MISSION = Mission(
     name="long-energy",
     seed=1,
     uavs=12,
-    area_m2=4_000_000.0,
+    area_m2=16_000_000.0,
     dt_s=1.0,
     handover_margin=0.005,
-    energy=EnergyModel(radio_j_per_message=0.5, initial_min_j=90_000.0, initial_max_j=91_000.0),
+    energy=EnergyModel(radio_j_per_message=1.0, initial_min_j=140_000.0, initial_max_j=141_000.0),
 )
 """The same mission as `LONG_FILE`: batteries nearly equal, a radio that costs, hence heads that change."""
 LONG_RUN = Run(FLY_LONG, LONG_MISSION, file=LONG_FILE)

@@ -231,12 +231,12 @@ _FINDERS: dict[str, Callable[[Sequence[Row]], Found]] = {
         -1,
         "more UAVs have more conflicts to resolve, and each costs a detour; only a planner that avoids nothing is"
         " spared them",
-    ),  # fmt: skip
+    ),
     "5b": _extra(
         1,
         "a wider area has room, so fewer ways cross closely; ways get longer, but detours come from conflicts, not"
         " from length",
-    ),  # fmt: skip
+    ),
     "6a": _times,
     "6b": _times,
     "energy-plan": _energy_plan,

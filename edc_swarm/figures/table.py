@@ -58,7 +58,7 @@ def rows_of(figure: Figure, runs: int, results: Mapping[str, Any]) -> list[Row]:
                     min(values),
                     max(values),
                     incomplete,
-                )  # fmt: skip
+                )
             )
     return rows
 
