@@ -18,8 +18,11 @@ luck = lateness * 2 U(0, 1) drawn anew every W slots. Without it dense missions 
 The best response is found by A* over a lattice in space and time (nodes (layer, a, b), two slots a
 layer, spacing 2 u_max / sqrt(20); moves: stay, 12 of about half and 32 of nearly full speed), then
 improved off the lattice: way points are dropped while the cost does not rise ("string pulling") and
-nudged in space and time while it falls. A plan whose conflicts have gone is kept, pulled and nudged;
-it gives way to the straight line as soon as that is free.
+nudged in space and time while it falls. Before searching, the UAV tries to pass each opponent in turn
+on one side; where that is free and nearly as cheap as the straight line, no search is made. A plan that
+falls behind is put off, and dropped when that happens too often: it does not work out. A plan whose
+conflicts have gone is kept, pulled and nudged; it gives way to the straight line as soon as that is
+free.
 
 Random numbers are a hash of (seed, slot, UAV) and effort is counted in expansions, so the same
 requests give the same bytes on any head. A new head starts cold: all tracks are straight lines.
@@ -76,8 +79,8 @@ class Tuning:
     gamma: float = 0.92
     patience: float = 20.0
     cap: float = 8.0
-    greed: float = 1.1
-    expand: int = 600
+    greed: float = 1.6
+    expand: int = 400
     budget: int = 60_000
     rounds: int = 3
     delay: int = 4
@@ -119,7 +122,7 @@ class Guidance:
         self._weights = weights
         self._seed = seed
         self._tuning = tuning
-        self._memory = _Memory.empty(0, tuning.layers)
+        self._memory = _Memory.empty(0, max(tuning.layers, kernel.SIDESTEPS))
         self._scratch = _scratch(tuning)
         self._slot = -1
 
@@ -253,7 +256,6 @@ def _scratch(tuning: Tuning) -> kernel.Scratch:
         cost=np.zeros(nodes),
         price=np.zeros(nodes),
         parent=np.zeros(nodes, np.int8),
-        closed=np.zeros(nodes, np.int64),
         heap_cost=np.zeros(heap),
         heap_node=np.zeros(heap, np.int64),
         epoch=np.zeros(1, np.int64),

@@ -20,6 +20,11 @@ Floats = NDArray[np.float64]
 Ints = NDArray[np.int64]
 
 ARRIVED_M = 1e-9
+OPEN, PRICED, CLOSED = 0, 1, 2
+SIDESTEPS = 3
+"""Opponents that one plan passes at most without a search."""
+SLACK = 1.0
+"""Slots by which way points off the lattice may be cheaper than on it."""
 
 
 class Rules(NamedTuple):
@@ -76,13 +81,16 @@ class Plans(NamedTuple):
 
 
 class Scratch(NamedTuple):
-    """Work space of the lattice search, kept from call to call; `stamp` says which are current."""
+    """Work space of the lattice search, kept from call to call.
+
+    `stamp` of a node less the call's epoch is OPEN, PRICED (its own conflicts are in its cost) or
+    CLOSED; anything less belongs to an earlier call.
+    """
 
     stamp: NDArray[np.int64]
     cost: Floats
     price: Floats
     parent: NDArray[np.int8]
-    closed: NDArray[np.int64]
     heap_cost: Floats
     heap_node: Ints
     epoch: Ints
@@ -226,9 +234,17 @@ def effort(world: World, k: int, track: Floats) -> float:
 
 
 @njit(cache=True)
-def cost_of(world: World, k: int, track: Floats) -> float:
-    """What is minimised: effort plus conflicts."""
-    return effort(world, k, track) + conflict(world, k, track)
+def cost_of(world: World, k: int, track: Floats, bound: float) -> float:
+    """What is minimised: effort plus conflicts; or just any number above `bound` if it is above."""
+    rules, tracks, start_m, r_m, luck = world.rules, world.track, world.start_m, world.r_m, world.luck
+    gamma, head, link = world.gamma, world.head, world.link
+    cost = effort(world, k, track)
+    for t in range(1, track.shape[0]):
+        if cost > bound:
+            break
+        x, y = track[t, 0], track[t, 1]
+        cost += conflict_at(rules, tracks, start_m, r_m, luck, gamma, head, link, k, t, x, y)
+    return cost
 
 
 @njit(cache=True)
@@ -300,17 +316,18 @@ def pop(f: Floats, v: Ints, size: int) -> int:
 @njit(cache=True)
 def search(  # noqa: PLR0912, PLR0915 (one loop: splitting it costs a third of the speed)
     world: World, scratch: Scratch, k: int, layers: int, side: int, greed: float, limit: int,
-    slot: Ints, point_m: Floats,
+    bound: float, slot: Ints, point_m: Floats,
 ) -> tuple[int, int, float]:  # fmt: skip
-    """A* over the space-time lattice about vehicle k.
+    """A* over the space-time lattice about vehicle k, pricing a node only when it is first taken.
 
     Writes the way points of the path found and returns their number, the expansions spent and the
-    path's lattice cost. Nodes are (layer, a, b); the spacing makes the longest move two full steps.
+    path's lattice cost. Nodes that cannot lead to a path of at most `bound` are not entered. Nodes are
+    (layer, a, b); the spacing makes the longest move two full steps.
     """
     rules, tracks, start_m, r_m, luck = world.rules, world.track, world.start_m, world.r_m, world.luck
     gamma, head, link = world.gamma, world.head, world.link
     stamp, cost, price, parent = scratch.stamp, scratch.cost, scratch.price, scratch.parent
-    closed, heap_cost, heap_node = scratch.closed, scratch.heap_cost, scratch.heap_node
+    heap_cost, heap_node = scratch.heap_cost, scratch.heap_node
     move, move_length = scratch.move, scratch.move_length
     half = side // 2
     area = side * side
@@ -321,27 +338,44 @@ def search(  # noqa: PLR0912, PLR0915 (one loop: splitting it costs a third of t
     gb = round(min(max((world.goal_m[k, 1] - sy) / spacing, -1e6), 1e6))
     unit = spacing / rules.u_max_m
     wt, wd = rules.weight_time, rules.weight_distance
-    per_cell = greed * (wt + wd) * unit
-    scratch.epoch[0] += 1
+    true_per_cell = (wt + wd) * unit
+    per_cell = greed * true_per_cell
+    scratch.epoch[0] += CLOSED + 1
     epoch = scratch.epoch[0]
     node = half * side + half
-    stamp[node] = epoch
+    stamp[node] = epoch + PRICED
     cost[node] = 0.0
     parent[node] = -1
     size = push(heap_cost, heap_node, 0, per_cell * norm(ga, gb), node)
     spent = 0
     while size > 0:
-        node = heap_node[0]
+        node, promised = heap_node[0], heap_cost[0]
         size = pop(heap_cost, heap_node, size)
-        if closed[node] == epoch:
+        state = stamp[node] - epoch
+        if state == CLOSED:
             continue
-        closed[node] = epoch
         layer = node // area
+        a = (node // side) % side - half
+        b = node % side - half
+        ahead = per_cell * norm(a - ga, b - gb)
+        if promised != cost[node] + ahead:
+            continue  # Entered at another cost since: a newer entry is in the heap.
+        if state == OPEN:
+            x, y = sx + a * spacing, sy + b * spacing
+            here = 0.0
+            # A layer is two slots: the three nearest slots stand for it.
+            for t in range(2 * layer - 1, min(2 * layer + 1, last) + 1):
+                here += conflict_at(rules, tracks, start_m, r_m, luck, gamma, head, link, k, t, x, y)
+            price[node] = here * (2.0 / 3.0)
+            stamp[node] = epoch + PRICED
+            if here > 0.0:
+                cost[node] += price[node]
+                size = push(heap_cost, heap_node, size, cost[node] + ahead, node)
+                continue
+        stamp[node] = epoch + CLOSED
         if layer == layers or spent >= limit:
             break
         spent += 1
-        a = (node // side) % side - half
-        b = node % side - half
         at_goal = a == ga and b == gb
         so_far = cost[node]
         for m in range(len(move_length)):
@@ -350,28 +384,25 @@ def search(  # noqa: PLR0912, PLR0915 (one loop: splitting it costs a third of t
             if abs(na) > half or abs(nb) > half:
                 continue
             after = (layer + 1) * area + (na + half) * side + nb + half
-            if closed[after] == epoch:
+            state = stamp[after] - epoch
+            if state == CLOSED:
                 continue
             g = so_far + wd * move_length[m] * unit
             if na != ga or nb != gb:
                 g += 2.0 * wt
             elif not at_goal:
                 g += wt * move_length[m] * unit
-            if stamp[after] != epoch:
+            if state == PRICED:
+                g += price[after]
+            elif state < OPEN:
                 stamp[after] = epoch
                 cost[after] = np.inf
-                x, y = sx + na * spacing, sy + nb * spacing
-                here = 0.0
-                # A layer is two slots: the three nearest slots stand for it.
-                for t in range(2 * layer + 1, min(2 * layer + 3, last) + 1):
-                    here += conflict_at(rules, tracks, start_m, r_m, luck, gamma, head, link, k, t, x, y)
-                price[after] = here * (2.0 / 3.0)
-            g += price[after]
             if g < cost[after]:
                 cost[after] = g
                 parent[after] = m
-                estimate = g + per_cell * norm(na - ga, nb - gb)
-                size = push(heap_cost, heap_node, size, estimate, after)
+                away = norm(na - ga, nb - gb)
+                if g + true_per_cell * away <= bound:
+                    size = push(heap_cost, heap_node, size, g + per_cell * away, after)
     found = cost[node]
     count = node // area
     for n in range(count - 1, -1, -1):
@@ -413,7 +444,7 @@ def pull(
         s, x, y = slot[n], point_m[n, 0], point_m[n, 1]
         drop(count, slot, point_m, n)
         fly(world, k, count - 1, slot, point_m, track)
-        trial = cost_of(world, k, track)
+        trial = cost_of(world, k, track, cost)
         if trial <= cost:
             cost = trial
             count -= 1
@@ -444,7 +475,7 @@ def nudge(
                         slot[n] = s
                         continue
                 fly(world, k, count, slot, point_m, track)
-                trial = cost_of(world, k, track)
+                trial = cost_of(world, k, track, cost)
                 if trial < cost - 1e-9:
                     cost = trial
                     better = True
@@ -486,7 +517,7 @@ def sidestep(
     count = 0
     u_max = world.rules.u_max_m
     fly(world, k, 0, slot, point_m, track)
-    cost = cost_of(world, k, track)
+    cost = cost_of(world, k, track, np.inf)
     for _ in range(most):
         t = first_conflict(world, k, track)
         if t >= track.shape[0]:
@@ -519,7 +550,7 @@ def sidestep(
         )  # fmt: skip
         count += 1
         fly(world, k, count, slot, point_m, track)
-        cost = cost_of(world, k, track)
+        cost = cost_of(world, k, track, np.inf)
         cost = nudge(world, k, count, slot, point_m, track, cost, rounds, 0.4 * u_max)
         fly(world, k, count, slot, point_m, track)
     return count, cost
@@ -559,7 +590,7 @@ def replan(
     cost = now_conflict + effort(world, k, world.track[k])
     if now_conflict == 0.0:
         count, pulled = pull(world, k, count, slot, point_m, track, cost)
-        pulled = nudge(world, k, count, slot, point_m, track, pulled, rounds, 0.2 * world.rules.u_max_m)
+        pulled = nudge(world, k, count, slot, point_m, track, pulled, 1, 0.2 * world.rules.u_max_m)
         if pulled < cost - 1e-9:
             install(world, plans, k, count, slot, point_m)
         return 0
@@ -570,17 +601,17 @@ def replan(
         install(world, plans, k, 0, slot, point_m)
     plain = straight_cost - straight_conflict
     for turn in (1.0, -1.0):
-        count, trial = sidestep(world, k, turn, slot, point_m, track, 3, rounds)
+        count, trial = sidestep(world, k, turn, slot, point_m, track, SIDESTEPS, rounds)
         if trial < cost:
             cost = trial
             install(world, plans, k, count, slot, point_m)
     if cost < plain + easy and conflict(world, k, world.track[k]) == 0.0:
         return 0
-    count, spent, _ = search(world, scratch, k, layers, side, greed, limit, slot, point_m)
+    count, spent, _ = search(world, scratch, k, layers, side, greed, limit, cost + SLACK, slot, point_m)
     fly(world, k, count, slot, point_m, track)
-    trial = cost_of(world, k, track)
+    trial = cost_of(world, k, track, np.inf)
     count, trial = pull(world, k, count, slot, point_m, track, trial)
-    trial = nudge(world, k, count, slot, point_m, track, trial, rounds + 3, 0.4 * world.rules.u_max_m)
+    trial = nudge(world, k, count, slot, point_m, track, trial, rounds, 0.4 * world.rules.u_max_m)
     count, trial = pull(world, k, count, slot, point_m, track, trial)
     if trial < cost:
         install(world, plans, k, count, slot, point_m)

@@ -93,7 +93,7 @@ def test_search_finds_the_optimum_of_dynamic_programming(seed: int) -> None:
     spacing = 2 * 2.5 / math.sqrt(20)
     for k in (0, 4):
         count, spent, found = kernel.search(
-            world, guidance._scratch, k, TUNING.layers, TUNING.side, 1.0, TUNING.expand, slot, point_m
+            world, guidance._scratch, k, TUNING.layers, TUNING.side, 1.0, TUNING.expand, math.inf, slot, point_m
         )
         least, cells = lattice(world, k)
         assert count == TUNING.layers
@@ -116,7 +116,7 @@ def test_search_path_costs_what_it_says(seed: int) -> None:
     spacing = 2 * 2.5 / math.sqrt(20)
     goal = np.rint((world.goal_m[1] - world.start_m[1]) / spacing)
     count, _, found = kernel.search(
-        world, guidance._scratch, 1, TUNING.layers, TUNING.side, 1.0, TUNING.expand, slot, point_m
+        world, guidance._scratch, 1, TUNING.layers, TUNING.side, 1.0, TUNING.expand, math.inf, slot, point_m
     )
     cell, total = np.zeros(2), 0.0
     for layer in range(1, count + 1):
