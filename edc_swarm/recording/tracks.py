@@ -192,18 +192,21 @@ def _silent_steps(
     if not unsaid.any():
         return
     index = roster_index(recording.mission.roster)
-    disc_m = _points(truths, "to") - _offsets_m(_points(truths, "to"), cells, centre_m[1:])[cells[1]]
-    seen = {k: _Sightings({}, {}, {}) for k in np.flatnonzero(unsaid.any(axis=0)).tolist()}
+    runs = {k: list(_runs(unsaid[:, k])) for k in np.flatnonzero(unsaid.any(axis=0)).tolist()}
+    wanted = {k: {slot for first, after in spans for slot in range(first, after + 1)} for k, spans in runs.items()}
+    seen = {k: _Sightings({}, {}, {}) for k in runs}
     for command in recording.commands:
-        if index.get(command.uav) in seen:
-            seen[index[command.uav]].commands.setdefault(command.slot, []).append(command)
-    for truth, (x_m, y_m) in zip(truths, disc_m.tolist(), strict=True):
-        if (k := index[truth.uav]) in seen:
-            seen[k].moved[truth.slot] = (truth.from_x_m, truth.from_y_m) != (truth.to_x_m, truth.to_y_m)
-            if not math.isnan(x_m):
-                seen[k].disc_m[truth.slot] = (x_m, y_m)
+        k = index.get(command.uav, -1)
+        if k in wanted and command.slot in wanted[k]:
+            seen[k].commands.setdefault(command.slot, []).append(command)
+    offset_m = _offsets_m(_points(truths, "to"), cells, centre_m[1:]).tolist()
+    for i in np.flatnonzero(unsaid[cells]).tolist():
+        truth, k = truths[i], int(cells[1][i])
+        seen[k].moved[truth.slot] = (truth.from_x_m, truth.from_y_m) != (truth.to_x_m, truth.to_y_m)
+        if not math.isnan(offset_m[k][0]):
+            seen[k].disc_m[truth.slot] = (truth.to_x_m - offset_m[k][0], truth.to_y_m - offset_m[k][1])
     for k, sightings in seen.items():
-        for first, after in _runs(unsaid[:, k]):
+        for first, after in runs[k]:
             yield from _explained(k, first, after, sightings, centre_m, executed)
 
 
