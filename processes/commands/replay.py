@@ -93,7 +93,19 @@ def _messages(path: Path) -> list[tuple[str, int, bytes]]:
         note(f"warning: {problem}")
     root = Keys(recording.mission.name).root
     found = [(channel.topic, log_ns, payload) for channel, _, log_ns, _, payload in McapFile(path).messages()]
-    return [(key if key.startswith(f"{PREFIX}/") else f"{root}/{key}", ns, payload) for key, ns, payload in found]
+    keys = {topic: _key(root, topic) for topic in {topic for topic, _, _ in found}}
+    for topic in sorted(topic for topic, key in keys.items() if key is None):
+        note(f"warning: {topic!r} is no key of a bus: its messages are left out")
+    return [(key, ns, payload) for topic, ns, payload in found if (key := keys[topic]) is not None]
+
+
+def _key(root: str, topic: str) -> str | None:
+    """The key that was recorded as `topic`; None for one that no bus takes."""
+    key = topic if topic.startswith(f"{PREFIX}/") else f"{root}/{topic.removeprefix('/')}"
+    try:
+        return None if "*" in key else str(zenoh.KeyExpr(key))
+    except zenoh.ZError:
+        return None
 
 
 def _session(options: ReplayOptions) -> zenoh.Session:

@@ -1,0 +1,152 @@
+"""The report page in a real browser: it draws, it plays, it complains about nothing."""
+
+from __future__ import annotations
+
+import shutil
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any
+
+import pytest
+from selenium import webdriver
+from selenium.webdriver.chrome.service import Service
+from selenium.webdriver.common.by import By
+from selenium.webdriver.support.ui import WebDriverWait
+
+from processes.cli import main
+
+CHROMIUM = shutil.which("chromium") or shutil.which("chromium-browser") or shutil.which("google-chrome")
+DRIVER = shutil.which("chromedriver")
+QUIET = (
+    "--headless",
+    "--no-sandbox",
+    "--disable-gpu",
+    "--disable-quic",
+    "--no-first-run",
+    "--disable-background-networking",
+    "--disable-component-update",
+    "--disable-sync",
+)
+PATIENCE_S = 60
+
+pytestmark = [
+    pytest.mark.skipif(not (CHROMIUM and DRIVER), reason="no Chromium with its driver (apt install chromium-driver)"),
+    pytest.mark.filterwarnings("ignore::ResourceWarning"),
+]
+MISSIONS = {
+    "10": ["--fault", "kill head @8"],
+    "50": ["--uavs", "50", "--area", "40000", "--speed-max", "20", "--fault", "freeze u007 @4 for 6"],
+}
+
+
+@pytest.fixture(scope="module", params=MISSIONS)
+def page(request: pytest.FixtureRequest, tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """The page of a mission of 10 and of 50 UAVs."""
+    recording = tmp_path_factory.mktemp("report") / "run.mcap"
+    main(["sim", *MISSIONS[request.param], "--out", str(recording), "--no-viz", "--json"])
+    assert main(["report", str(recording)]) == 0
+    return recording.with_suffix(".html")
+
+
+@pytest.fixture(scope="module")
+def browser(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Any]:
+    """A browser with an empty profile."""
+    options = webdriver.ChromeOptions()
+    options.binary_location = str(CHROMIUM)
+    profile = tmp_path_factory.mktemp("profile")
+    for argument in (*QUIET, f"--user-data-dir={profile}", "--window-size=1400,1700"):
+        options.add_argument(argument)
+    options.set_capability("goog:loggingPrefs", {"browser": "ALL"})
+    driver = webdriver.Chrome(options=options, service=Service(str(DRIVER)))
+    yield driver
+    driver.quit()
+
+
+def test_the_page_draws_and_its_slider_moves_everything(page: Path, browser: Any) -> None:
+    """Without a word on the console: the map, five plots, and another picture at another time."""
+    browser.get(page.as_uri())
+    assert len(browser.find_elements(By.CSS_SELECTOR, "#plots svg")) == 5
+    before = browser.execute_script("return document.getElementById('map').toDataURL()")
+    seek(browser, 3.0)
+    after = browser.execute_script("return document.getElementById('map').toDataURL()")
+    assert before != after
+    assert "3.0 s" in browser.find_element(By.ID, "clock").text
+    assert browser.get_log("browser") == []
+
+
+def test_nothing_is_cut_off_or_lies_over_another(page: Path, browser: Any) -> None:
+    """Also on a narrow screen nothing is wider than the window, and no two texts of a plot overlap."""
+    for width in (1400, 620):
+        browser.set_window_size(width, 1500)
+        browser.get(page.as_uri())
+        assert browser.execute_script("return document.documentElement.scrollWidth <= innerWidth")
+        assert browser.execute_script(OVERLAPPING_TEXTS) == []
+    browser.set_window_size(1400, 1700)
+
+
+def test_playing_moves_the_time_until_it_is_paused(page: Path, browser: Any) -> None:
+    """The button says what it will do next."""
+    browser.get(page.as_uri())
+    play = browser.find_element(By.ID, "play")
+    play.click()
+    assert play.text == "Pause"
+    WebDriverWait(browser, PATIENCE_S).until(lambda _: slider(browser) > 0.3)
+    play.click()
+    stopped = slider(browser)
+    browser.execute_async_script("requestAnimationFrame(() => requestAnimationFrame(arguments[0]))")
+    assert slider(browser) == stopped
+    assert play.text == "Play"
+    assert browser.get_log("browser") == []
+
+
+def test_a_click_on_a_plot_goes_there_and_faults_are_marked(page: Path, browser: Any) -> None:
+    """On every plot and below the slider."""
+    browser.get(page.as_uri())
+    assert len(browser.find_elements(By.CSS_SELECTOR, "#plots line.fault")) == 5
+    assert len(browser.find_elements(By.CSS_SELECTOR, "#marks polygon.fault")) == 1
+    browser.find_element(By.CSS_SELECTOR, "#plots svg").click()
+    assert slider(browser) > 1.0
+
+
+def test_the_dark_scheme_is_dark(page: Path, browser: Any) -> None:
+    """The page follows the system, the canvas too."""
+    browser.get(page.as_uri())
+    light = browser.execute_script("return document.getElementById('map').toDataURL()")
+    features = [{"name": "prefers-color-scheme", "value": "dark"}]
+    browser.execute_cdp_cmd("Emulation.setEmulatedMedia", {"features": features})
+    paper = browser.execute_script("return getComputedStyle(document.body).backgroundColor")
+    assert max(int(part) for part in paper.strip("rgb()").split(",")) < 60
+    drawn = "return document.getElementById('map').toDataURL()"
+    WebDriverWait(browser, PATIENCE_S).until(lambda _: browser.execute_script(drawn) != light)
+    browser.execute_cdp_cmd("Emulation.setEmulatedMedia", {"features": []})
+
+
+def seek(browser: Any, time_s: float) -> None:
+    """Move the slider as a hand does."""
+    browser.execute_script(
+        "const s = document.getElementById('slider'); s.value = arguments[0]; s.dispatchEvent(new Event('input'))",
+        time_s,
+    )
+
+
+def slider(browser: Any) -> float:
+    """Where the slider is."""
+    return float(browser.execute_script("return Number(document.getElementById('slider').value)"))
+
+
+OVERLAPPING_TEXTS = """
+const bad = [];
+for (const svg of document.querySelectorAll("#plots svg")) {
+  const area = svg.getBoundingClientRect();
+  const texts = [...svg.querySelectorAll("text")].map((t) => [t.textContent, t.getBoundingClientRect()]);
+  texts.forEach(([words, a], i) => {
+    const inside = a.left > area.left - 1 && a.right < area.right + 1 && a.bottom < area.bottom + 1;
+    if (!inside) bad.push(words + " is cut off");
+    for (const [other, b] of texts.slice(i + 1)) {
+      const across = a.left < b.right && b.left < a.right;
+      if (across && a.top + 2 < b.bottom && b.top + 2 < a.bottom) bad.push(words + " | " + other);
+    }
+  });
+}
+return bad;
+"""

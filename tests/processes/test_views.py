@@ -1,0 +1,162 @@
+"""Recordings seen again: with a view, replayed, recovered; and bad files, of which one line is said."""
+
+from __future__ import annotations
+
+import json
+import threading
+from collections import Counter
+from pathlib import Path
+
+import pytest
+import zenoh
+from mcap.reader import make_reader
+
+from edc_swarm.messages import Keys
+from edc_swarm.metrics import compute_metrics
+from edc_swarm.recording import McapFile, read_recording
+from processes.address import free_endpoint
+from processes.bus import open_client, open_router
+from processes.cli import main
+
+MISSION = ("--uavs", "4", "--area", "2500", "--fault", "kill head @6")
+
+
+@pytest.fixture(scope="module")
+def simulated(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """A simulated mission with its view."""
+    path = tmp_path_factory.mktemp("sim") / "run.mcap"
+    assert main(["sim", *MISSION, "--json", "--out", str(path)]) == 0
+    return path
+
+
+def topics(path: Path) -> Counter[str]:
+    """Number of messages per topic."""
+    return Counter(channel.topic for channel, *_ in McapFile(path).messages())
+
+
+def test_same_seed_same_bytes_with_the_view(simulated: Path) -> None:
+    """G6 holds for what viewers are shown, too."""
+    before = simulated.read_bytes()
+    assert main(["sim", *MISSION, "--json", "--out", str(simulated)]) == 2
+    assert simulated.read_bytes() == before
+    again = simulated.with_name("again.mcap")
+    assert main(["sim", *MISSION, "--json", "--out", str(again)]) == 0
+    described = [list(McapFile(path).messages()) for path in (simulated, again)]
+    assert described[0] == described[1]
+
+
+def test_a_view_added_later_is_the_view_recorded_at_once(simulated: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    """And no metric sees it."""
+    bare = simulated.with_name("bare.mcap")
+    assert main(["sim", *MISSION, "--no-viz", "--json", "--out", str(bare)]) == 0
+    assert not any(topic.startswith("/viz") for topic in topics(bare))
+    capsys.readouterr()
+    assert main(["visualise", str(bare)]) == 0
+    seen = Path(capsys.readouterr().out.strip())
+    assert list(McapFile(seen).messages()) == list(McapFile(simulated).messages())
+    assert compute_metrics(read_recording(seen)) == compute_metrics(read_recording(bare))
+    with seen.open("rb") as stream:
+        layout = next(a for a in make_reader(stream).iter_attachments() if a.name == "foxglove-layout.json")
+    assert "3D!swarm" in json.loads(layout.data)["configById"]
+
+
+def test_replay_gives_the_bus_back_byte_for_byte(simulated: Path) -> None:
+    """Every key and payload in the order of the record, the view under its key of the bus."""
+    endpoint = free_endpoint()
+    heard: list[tuple[str, bytes]] = []
+    done = threading.Event()
+    expected = list(McapFile(simulated).messages())
+    root = Keys(read_recording(simulated).mission.name).root
+
+    def take(sample: zenoh.Sample) -> None:
+        heard.append((str(sample.key_expr), sample.payload.to_bytes()))
+        if len(heard) == len(expected):
+            done.set()
+
+    router = open_router(endpoint)
+    listener = open_client(endpoint)
+    listener.declare_subscriber("swarm/**", zenoh.handlers.Callback(take, indirect=False))
+    assert main(["replay", str(simulated), "--connect", endpoint, "--speed", "1000"]) == 0
+    assert done.wait(60)
+    listener.close()
+    router.close()
+    keys = [c.topic if c.topic.startswith("swarm/") else f"{root}{c.topic}" for c, *_ in expected]
+    assert heard == list(zip(keys, (payload for *_, payload in expected), strict=True))
+
+
+def test_replay_verifies_the_plans(simulated: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    """Every command comes out again."""
+    assert main(["replay", str(simulated), "--verify", "--json"]) == 0
+    verdict = json.loads(capsys.readouterr().out)
+    assert verdict["commands"] == verdict["identical"] > 50
+    assert verdict["differences"] == []
+
+
+@pytest.mark.parametrize("command", ["metrics", "check", "report", "replay", "visualise", "recover"])
+@pytest.mark.parametrize(
+    ("data", "reason"),
+    [
+        (None, "cannot be read"),
+        (b"", "is empty"),
+        (b"\x7fELF not a recording", "is not an MCAP file"),
+        (b"\x89MCAP0\r\n", "no `run` metadata"),
+    ],
+)
+def test_bad_files_are_one_line(
+    command: str, data: bytes | None, reason: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """Status 2, the file and what is wrong with it; nothing is left behind."""
+    path = tmp_path / "bad.mcap"
+    if data is not None:
+        path.write_bytes(data)
+    before = set(tmp_path.iterdir())
+    assert main([command, str(path)]) == 2
+    said = capsys.readouterr()
+    assert said.out == ""
+    assert said.err.count("\n") == 1
+    assert "bad.mcap" in said.err
+    assert reason in said.err or (reason.startswith("no `run`") and "torn" in said.err)
+    assert set(tmp_path.iterdir()) == before
+
+
+def test_a_torn_recording_is_refused_and_recovered_when_asked(
+    simulated: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """What is whole is read again by every command, and what is missing is said."""
+    torn = tmp_path / "torn.mcap.part"
+    torn.write_bytes(simulated.read_bytes()[:-3000])
+    assert main(["metrics", str(torn)]) == 2
+    assert "edc-swarm recover" in capsys.readouterr().err
+    assert main(["recover", str(torn), "--json"]) == 0
+    said = json.loads(capsys.readouterr().out)
+    whole = tmp_path / "torn.recovered.mcap"
+    assert said["recording"] == str(whole)
+    assert said["messages"] == read_recording(whole).message_count
+    assert said["unknown_tails"] > 0
+    assert len(said["missing"]) == 1
+    for command in ("metrics", "check", "report", "visualise"):
+        assert main([command, str(whole)]) in {0, 1}
+    assert main(["recover", str(torn)]) == 2
+    assert torn.exists()
+
+
+@pytest.mark.parametrize(
+    ("arguments", "field"),
+    [
+        (["--speed", "0"], "--speed"),
+        (["--speed", "inf"], "--speed"),
+        (["--wait", "-1"], "--wait"),
+        (["--connect", "tcp/127.0.0.1:1"], "--connect"),
+        (["--listen", "nowhere"], "--listen"),
+        (["--listen", "tcp/127.0.0.1:1", "--connect", "tcp/127.0.0.1:1"], "--connect"),
+    ],
+)
+def test_replay_names_a_bad_option(
+    arguments: list[str], field: str, simulated: Path, capsys: pytest.CaptureFixture[str], monkeypatch
+) -> None:
+    """One line with the option, its value and what is allowed."""
+    monkeypatch.setattr("processes.commands.replay.CONNECT_TIMEOUT_MS", 100)
+    assert main(["replay", str(simulated), *arguments]) == 2
+    said = capsys.readouterr().err
+    assert said.startswith(f"error: {field} = ")
+    assert said.count("\n") == 1

@@ -1,0 +1,118 @@
+"""The report page: the numbers of the metrics, in a document that needs nothing else."""
+
+from __future__ import annotations
+
+import base64
+import json
+import re
+from importlib.resources import files
+
+import msgspec
+import numpy as np
+import pytest
+from synthetic import EPOCH_NS, change, flight, parallel, recorded, straight
+
+from edc_swarm.invariants import check
+from edc_swarm.messages import Event, Fix, Message, Report
+from edc_swarm.metrics import compute_metrics
+from edc_swarm.recording import Recording
+from edc_swarm.report_page import Assets, Page, render
+from edc_swarm.report_page import data as page_data
+from edc_swarm.tables import metric_rows
+
+
+@pytest.fixture
+def messages() -> list[Message]:
+    """Three UAVs that fly north side by side; u0 leads."""
+    return flight(parallel())
+
+
+def page_of(messages: list[Message]) -> Page:
+    """The page's data of a record."""
+    recording = recorded(messages)
+    return Page.of(recording, compute_metrics(recording).heads)
+
+
+def document(recording: Recording) -> str:
+    """The whole page, made of the files that the command uses."""
+    folder = files("edc_swarm.report_page")
+    assets = Assets(*((folder / f"page.{kind}").read_text() for kind in ("html", "css", "js")))
+    metrics = compute_metrics(recording)
+    return render(Page.of(recording, metrics.heads), metrics, check(recording), {"command": "edc-swarm <x>"}, assets)
+
+
+def test_centres_come_back_from_base64(messages: list[Message]) -> None:
+    """One more row than frames: the positions at the end."""
+    page = page_of(messages)
+    centres = np.frombuffer(base64.b64decode(page.centres), "<f4").reshape(page.frames + 1, 3, 2)
+    assert centres[0].tolist() == [[0, 0], [12, 0], [24, 0]]
+    assert centres[-1].tolist() == [[0, 16], [12, 16], [24, 16]]
+    assert page.end_s == page.frames * page.frame_s == 4.5
+
+
+def test_who_led_and_who_was_heard(messages: list[Message]) -> None:
+    """A slot without a plan has no head; a slot without a fix is one of silence."""
+    messages = [m for m in messages if not (isinstance(m, Report) and m.slot == 4)]
+    messages = [m for m in messages if not (isinstance(m, Fix) and (m.uav, m.slot) == ("u2", 6))]
+    page = page_of(messages)
+    assert page.leader == [0, 0, 0, 0, -1, 0, 0, 0, 0]
+    heard = np.frombuffer(base64.b64decode(page.heard), np.uint8).reshape(page.frames, 3)
+    assert np.argwhere(heard == 0).tolist() == [[6, 2]]
+
+
+def test_faults_stand_at_mission_time(messages: list[Message]) -> None:
+    """Four times as fast as the clock, a second of wall time is four of the mission."""
+    fault = Event(source="operator", kind="fault", detail="kill u1 @6s", sent_ns=EPOCH_NS + 1_500_000_000)
+    change(messages, {}, type(messages[0]), time_scale=4.0)
+    (mark,) = page_of([*messages, fault]).faults
+    assert (mark.time_s, mark.text) == (6.0, "kill u1 @6s")
+
+
+def test_plots_show_what_the_metrics_sum_up(messages: list[Message]) -> None:
+    """Least of the gaps, greatest of the plan times and latencies, all energy."""
+    recording = recorded(messages)
+    metrics, page = compute_metrics(recording), page_of(messages)
+    gap, plan, latency, energy = page.plots
+    assert min(gap.series[0].y) == metrics.min_disc_gap_m
+    assert max(plan.series[0].y) == metrics.plan_ms.max
+    assert max(latency.series[0].y) == metrics.fix_to_command_ms.max
+    assert energy.series[0].y[-1] == pytest.approx(3 * 70 * 8 / 1e3)
+    assert all(plot.unit for plot in page.plots)
+
+
+def test_long_missions_are_thinned_out(messages: list[Message], monkeypatch: pytest.MonkeyPatch) -> None:
+    """The page stays small, and still ends where the mission ends."""
+    monkeypatch.setattr(page_data, "MAX_CELLS", 10)
+    page = page_of(messages)
+    assert (page.frames, page.frame_s) == (3, 1.5)
+    centres = np.frombuffer(base64.b64decode(page.centres), "<f4").reshape(-1, 3, 2)
+    assert centres[:, 0, 1].tolist() == [0, 4, 10, 16]
+
+
+def test_an_empty_record_still_makes_a_page() -> None:
+    """A run that ended before its first fix."""
+    assert "0 of 3 UAVs arrived" in document(recorded(flight(parallel())[:1]))
+
+
+def test_the_page_needs_no_network_and_cannot_be_broken_out_of(messages: list[Message]) -> None:
+    """No address but the SVG name space; texts from a recording stay texts."""
+    evil = "</script><script>alert(1)</script>"
+    messages[0] = msgspec.structs.replace(messages[0], name=evil)
+    messages.append(Event(source="operator", kind="fault", detail=evil, sent_ns=EPOCH_NS))
+    text = document(recorded(messages))
+    assert set(re.findall(r"https?://[^\"'\s<]+", text)) == {"http://www.w3.org/2000/svg"}
+    assert evil not in text
+    assert text.count("</script>") == 3
+
+
+def test_the_page_says_what_the_terminal_says() -> None:
+    """Metrics row by row, the metrics' own JSON, and every broken guarantee."""
+    recording = recorded(flight([straight((0, 0), (0, 20), 10), straight((9, 20), (9, 0), 10)], planner="straight"))
+    text, metrics = document(recording), compute_metrics(recording)
+    cells = re.findall(r"<tr><th scope=row>(.*?)</th><td>(.*?)</td></tr>", text)
+    assert [row for row in metric_rows(metrics) if row not in cells] == []
+    embedded = re.search(r'id="metrics-json">(.*?)</script>', text)
+    assert embedded is not None
+    assert json.loads(embedded[1]) == msgspec.to_builtins(metrics)
+    assert '<span class="broken">broken</span>' in text
+    assert "u0 and u1: discs overlap by up to 1 m" in text
