@@ -179,7 +179,8 @@ class Simulation:
         """Close every publisher and tell how it went."""
         completed = self.monitor.complete(self.slot)
         for computer in self._computers.values():
-            if computer.node is not None and not computer.frozen:
+            busy = computer.busy_until_ns > self._now_ns  # what it is about to say is numbered, but not said
+            if computer.node is not None and not computer.frozen and not busy:
                 self._close(computer, computer.node)
         self._publish_event("end", "completed" if completed else "max_slots")
         last = {self._keys.mission: 0, self._keys.event(OPERATOR): self._operator_seq}

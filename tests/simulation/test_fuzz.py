@@ -14,6 +14,7 @@ ONCE_BROKEN = {
     1316: "the same, at a partition",
     1401: "the same, planner edc",
     1522: "the same, two UAVs",
+    10989: "a head that was still planning when the mission ended",
 }
 
 
