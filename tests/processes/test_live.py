@@ -1,0 +1,75 @@
+"""The live view: whoever connects, however late, is shown the swarm."""
+
+from __future__ import annotations
+
+import json
+import struct
+from pathlib import Path
+
+import pytest
+from foxglove_schemas_protobuf.SceneUpdate_pb2 import SceneUpdate
+
+from processes.cli import main
+
+websocket = pytest.importorskip("websocket", reason="no WebSocket client (pip install edc-swarm[dev])")
+pytest.importorskip("foxglove", reason="no live view (pip install edc-swarm[live])")
+
+PATIENCE_S = 60
+MESSAGE_DATA = 1
+"""Opcode of the Foxglove WebSocket protocol."""
+
+
+def connected(port: int):
+    """A viewer and the channels that it was offered, by topic."""
+    viewer = websocket.create_connection(f"ws://127.0.0.1:{port}", subprotocols=["foxglove.sdk.v1"], timeout=PATIENCE_S)
+    channels: dict[str, dict] = {}
+    while "/viz/area" not in channels:
+        said = viewer.recv()
+        if isinstance(said, str) and (advert := json.loads(said))["op"] == "advertise":
+            channels.update({channel["topic"]: channel for channel in advert["channels"]})
+    return viewer, channels
+
+
+def first_scene(viewer, channel: dict) -> SceneUpdate:
+    """What is shown first of a topic."""
+    viewer.send(json.dumps({"op": "subscribe", "subscriptions": [{"id": 7, "channelId": channel["id"]}]}))
+    while True:
+        said = viewer.recv()
+        if isinstance(said, bytes) and said[0] == MESSAGE_DATA:
+            assert struct.unpack_from("<I", said, 1) == (7,)
+            return SceneUpdate.FromString(said[13:])
+
+
+def test_a_late_viewer_sees_what_does_not_move(start) -> None:
+    """The area was shown once, before the viewer came; the discs are shown twice a second."""
+    command = start("run", "--live", "--uavs", "3", "--area", "10000", "--seed", "4", "--speed-max", "3")
+    line = ""
+    while "ws://localhost:" not in line:
+        line = command.process.stderr.readline()
+        assert line, "the command said nothing about its live view"
+    port = int(line.rpartition(":")[2])
+    command.await_flight(3)
+    viewer, channels = connected(port)
+    assert channels["/viz/uavs"]["schemaName"] == "foxglove.SceneUpdate"
+    assert {entity.id for entity in first_scene(viewer, channels["/viz/area"]).entities} == {"geofence", "targets"}
+    viewer.close()
+    viewer, channels = connected(port)
+    assert len(first_scene(viewer, channels["/viz/uavs"]).entities) == 3
+    viewer.close()
+    assert command.end().status == 0
+
+
+def test_live_without_a_view_is_refused(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    """One line, before anything is started."""
+    assert main(["run", "--live", "--no-viz", "--out", str(tmp_path / "a.mcap")]) == 2
+    assert capsys.readouterr().err.startswith("error: --live = True: must be absent where --no-viz is given")
+    assert list(tmp_path.iterdir()) == []
+
+
+def test_a_live_view_that_is_not_installed_is_named(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """The extra is optional; the line says how to get it."""
+    monkeypatch.setattr("importlib.util.find_spec", lambda _name: None)
+    assert main(["run", "--live", "--out", str(tmp_path / "a.mcap")]) == 2
+    assert "pip install 'edc-swarm[live]'" in capsys.readouterr().err
