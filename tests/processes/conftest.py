@@ -16,6 +16,7 @@ from typing import Any
 
 import pytest
 
+from edc_swarm.errors import RecordingError
 from edc_swarm.recording import Recording, find_gaps, read_recording
 
 MARK = "EDC_SWARM_TEST"
@@ -60,9 +61,14 @@ class Started:
         assert self.process.poll() is None, self.process.communicate()
 
     def await_flight(self, uavs: int) -> None:
-        """Wait until the UAV processes are there and the recorder has written its first chunk."""
-        part = self.path.with_name(self.path.name + ".part")
-        self.await_file(lambda: len(self.uav_pids()) == uavs and part.stat().st_size > 5_000)
+        """Wait until the UAV processes are there and fixes are in what the recorder has flushed."""
+        self.await_file(lambda: len(self.uav_pids()) == uavs and self._has_fixes())
+
+    def _has_fixes(self) -> bool:
+        try:
+            return bool(read_recording(self.path.with_name(self.path.name + ".part"), salvage=True).fixes)
+        except RecordingError:
+            return False
 
     def uav_pids(self) -> list[int]:
         """Ids of the UAV processes: the children of the fork source."""
@@ -130,7 +136,7 @@ def await_true(found: Callable[[], bool], deadline_s: float = DEADLINE_S) -> Non
     end_s = time.monotonic() + deadline_s
     while not found():
         assert time.monotonic() < end_s, "waited in vain"
-        time.sleep(0.01)
+        time.sleep(0.02)
 
 
 def _marked(mark: str) -> list[int]:

@@ -7,13 +7,14 @@ from __future__ import annotations
 
 import pytest
 
+from edc_swarm.recording import find_gaps
+
 FAULTS = {
     "head killed": ["kill head @10"],
     "two heads killed within three slots": ["kill head @10", "kill head @12"],
     "head frozen and resumed": ["freeze head @10 for 10s"],
     "head cut off": ["partition head|rest @10 for 10"],
     "nobody has a quorum": ["partition halves @10 for 10"],
-    "router restarted": ["restart router @10"],
     "restarted, one of them without memory": ["kill u003 @6", "restart u003 @12", "restart u005 lose-memory @4.2s"],
     "links bad, clock off, GPS changed, solver slow": [
         "link *>* delay 10 jitter 10 loss 0.1 duplicate 0.1 reorder 0.1 @4 for 15",
@@ -34,6 +35,14 @@ def test_guarantees_hold(run, faults):
     assert verdicts["G7"]["status"] != "broken"
     told = [event.detail for event in ended.recording.events if event.kind == "fault"]
     assert len(told) == len(faults)
+
+
+def test_router_restarted(start):
+    """What was in the router's hands dies with it, and the record says so; all else waits for it."""
+    ended = start("run", "--json", "--time-scale", "4", "--fault", "restart router @10").end()
+    assert all(gap.count <= 2 and not gap.duplicate for gap in find_gaps(ended.recording))
+    assert ended.json["potential_collisions"] == 0
+    assert ended.json["arrived"] == 10
 
 
 def test_recorder_killed_loses_at_most_the_last_second(start):
