@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import io
+from itertools import pairwise
 from pathlib import Path
 from typing import Any
 
@@ -259,3 +260,19 @@ def test_nullable_fields_are_flattened() -> None:
         name: str | None = None
 
     assert json_schema(Odd)["properties"]["name"] == {"type": "string"}
+
+
+def test_chunks_do_not_overlap(messages: list[Message]) -> None:
+    """Viewers warn of chunks that overlap in time and read them slowly; times that go back are held."""
+    stream = io.BytesIO()
+    writer = RecordingWriter(stream, RUN)
+    for number, message in enumerate(messages):
+        writer.write(KEYS.of(message), encode(message), message.sent_ns - (number % 3) * 10**9)
+        if number % 20 == 19:
+            writer.flush()
+    writer.finish({})
+    summary = make_reader(stream).get_summary()
+    assert summary is not None
+    spans = [(chunk.message_start_time, chunk.message_end_time) for chunk in summary.chunk_indexes]
+    assert len(spans) > 3
+    assert all(before[1] <= after[0] for before, after in pairwise(spans))
