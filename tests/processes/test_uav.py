@@ -8,6 +8,7 @@ from collections.abc import Iterator
 from pathlib import Path
 
 import pytest
+import zenoh
 
 from edc_swarm.config import Mission
 from edc_swarm.messages import Event, Fix, Keys, Report, decode, encode
@@ -125,7 +126,8 @@ def test_bad_bytes_are_counted_told_now_and_then_and_dropped(bench: Bench):
     """A thousand of them make ten events and no crash."""
     bench.begin()
     for number in range(1000):
-        bench.session.put(bench.keys.report(bench.first), b"\xff{garbage" + str(number).encode())
+        garbage = b"\xff{garbage" + str(number).encode()
+        bench.session.put(bench.keys.report(bench.first), garbage, congestion_control=zenoh.CongestionControl.BLOCK)
     bench.session.put(bench.keys.event("operator"), b"[" * 100_000)
     events = [event for event in bench.await_heard(Event, 11) if event.kind == "malformed"]
     assert [int(event.detail.split()[0]) for event in events[:10]] == [2**power for power in range(10)]
