@@ -67,7 +67,7 @@ def _scene(middle_m: list[float], size_m: float) -> dict[str, Any]:
     }
     camera = {
         "perspective": False,
-        "distance": 1.3 * size_m,
+        "distance": 1.15 * size_m,
         "phi": 0,
         "thetaOffset": 0,
         "target": [0, 0, 0],

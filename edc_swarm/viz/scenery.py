@@ -47,6 +47,8 @@ MAX_TRAIL = 120
 OVERLAP_TOLERANCE_M = 1e-9
 FORGET_NS = 60 * NS_PER_S
 """After a longer silence the time in between is not shown."""
+LABELS_HIGH = 80
+"""An area is as high as this many labels."""
 WARNINGS = frozenset({"fault", "exited", "suspects", "recorder-dropped"})
 
 
@@ -168,9 +170,16 @@ class Scenery:
             words += "  H"
         elif self._report is not None and entry.uav in self._report.standby:
             words += f"  s{self._report.standby.index(entry.uav) + 1}"
-        size_m = max(0.8, 0.3 * entry.r_m)
-        made.texts.append(text((centre[0], centre[1] + entry.r_m + 0.7 * size_m), words, WHITE, size_m))
+        size_m = self._label_m(entry)
+        made.texts.append(text((centre[0], centre[1] + 1.06 * entry.r_m + 0.7 * size_m), words, WHITE, size_m))
         return made
+
+    def _label_m(self, entry: RosterEntry) -> float:
+        """Height of a label: legible when the whole area is in sight, and not wider than about the disc."""
+        assert self._mission is not None
+        (left_m, low_m), (right_m, high_m) = extent_m(self._mission)
+        legible_m = max(right_m - left_m, high_m - low_m) / LABELS_HIGH
+        return max(0.3 * entry.r_m, min(legible_m, 0.6 * entry.r_m))
 
     def _commands(self, now_ns: int) -> list[SceneEntity]:
         """The steps that are flown now or in the next slot."""

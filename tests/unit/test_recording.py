@@ -271,7 +271,7 @@ def test_chunks_do_not_overlap(messages: list[Message]) -> None:
         if number % 20 == 19:
             writer.flush()
     writer.finish({})
-    summary = make_reader(stream).get_summary()
+    summary = make_reader(io.BytesIO(stream.getvalue())).get_summary()
     assert summary is not None
     spans = [(chunk.message_start_time, chunk.message_end_time) for chunk in summary.chunk_indexes]
     assert len(spans) > 3
