@@ -6,7 +6,7 @@ from collections.abc import Mapping, Sequence
 from html import escape
 from typing import Any
 
-from edc_swarm.figures.catalogue import FIGURES, LONG, LONG_RUN, PRINTED_UAVS, TIME_FORMS, Figure
+from edc_swarm.figures.catalogue import LONG, LONG_RUN, PRINTED_UAVS, TIME_FORMS, Figure
 from edc_swarm.figures.findings import Finding
 from edc_swarm.figures.table import Row
 from edc_swarm.sweeps import Run
@@ -37,6 +37,7 @@ BILL_COLUMNS = {
 
 
 def page(
+    figures: Sequence[Figure],
     findings: Mapping[str, Finding],
     rows: Mapping[str, Sequence[Row]],
     results: Mapping[str, Any],
@@ -44,7 +45,6 @@ def page(
     facts: Mapping[str, str],
 ) -> str:
     """The whole page as HTML."""
-    figures = [figure for figure in FIGURES if figure.name in findings]
     parts = [_introduction(facts), _summary(figures, findings), _forms(results, runs)]
     parts += [_section(figure, findings[figure.name], rows[figure.name]) for figure in figures]
     if LONG_RUN.key in results:
@@ -90,7 +90,7 @@ def _heading(figure: Figure) -> str:
 
 def _section(figure: Figure, finding: Finding, rows: Sequence[Row]) -> str:
     name = figure.name
-    claim = "The paper says" if finding.reproduced is not None else "To be seen"
+    claim = "The paper says" if finding.reproduced is not None else "Asked"
     found = "".join(f"<li>{escape(sentence)}</li>" for sentence in finding.found)
     return (
         f'<section id="{name}"><h2>{_heading(figure)}</h2><p>{claim}: <q>{escape(finding.claim)}</q>'

@@ -16,11 +16,14 @@ from edc_swarm.errors import InputError
 from edc_swarm.figures.catalogue import Figure
 from edc_swarm.figures.table import Row, line
 
-SIZE_IN = (5.4, 3.7)
+SIZE_IN = (5.4, 4.1)
 DPI = 200
 BAND_SHARE = 1.6
 """Bands wider than this share of the greatest mean are cut off."""
+LOG_BAND = 2.5
 ZERO = 1e-6
+HOLLOW = {"straight", "bound"}
+"""Lines that others may cover: their markers are rings around the others'."""
 STYLES: dict[str, tuple[str, str, str]] = {
     "straight": ("#D55E00", "s", "--"),
     "bound": ("#000000", "", ":"),
@@ -72,24 +75,33 @@ def _draw_line(axes: Any, rows: Sequence[Row], name: str, label: str) -> None:
     if points is None:
         return
     colour, marker, dashes = STYLES[name]
+    hollow = {"markerfacecolor": "white", "markersize": 9} if name in HOLLOW else {"markersize": 5}
     axes.fill_between(points.x, points.low, points.high, color=colour, alpha=0.2, linewidth=0)
-    axes.plot(points.x, points.mean, color=colour, marker=marker, linestyle=dashes, label=label, markersize=5)
+    axes.plot(points.x, points.mean, color=colour, marker=marker, linestyle=dashes, label=label, **hollow)
 
 
 def _finish_axes(axes: Any, figure: Figure, rows: Sequence[Row]) -> None:
     axes.set_xlabel(figure.axis.label)
     axes.set_ylabel(figure.label)
-    axes.set_xticks(figure.axis.values, [f"{value:,.0f}".replace(",", " ") for value in figure.axis.values])
-    means = [row.mean for row in rows]
+    axes.set_xticks(figure.axis.values, [f"{value / figure.axis.tick:g}" for value in figure.axis.values])
+    _limit(axes, figure, [row.mean for row in rows])
+    axes.set_title(figure.title, fontsize=10, loc="left")
+    axes.figure.legend(loc="outside lower center", ncols=2, title="mean and its 95 % confidence band", title_fontsize=8)
+
+
+def _limit(axes: Any, figure: Figure, means: Sequence[float]) -> None:
+    """Show all means, and of very wide bands only a part."""
+    least, most = min(means), max(means)
+    low, high = axes.get_ylim()
     if figure.logarithmic:
         axes.set_yscale("log")
-    elif min(means) < -ZERO:
+        axes.set_ylim(least / LOG_BAND, most * LOG_BAND)
+    elif least < -ZERO:
         axes.axhline(0, color="#000000", linewidth=0.8)
+        reach = BAND_SHARE * max(abs(least), most)
+        axes.set_ylim(max(low, -reach), min(high, reach))
     else:
-        most = max(means) or 1.0
-        axes.set_ylim(-0.02 * most, min(axes.get_ylim()[1], BAND_SHARE * most))
-    axes.legend(loc="best")
-    axes.set_title(f"{figure.title} (bands: 95 % confidence)", fontsize=10, loc="left")
+        axes.set_ylim(-0.04 * (most or 1.0), min(high, BAND_SHARE * most) or 1.0)
 
 
 def draw_heads(result: Mapping[str, Any], stem: Path) -> None:

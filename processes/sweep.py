@@ -58,7 +58,7 @@ class Line(Struct, kw_only=True):
     key: str
     command: str
     code: str
-    wall_s: float
+    cpu_s: float
     result: Any
 
 
@@ -88,9 +88,9 @@ class Ledger:
     ) -> None:
         self._file.close()
 
-    def add(self, run: Run, result: Any, wall_s: float) -> None:
+    def add(self, run: Run, result: Any, cpu_s: float) -> None:
         """Keep a result; it is on disk when this returns, as far as a killed process is concerned."""
-        line = Line(key=run.key, command=run.command, code=self.code, wall_s=round(wall_s, 3), result=result)
+        line = Line(key=run.key, command=run.command, code=self.code, cpu_s=round(cpu_s, 3), result=result)
         self._file.write(msgspec.json.encode(line) + b"\n")
         self._file.flush()
         self.results[run.key] = result
@@ -118,7 +118,7 @@ def _claimed(folder: Path) -> BinaryIO:
         if not (folder / RUNS_FILE).exists() and any(folder.iterdir()):
             raise InputError("--out", str(folder), f"a new or empty folder, or one with the {RUNS_FILE} of a sweep")
         file = (folder / RUNS_FILE).open("a+b")
-        fcntl.flock(file, fcntl.LOCK_EX | fcntl.LOCK_NB)
+        _lock(file)
     except BlockingIOError:
         raise InputError("--out", str(folder), "a folder that no other sweep is writing") from None
     except OSError as error:
@@ -126,6 +126,14 @@ def _claimed(folder: Path) -> BinaryIO:
         raise InputError("--out", str(folder), f"a folder that can be written ({why})") from None
     file.seek(0)
     return file
+
+
+def _lock(file: BinaryIO) -> None:
+    try:
+        fcntl.flock(file, fcntl.LOCK_EX | fcntl.LOCK_NB)
+    except OSError:
+        file.close()
+        raise
 
 
 @lru_cache(maxsize=1)
@@ -144,7 +152,7 @@ class Scheduler(Protocol):
     """Makes runs somewhere."""
 
     def results(self, runs: Sequence[Run]) -> Iterator[tuple[Run, Any, float]]:
-        """Each run with its result and the wall time it took, in the order in which they end."""
+        """Each run with its result and the processor time it took, in the order in which they end."""
         ...
 
 
@@ -164,14 +172,14 @@ def sweep(runs: Iterable[Run], ledger: Ledger, scheduler: Scheduler, title: str 
             ([run for run in missing if not run.alone], scheduler),
             ([run for run in missing if run.alone], Local(1)),
         ):
-            for run, result, wall_s in by.results(group):
-                ledger.add(run, result, wall_s)
+            for run, result, cpu_s in by.results(group):
+                ledger.add(run, result, cpu_s)
                 bar.advance(task)
     return {key: ledger.results[key] for key in wanted}
 
 
 def make(run: Run, code: str) -> tuple[Any, float]:
-    """Make one run, in whatever process; its result and the wall time it took.
+    """Make one run, in whatever process; its result and the processor time it took.
 
     Raises
     ------
@@ -182,12 +190,12 @@ def make(run: Run, code: str) -> tuple[Any, float]:
         raise SweepError(f"a worker has another version of edc-swarm ({code_fingerprint()}, not {code})")
     module, _, function = run.measure.partition(":")
     measure: Callable[..., Any] = getattr(importlib.import_module(module), function)
-    begun_s = time.perf_counter()
+    begun_s = time.process_time()
     try:
         result = measure(run.mission)
     except Exception as error:
         raise SweepError(f"{run.command}: {type(error).__name__}: {error}") from error
-    return result, time.perf_counter() - begun_s
+    return result, time.process_time() - begun_s
 
 
 class Local:
@@ -253,7 +261,7 @@ class Dask:
         threads = sum(worker["nthreads"] for worker in self._client.scheduler_info(n_workers=-1)["workers"].values())
         waiting, code = iter(runs), code_fingerprint()
         pending = {self._submit(run, code): run for run in islice(waiting, max(1, threads) * IN_FLIGHT)}
-        done = distributed.as_completed(list(pending))
+        done = distributed.as_completed(list(pending), loop=self._client.loop)
         try:
             for future in done:
                 yield (pending.pop(future), *future.result())

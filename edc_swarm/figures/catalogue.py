@@ -36,11 +36,12 @@ Result = dict[str, Any]
 
 @dataclass(frozen=True, slots=True)
 class Axis:
-    """What is swept: a field of the mission, its values, its label."""
+    """What is swept: a field of the mission, its values, its label, and the unit of its ticks."""
 
     field: str
     label: str
     values: tuple[float, ...]
+    tick: float = 1.0
 
 
 @dataclass(frozen=True, slots=True)
@@ -139,7 +140,7 @@ def _both(mission: Mission) -> tuple[Run, ...]:
 
 
 UAVS = Axis("uavs", "Number of UAVs", (10, 20, 30, 40, 50))
-AREA = Axis("area_m2", "Area [m²]", (10_000, 20_000, 40_000, 60_000, 90_000))
+AREA = Axis("area_m2", "Area [1000 m²]", (10_000, 20_000, 40_000, 60_000, 90_000), tick=1000.0)
 RADIUS = Axis("r_m", "GPS error radius r [m]", (1, 2, 4, 6, 8, 10))
 BY_UAVS = Mission()
 BY_AREA = Mission(uavs=50)
@@ -169,7 +170,7 @@ ENERGY = (
 )
 COMPUTE = (
     "head's computing energy [J]",
-    "Computing energy of the head per mission [J]",
+    "Computing energy [J per mission]",
     (Series("edc", "edc (this project)", _timed("edc"), lambda r: r["compute_j"]),),
 )
 SAVINGS = (
@@ -200,9 +201,9 @@ FIGURES = (
     Figure("energy-plan", "Propulsion energy beside the straight-line bound", BY_UAVS, UAVS, *ENERGY,
            claim="The longer the extra distance travelled, the higher the energy consumption."),
     Figure("energy-head", "Computing energy of the head", BY_UAVS, UAVS, *COMPUTE,
-           claim="The head's computing counts in the energy bill of the swarm."),
+           claim="What the head's computing adds to the energy bill of the swarm."),
     Figure("energy-minimise", "What minimising energy saves, and what it costs", BY_UAVS, UAVS, *SAVINGS,
-           claim="Minimising the distance also saves energy."),
+           claim="Whether energy is saved when it, not the distance, is minimised."),
 )  # fmt: skip
 
 LONG = "energy-long"

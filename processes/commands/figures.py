@@ -101,7 +101,9 @@ def _write(
         _write_table(options.out / f"{LONG}.csv", long["bills"])
         draw_heads(long, options.out / LONG)
     facts = {**run_facts("virtual"), "runs": str(options.runs), "machine": _machine()}
-    (options.out / "index.html").write_text(page(found, rows, results, runs, facts), encoding="utf-8")
+    (options.out / "index.html").write_text(
+        page(figures_of(names), found, rows, results, runs, facts), encoding="utf-8"
+    )
     return rows, found
 
 

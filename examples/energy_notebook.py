@@ -1,0 +1,52 @@
+# %% [markdown]
+# # Where the energy goes
+# One mission, simulated, then looked at as arrays and as a data frame. Run it as a script, or cell by cell in an
+# editor that knows `# %%`. Needs the extras "plots" and "frames".
+#
+#     python examples/energy_notebook.py [PICTURE.png]
+
+# %%
+import sys
+from pathlib import Path
+from tempfile import TemporaryDirectory
+
+from matplotlib import pyplot as plt
+
+from edc_swarm.bills import energy_bills
+from edc_swarm.energy import propulsion_power_w
+from edc_swarm.frames import frame_of
+from edc_swarm.metrics import columns_of, compute_metrics, load_timings
+from edc_swarm.recording import read_recording
+from processes.cli import main
+
+# %% Fly twenty UAVs, and read the recording back. Any other recording will do.
+with TemporaryDirectory() as folder:
+    path = Path(folder) / "mission.mcap"
+    main(["sim", "--uavs", "20", "--seed", "3", "--out", str(path)])
+    recording, timings = read_recording(path), load_timings(path)
+
+# %% The plan's energy beside the straight-line bound, and the detour that explains only a part of it.
+metrics, columns = compute_metrics(recording, timings), columns_of(recording, timings)
+energy_pct = 100 * (metrics.energy_propulsion_j / metrics.energy_straight_j - 1)
+print(f"energy {energy_pct:.1f} % and distance {metrics.extra_distance_pct:.1f} % above the straight lines")
+
+# %% Who spent it on what.
+for bill in energy_bills(recording, timings)[:5]:
+    print(f"{bill.uav}: cruise {bill.cruise_j:.0f} J, hover {bill.hover_j:.0f} J, radio {bill.radio_j:.2f} J")
+
+# %% One row per UAV and slot: mean speed of the UAVs that are still under way.
+frame = frame_of(columns, "pandas")
+speed_mps = frame[frame.away_m > 0.1].groupby("time_s").step_m.mean() / recording.mission.dt_s
+
+# %% Power of the whole swarm over time.
+power_kw = [
+    sum(propulsion_power_w(step_m / recording.mission.dt_s, recording.mission.energy) for step_m in steps_m) / 1e3
+    for steps_m in columns.step_m
+]
+figure, (above, below) = plt.subplots(2, 1, sharex=True, layout="constrained")
+above.plot(columns.time_s, power_kw)
+above.set_ylabel("Propulsion power [kW]")
+below.plot(speed_mps.index, speed_mps)
+below.set_ylabel("Mean speed under way [m/s]")
+below.set_xlabel("Mission time [s]")
+figure.savefig(sys.argv[1] if len(sys.argv) > 1 else "energy.png", dpi=150)

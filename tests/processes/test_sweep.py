@@ -1,0 +1,257 @@
+"""Sweeps in processes: killed and continued, on a cluster, and the `figures` command around them."""
+
+from __future__ import annotations
+
+import csv
+import fcntl
+import json
+import os
+import shlex
+import signal
+import subprocess
+import sys
+import time
+import warnings
+from collections.abc import Iterator
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import msgspec
+import pytest
+
+from edc_swarm.config import Mission
+from edc_swarm.figures import catalogue
+from edc_swarm.sweeps import Run
+from processes.cli import main
+from processes.sweep import RUNS_FILE, Ledger, Local, SweepError, open_scheduler, sweep
+
+RUNS = [Run("processes.trials:fly", Mission(uavs=3, seed=seed)) for seed in range(8)]
+SWEEP = """
+import sys
+sys.path.insert(0, {tests!r})
+from pathlib import Path
+from test_sweep import RUNS
+from processes.sweep import Ledger, Local, sweep
+if __name__ == "__main__":
+    with Ledger(Path({folder!r})) as ledger:
+        sweep(RUNS, ledger, Local({jobs}))
+"""
+TIMES = ("plan_ms", "energy_compute_j")
+
+
+def without_times(results: dict[str, Any]) -> dict[str, Any]:
+    """Results but for what is measured with a stopwatch."""
+    return {key: {k: v for k, v in result.items() if k not in TIMES} for key, result in results.items()}
+
+
+@pytest.fixture(scope="module")
+def expected() -> dict[str, Any]:
+    """What the sweep gives in one process, undisturbed."""
+    return without_times({run.key: result for run, result, _ in Local(1).results(RUNS)})
+
+
+def wait_for(condition: Any, what: str, timeout_s: float = 120.0) -> None:
+    """Poll until `condition()`."""
+    until_s = time.monotonic() + timeout_s
+    while not condition():
+        assert time.monotonic() < until_s, f"never: {what}"
+        time.sleep(0.02)
+
+
+def lines(folder: Path) -> list[bytes]:
+    """Lines of the file of results."""
+    file = folder / RUNS_FILE
+    return file.read_bytes().splitlines() if file.exists() else []
+
+
+def children(pid: int) -> list[int]:
+    """Child processes of `pid`."""
+    said = subprocess.run(["ps", "-o", "pid=", "--ppid", str(pid)], capture_output=True, text=True, check=False)
+    return [int(word) for word in said.stdout.split()]
+
+
+def alive(pid: int) -> bool:
+    """Whether a process runs (a zombie does not)."""
+    try:
+        return Path(f"/proc/{pid}/stat").read_text(encoding="utf-8").rpartition(")")[2].split()[0] != "Z"
+    except FileNotFoundError:
+        return False
+
+
+def test_killed_sweep_continues(tmp_path: Path, expected: dict[str, Any]) -> None:
+    """After kill -9 in mid-sweep no worker is left, and going on gives the same results, each made once."""
+    code = SWEEP.format(tests=str(Path(__file__).parent), folder=str(tmp_path), jobs=2)
+    script = tmp_path.with_name("run_sweep.py")
+    script.write_text(code, encoding="utf-8")
+    process = subprocess.Popen([sys.executable, str(script)], stderr=subprocess.DEVNULL)
+    wait_for(lambda: len(lines(tmp_path)) >= 2, "two results")
+    workers = children(process.pid)
+    process.kill()
+    process.wait()
+    wait_for(lambda: not any(map(alive, workers)), "workers gone", 10)
+    before = lines(tmp_path)
+    with (tmp_path / RUNS_FILE).open("ab") as torn:
+        torn.write(before[0][: len(before[0]) // 2])
+    with Ledger(tmp_path) as ledger:
+        assert len(ledger.results) == len(before)
+        results = sweep(RUNS, ledger, Local(1))
+    assert without_times(results) == expected
+    keys = [json.loads(line)["key"] for line in lines(tmp_path) if line.endswith(b"}")]
+    assert sorted(keys) == sorted(run.key for run in RUNS)
+
+
+def test_printed_command_flies_the_run_again(tmp_path: Path, expected: dict[str, Any]) -> None:
+    """The command in a line of the results gives the metrics in that line."""
+    words = shlex.split(RUNS[5].command)
+    assert words[0] == "edc-swarm"
+    out = tmp_path / "again.mcap"
+    said = subprocess.run(
+        [sys.executable, "-m", "processes.cli", *words[1:], "--out", str(out), "--json"],
+        capture_output=True,
+        check=True,
+    )
+    metrics = msgspec.json.decode(said.stdout)
+    wanted = expected[RUNS[5].key]
+    assert {name: metrics[name] for name in wanted} == wanted
+
+
+def test_results_of_other_code_are_made_again(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """A result is used only by the code that made it."""
+    with Ledger(tmp_path) as ledger:
+        sweep(RUNS[:1], ledger, Local(1))
+    monkeypatch.setattr("processes.sweep.code_fingerprint", lambda: "other")
+    with Ledger(tmp_path) as ledger:
+        assert (ledger.results, ledger.outdated) == ({}, 1)
+
+
+def test_failed_run_is_named_and_others_are_kept(tmp_path: Path) -> None:
+    """A run that cannot be flown ends the sweep with its command; what was made stays."""
+    crowded = Run("processes.trials:fly", Mission(uavs=50, area_m2=100.0))
+    with Ledger(tmp_path) as ledger, pytest.raises(SweepError, match="edc-swarm sim --uavs 50 --area 100"):
+        sweep([RUNS[0], crowded], ledger, Local(1))
+    assert len(lines(tmp_path)) == 1
+
+
+@pytest.fixture
+def cluster() -> Iterator[str]:
+    """Address of a Dask scheduler with two worker processes of one thread each."""
+    distributed = pytest.importorskip("distributed")
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore")
+        with distributed.LocalCluster(
+            n_workers=2, threads_per_worker=1, dashboard_address=None, host="127.0.0.1"
+        ) as local:
+            yield local.scheduler_address
+
+
+@pytest.mark.filterwarnings(
+    "ignore::ResourceWarning", "ignore::DeprecationWarning", "ignore::pytest.PytestUnraisableExceptionWarning"
+)
+def test_dask_cluster_gives_the_same(cluster: str, tmp_path: Path, expected: dict[str, Any]) -> None:
+    """Two Dask workers give what one process gives, and both have worked."""
+    with open_scheduler(cluster, None) as scheduler, Ledger(tmp_path) as ledger:
+        results = sweep(RUNS, ledger, scheduler)
+    assert without_times(results) == expected
+
+
+BAD = [
+    (["--only", "7a"], "--only"),
+    (["--runs", "0"], "--runs"),
+    (["--jobs", "0"], "--jobs"),
+    (["--scheduler", "tcp://127.0.0.1:9"], "--scheduler"),
+    (["--scheduler", "nonsense"], "--scheduler"),
+    (["--out", "/proc/figures"], "--out"),
+    (["--out", "/dev/null"], "--out"),
+]
+
+
+@pytest.mark.filterwarnings("ignore::ResourceWarning", "ignore::pytest.PytestUnraisableExceptionWarning")
+@pytest.mark.parametrize(
+    ("words", "field"), BAD, ids=lambda value: " ".join(value) if isinstance(value, list) else value
+)
+def test_bad_input_is_one_line(
+    words: list[str], field: str, capfd: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch, tmp_path: Path
+) -> None:
+    """Status 2, one line that names the option, nothing on standard output, nothing flown."""
+    monkeypatch.chdir(tmp_path)
+    monkeypatch.setattr("processes.sweep.CONNECT_S", 0.5)
+    assert main(["figures", "--runs", "1", *words] if "--runs" not in words else ["figures", *words]) == 2
+    said = capfd.readouterr()
+    assert said.out == ""
+    assert said.err.startswith(f"error: {field} = ")
+    assert len(said.err.splitlines()) == 1
+
+
+def test_folder_of_others_is_refused(tmp_path: Path, capfd: pytest.CaptureFixture[str]) -> None:
+    """A folder with something else in it is not written to, nor one that another sweep holds."""
+    (tmp_path / "thesis.tex").touch()
+    assert main(["figures", "--out", str(tmp_path)]) == 2
+    (tmp_path / RUNS_FILE).touch()
+    with (tmp_path / RUNS_FILE).open("rb") as held:
+        fcntl.flock(held, fcntl.LOCK_EX)
+        assert main(["figures", "--out", str(tmp_path)]) == 2
+    assert "no other sweep" in capfd.readouterr().err
+
+
+@pytest.fixture
+def small(monkeypatch: pytest.MonkeyPatch) -> None:
+    """All figures with few UAVs in little space."""
+    axes = {
+        "uavs": (Mission(area_m2=2500.0), (3.0, 6.0)),
+        "area_m2": (Mission(uavs=4), (2500.0, 6400.0)),
+        "r_m": (Mission(uavs=4, area_m2=2500.0), (2.0, 5.0)),
+    }
+    figures = tuple(
+        replace(f, base=axes[f.axis.field][0], axis=replace(f.axis, values=axes[f.axis.field][1]))
+        for f in catalogue.FIGURES
+    )
+    monkeypatch.setattr(catalogue, "FIGURES", figures)
+
+
+@pytest.mark.usefixtures("small")
+def test_figures_command(tmp_path: Path, capfd: pytest.CaptureFixture[str]) -> None:
+    """Every figure as PNG, SVG and CSV, a page that shows each, JSON alone on standard output."""
+    assert main(["figures", "--runs", "2", "--jobs", "1", "--json", "--out", str(tmp_path)]) == 0
+    report = json.loads(capfd.readouterr().out)
+    page = (tmp_path / "index.html").read_text(encoding="utf-8")
+    for name in catalogue.NAMES:
+        assert (tmp_path / f"{name}.png").read_bytes().startswith(b"\x89PNG")
+        assert f'src="{name}.svg"' in page
+        assert (tmp_path / f"{name}.svg").exists()
+    for name, found in report["findings"].items():
+        assert found["claim"] in page.replace("&quot;", '"').replace("&#x27;", "'")
+        assert found["found"], name
+    check_tables(tmp_path, report["rows"])
+    made = len(lines(tmp_path))
+    assert main(["figures", "--runs", "2", "--jobs", "1", "--only", "4a", "--out", str(tmp_path)]) == 0
+    assert len(lines(tmp_path)) == made
+
+
+def check_tables(folder: Path, rows: list[dict[str, Any]]) -> None:
+    """The CSV files hold the rows of the report, with all columns."""
+    read: list[dict[str, str]] = []
+    for figure in dict.fromkeys(row["figure"] for row in rows):
+        with (folder / f"{figure}.csv").open(newline="", encoding="utf-8") as stream:
+            read += csv.DictReader(stream)
+    assert [list(row) for row in read] == [list(row) for row in rows]
+    for written, row in zip(read, rows, strict=True):
+        assert (written["figure"], written["series"]) == (row["figure"], row["series"])
+        assert float(written["mean"]) == row["mean"]
+        assert (written["ci95_low"] == "") == (row["ci95_low"] is None)
+    assert {row["largest"] for row in rows if row["series"] == "edc" and row["figure"] in {"4a", "4b", "4c"}} == {0.0}
+    with (folder / "energy-long.csv").open(newline="", encoding="utf-8") as stream:
+        assert len(list(csv.DictReader(stream))) == catalogue.LONG_MISSION.uavs
+
+
+def test_interrupt_ends_the_workers(tmp_path: Path) -> None:
+    """Ctrl-C ends the command and its workers at once; what was made is kept."""
+    command = [sys.executable, "-m", "processes.cli", "figures", "--only", "4b", "--jobs", "2", "--out", str(tmp_path)]
+    process = subprocess.Popen(command, stderr=subprocess.DEVNULL)
+    wait_for(lambda: len(children(process.pid)) >= 2, "workers")
+    workers = children(process.pid)
+    time.sleep(1.0)
+    os.kill(process.pid, signal.SIGINT)
+    process.wait(timeout=10)
+    wait_for(lambda: not any(map(alive, workers)), "workers gone", 10)
+    assert process.returncode != 0

@@ -1,0 +1,52 @@
+"""Means, confidence intervals and power laws, against scipy."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+import pytest
+import scipy.stats
+
+from edc_swarm.figures.statistics import estimate, power_law
+
+
+@pytest.mark.parametrize("count", [2, 5, 30])
+def test_interval_is_student_t(count: int) -> None:
+    """The interval equals scipy's for the same sample."""
+    sample = np.random.default_rng(count).normal(3.0, 2.0, count)
+    found = estimate(list(sample))
+    low, high = scipy.stats.t.interval(0.95, count - 1, loc=sample.mean(), scale=scipy.stats.sem(sample))
+    assert (found.runs, found.mean) == (count, pytest.approx(sample.mean()))
+    assert (found.low, found.high) == (pytest.approx(low), pytest.approx(high))
+
+
+def test_interval_covers_as_often_as_it_says() -> None:
+    """Of 4000 intervals of samples of 6, 95 % hold the true mean, within three standard errors."""
+    rng = np.random.default_rng(0)
+    intervals = [estimate(list(rng.normal(1.0, 1.0, 6))) for _ in range(4000)]
+    share = np.mean([found.low < 1.0 < found.high for found in intervals if found.low is not None and found.high])
+    assert share == pytest.approx(0.95, abs=3 * math.sqrt(0.95 * 0.05 / 4000))
+
+
+def test_one_run_has_no_interval() -> None:
+    """A single run says nothing about its spread."""
+    assert (estimate([4.0]).low, estimate([4.0]).high) == (None, None)
+
+
+def test_power_law_is_linear_regression_of_logarithms() -> None:
+    """Exponent and its interval equal scipy's regression."""
+    x = [10.0, 20.0, 30.0, 40.0, 50.0]
+    y = [7.9, 31.0, 70.0, 130.0, 203.0]
+    found = power_law(x, y)
+    expected = scipy.stats.linregress(np.log(x), np.log(y))
+    half = scipy.stats.t.ppf(0.975, 3) * expected.stderr
+    assert found is not None
+    assert found.exponent == pytest.approx(expected.slope)
+    assert found.factor == pytest.approx(math.exp(expected.intercept))
+    assert (found.low, found.high) == (pytest.approx(found.exponent - half), pytest.approx(found.exponent + half))
+
+
+def test_power_law_needs_two_positive_points() -> None:
+    """Zeroes have no logarithm, and one point no slope."""
+    assert power_law([10.0, 20.0], [0.0, 3.0]) is None

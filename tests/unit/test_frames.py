@@ -1,0 +1,29 @@
+"""A run as a data frame."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from synthetic import flight, parallel, recorded
+
+from edc_swarm.errors import InputError
+from edc_swarm.frames import LIBRARIES, frame_of
+from edc_swarm.metrics import columns_of
+
+
+@pytest.mark.parametrize("library", LIBRARIES)
+def test_frame_holds_the_columns(library: str) -> None:
+    """One row per slot and UAV, whose steps add up to the way flown."""
+    pytest.importorskip(library)
+    columns = columns_of(recorded(flight(parallel())))
+    frame = frame_of(columns, library)
+    assert len(frame) == columns.step_m.size
+    assert float(frame["step_m"].sum()) == pytest.approx(float(columns.step_m.sum()))
+    second = np.array(frame["uav"]) == columns.uavs[1]
+    assert np.array_equal(np.array(frame["end_x_m"])[second], columns.centre_m[1:, 1, 0])
+
+
+def test_unknown_library_is_refused() -> None:
+    """The error names what there is."""
+    with pytest.raises(InputError, match="pandas, polars"):
+        frame_of(columns_of(recorded(flight(parallel()))), "excel")

@@ -1,0 +1,58 @@
+"""Runs of a sweep: keys tell them apart, commands fly them again."""
+
+from __future__ import annotations
+
+import pytest
+
+from edc_swarm.config import Link, Mission, load_mission
+from edc_swarm.errors import InputError
+from edc_swarm.figures.catalogue import LONG_FILE, LONG_MISSION, NAMES, chosen, runs_of
+from edc_swarm.sweeps import Run, command_of
+
+
+def test_key_depends_on_measure_and_mission() -> None:
+    """The same mission measured alike has one key; anything else has another."""
+    run = Run("m:f", Mission(seed=1))
+    assert run.key == Run("m:f", Mission(seed=1)).key
+    assert len({run.key, Run("m:g", Mission(seed=1)).key, Run("m:f", Mission(seed=2)).key}) == 3
+
+
+def test_command_says_every_field() -> None:
+    """What differs from the defaults is said with the options of `sim`."""
+    mission = Mission(
+        uavs=50, area_m2=40_000.0, r_m=2.5, seed=7, planner="paper", link=[Link(loss=0.1)], fault=["kill head @10"]
+    )
+    assert command_of(mission) == (
+        "edc-swarm sim --seed 7 --uavs 50 --area 40000 --gps-error 2.5 --planner paper --loss 0.1"
+        " --fault 'kill head @10'"
+    )
+
+
+@pytest.mark.parametrize("mission", [Mission(lease_slots=3), Mission(link=[Link(loss=0.1, sender="u001")])])
+def test_what_no_option_says_is_refused(mission: Mission) -> None:
+    """A command that would fly another mission is never printed."""
+    with pytest.raises(InputError):
+        command_of(mission)
+
+
+def test_figures_share_runs() -> None:
+    """Each run is declared once, and Fig. 5 adds nothing to what Fig. 4 flies."""
+    runs = runs_of(NAMES, 3)
+    assert len({run.key for run in runs}) == len(runs)
+    assert {r.key for r in runs_of(["4a", "4b", "5a", "5b"], 3)} == {r.key for r in runs_of(["4a", "4b"], 3)}
+
+
+def test_every_run_can_be_flown_again() -> None:
+    """Every run of every figure has a command."""
+    assert all(run.command.startswith("edc-swarm sim") for run in runs_of(NAMES, 30))
+
+
+def test_long_mission_is_the_scenario() -> None:
+    """The mission in the catalogue and the shipped file say the same."""
+    assert load_mission(LONG_FILE) == LONG_MISSION
+
+
+def test_unknown_figure_is_refused() -> None:
+    """The error names the figures that there are."""
+    with pytest.raises(InputError, match="4a, 4b"):
+        chosen(["7a"])
