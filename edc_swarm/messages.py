@@ -8,7 +8,7 @@ unknown fields are ignored. `seq` counts from 0 without holes per publisher `ins
 from __future__ import annotations
 
 import math
-from typing import Annotated, Literal
+from typing import Annotated, Any, Literal
 
 import msgspec
 from msgspec import Meta, Struct
@@ -180,7 +180,9 @@ _KINDS: dict[tuple[str, int], type[Struct]] = {
     ("event", 2): Event,
     ("mission", 1): MissionMessage,
 }
-_DECODERS = {kind: msgspec.json.Decoder(kind) for kind in _KINDS.values()}
+_DECODERS: dict[type[Struct], msgspec.json.Decoder[Any]] = {
+    kind: msgspec.json.Decoder(kind) for kind in _KINDS.values()
+}
 _ENCODER = msgspec.json.Encoder()
 
 

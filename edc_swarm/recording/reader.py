@@ -10,6 +10,7 @@ from pathlib import Path
 from typing import Any, BinaryIO
 
 import msgspec
+from msgspec import Struct
 
 from edc_swarm.errors import MessageError, RecordingError
 from edc_swarm.messages import Command, Fix, Message, MissionMessage, Truth, decode, kind_of
@@ -96,7 +97,7 @@ def _sink(channel: Channel, lists: dict[type, list[Any]]) -> Sink:
     return _decoder(channel.topic, kind), lists[kind].append
 
 
-def _decoder(topic: str, kind: type[Any]) -> Decode:
+def _decoder(topic: str, kind: type[Struct]) -> Decode:
     """`messages.decode` for one topic, without what it looks up and lists anew for every message.
 
     The messages of which there are many have a way of their own here; a test holds the two equal.
@@ -122,7 +123,7 @@ def _decoder(topic: str, kind: type[Any]) -> Decode:
 
 
 @cache
-def _fast(kind: type[Any]) -> tuple[Callable[[bytes], Any], Callable[[Any], tuple[float, ...]]]:
+def _fast(kind: type[Struct]) -> tuple[Callable[[bytes], Any], Callable[[Any], tuple[float, ...]]]:
     """Decoder of a kind, and all its floats; made once, since a recording has hundreds of topics."""
     floats = attrgetter(*(field.name for field in msgspec.structs.fields(kind) if field.type is float))
     return msgspec.json.Decoder(kind).decode, floats
