@@ -149,7 +149,7 @@ def cluster() -> Iterator[str]:
     "ignore::ResourceWarning", "ignore::DeprecationWarning", "ignore::pytest.PytestUnraisableExceptionWarning"
 )
 def test_dask_cluster_gives_the_same(cluster: str, tmp_path: Path, expected: dict[str, Any]) -> None:
-    """Two Dask workers give what one process gives, and both have worked."""
+    """Two Dask workers give what one process gives."""
     with open_scheduler(cluster, None) as scheduler, Ledger(tmp_path) as ledger:
         results = sweep(RUNS, ledger, scheduler)
     assert without_times(results) == expected
