@@ -7,8 +7,9 @@ from collections.abc import Sequence
 import numpy as np
 from msgspec import Struct
 
+from edc_swarm.config import Mission
 from edc_swarm.energy import compute_energy_j, propulsion_power_w, propulsion_powers_w
-from edc_swarm.metrics import PLANNED, Timing, columns_of
+from edc_swarm.metrics import PLANNED, Floats, Timing, columns_of
 from edc_swarm.recording import Recording
 
 
@@ -41,35 +42,39 @@ class Exhausted(Struct, frozen=True):
 def energy_bills(recording: Recording, timings: Sequence[Timing] = ()) -> list[EnergyBill]:
     """The bill of every UAV, in roster order. `timings`, when given, replace the recorded plan times."""
     mission, columns = recording.mission, columns_of(recording)
-    flown_s = mission.dt_s - 2 * mission.guard_s
-    waiting_j = propulsion_power_w(0.0, mission.energy) * (mission.dt_s - flown_s)
-    slot_j = propulsion_powers_w(columns.step_m / flown_s, mission.energy) * flown_s + waiting_j
     heard = ~np.isnan(columns.energy_j)
     flying = np.flip(np.logical_or.accumulate(np.flip(heard, 0), 0), 0)
-    moving = (columns.step_m > 0) & flying
-    sent = _messages_sent(recording)
-    plan_s, led = _head_work(recording, timings)
+    slot_j = _slot_energy_j(mission, columns.step_m)
+    sent, (plan_s, led) = _messages_sent(recording), _head_work(recording, timings)
     bills = []
     for k, entry in enumerate(mission.roster):
-        cruise, hover = moving[:, k], flying[:, k] & ~moving[:, k]
-        cruise_j, hover_j = float(slot_j[cruise, k].sum()), float(slot_j[hover, k].sum())
-        radio_j = sent.get(entry.uav, 0) * mission.energy.radio_j_per_message
-        compute_j = compute_energy_j(plan_s.get(entry.uav, 0.0), mission.head)
+        moving = columns.step_m[:, k] > 0
+        cruise, hover = moving & flying[:, k], ~moving & flying[:, k]
+        spent_j = {
+            "cruise_j": float(slot_j[cruise, k].sum()),
+            "hover_j": float(slot_j[hover, k].sum()),
+            "radio_j": sent.get(entry.uav, 0) * mission.energy.radio_j_per_message,
+            "compute_j": compute_energy_j(plan_s.get(entry.uav, 0.0), mission.head),
+        }
         bills.append(
             EnergyBill(
                 uav=entry.uav,
                 cruise_s=float(cruise.sum() * mission.dt_s),
-                cruise_j=cruise_j,
                 hover_s=float(hover.sum() * mission.dt_s),
-                hover_j=hover_j,
-                radio_j=radio_j,
-                compute_j=compute_j,
-                total_j=cruise_j + hover_j + radio_j + compute_j,
+                **spent_j,
+                total_j=sum(spent_j.values()),
                 left_j=_last(columns.energy_j[:, k], entry.energy_j),
                 slots_led=led.get(entry.uav, 0),
             )
         )
     return bills
+
+
+def _slot_energy_j(mission: Mission, step_m: Floats) -> Floats:
+    """Propulsion energy of every slot, as a UAV's battery pays it: flown outside the guards, hovered within."""
+    flown_s = mission.dt_s - 2 * mission.guard_s
+    hovered_j = propulsion_power_w(0.0, mission.energy) * (mission.dt_s - flown_s)
+    return propulsion_powers_w(step_m / flown_s, mission.energy) * flown_s + hovered_j
 
 
 def exhausted(recording: Recording) -> list[Exhausted]:
@@ -102,6 +107,6 @@ def _head_work(recording: Recording, timings: Sequence[Timing]) -> tuple[dict[st
     return plan_s, led
 
 
-def _last(battery_j: np.typing.NDArray[np.float64], start_j: float) -> float:
+def _last(battery_j: Floats, start_j: float) -> float:
     known = battery_j[~np.isnan(battery_j)]
     return float(known[-1]) if len(known) else start_j
