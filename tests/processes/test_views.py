@@ -3,21 +3,29 @@
 from __future__ import annotations
 
 import json
+import socket
 import threading
 from collections import Counter
+from contextlib import suppress
 from pathlib import Path
 
 import pytest
 import zenoh
 from mcap.reader import make_reader
 
-from edc_swarm.messages import Keys
+from edc_swarm.config import Mission
+from edc_swarm.messages import Keys, encode
 from edc_swarm.metrics import compute_metrics
-from edc_swarm.recording import McapFile, read_recording
+from edc_swarm.recording import McapFile, RecordingWriter, read_recording
+from edc_swarm.recording.mcap_file import Channel
+from edc_swarm.roster import complete_mission
+from edc_swarm.simulation import mission_message
 from processes.address import free_endpoint
 from processes.bus import open_client, open_router
 from processes.cli import main
+from processes.live import HOST, PORT, live_port
 
+MISSION_MESSAGE = mission_message(complete_mission(Mission(uavs=2)))
 MISSION = ("--uavs", "4", "--area", "2500", "--fault", "kill head @6")
 
 
@@ -160,3 +168,39 @@ def test_replay_names_a_bad_option(
     said = capsys.readouterr().err
     assert said.startswith(f"error: {field} = ")
     assert said.count("\n") == 1
+
+
+def test_replay_leaves_out_what_no_bus_takes(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    """A topic of another program is told of, and the rest is replayed."""
+    path = tmp_path / "odd.mcap"
+    with path.open("wb") as stream:
+        writer = RecordingWriter(stream, {})
+        writer.write("swarm/m/mission", encode(MISSION_MESSAGE), 1)
+        for topic in ("a//b", "swarm/m/*"):
+            writer.write_as(Channel(topic, "raw"), b"?", 2)
+        writer.finish({})
+    assert main(["replay", str(path), "--json"]) == 0
+    said = capsys.readouterr()
+    assert json.loads(said.out) == {"messages": 1}
+    assert said.err.count("is no key of a bus") == 2
+
+
+def test_a_page_overwrites_nothing(simulated: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    """Unless told to; and it is a page by its name."""
+    page = simulated.with_name("page.html")
+    page.write_text("mine")
+    assert main(["report", str(simulated), "-o", str(page)]) == 2
+    assert page.read_text() == "mine"
+    assert main(["report", str(simulated), "-o", str(page), "--force"]) == 0
+    assert page.read_text().startswith("<!doctype html>")
+    assert main(["report", str(simulated), "-o", str(simulated)]) == 2
+    assert "must be a name that ends in .html" in capsys.readouterr().err
+
+
+def test_a_second_live_view_takes_a_port_of_its_own() -> None:
+    """Two missions side by side are both seen."""
+    with socket.socket() as taken:
+        with suppress(OSError):
+            taken.bind((HOST, PORT))
+            taken.listen()
+        assert live_port() not in {0, PORT}
