@@ -1,7 +1,9 @@
 """Every safety rule, removed once: the fuzzer must notice, or it proves nothing.
 
 Each defect is planted in the production code and the fuzzer is run over the stated seeds until it
-finds a broken guarantee. `tests/simulation/test_mutations.py --durations=0` shows what each costs.
+finds a broken guarantee. One rule is missing here: that a command must start at the UAV's own waypoint. A head
+plans from the fix that the UAV has just sent, so no crash or bad network makes it start elsewhere; the check
+guards against a head that is wrong, and `tests/unit/test_vehicle.py` holds it.
 """
 
 from __future__ import annotations
@@ -99,16 +101,6 @@ def promise_written_after_the_step_began(patch: Patch) -> None:
 def lost_memory_that_grants(patch: Patch) -> None:
     """A UAV without its promise starts over as if new."""
     _at_start(patch, lambda p, e: p or vehicle.first_promise(e))
-
-
-def start_not_checked(patch: Patch) -> None:
-    """A command that starts elsewhere is flown."""
-
-    def mutant(command: Command, now: Any) -> str | None:
-        x_m, y_m = now.waypoint_m
-        return vehicle.refusal(msgspec.structs.replace(command, start_x_m=x_m, start_y_m=y_m), now)
-
-    patch.setattr(node, "refusal", mutant)
 
 
 def late_command_accepted(patch: Patch) -> None:
@@ -256,7 +248,6 @@ DEFECTS: list[tuple[Defect, int, int]] = [
     (waypoint_forgotten_over_a_restart, 0, 60),
     (promise_written_after_the_step_began, 0, 200),
     (lost_memory_that_grants, 0, 200),
-    (start_not_checked, 0, 200),
     (late_command_accepted, 0, 200),
     (frozen_uav_executes_late, 0, 200),
     (ungranted_uav_commanded, 0, 60),
