@@ -46,7 +46,6 @@ def _simulate(mission: Mission, output: Output, *, viz: bool, show_progress: boo
     warm_up(mission)
     with output.part.open("r+b") as stream:
         writer = RecordingWriter(stream, run_facts("virtual"))
-
         attach_layout(writer, message)
         scenery = Scenery()
 

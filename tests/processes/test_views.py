@@ -44,13 +44,9 @@ def topics(path: Path) -> Counter[str]:
 
 def test_same_seed_same_bytes_with_the_view(simulated: Path) -> None:
     """G6 holds for what viewers are shown, too."""
-    before = simulated.read_bytes()
-    assert main(["sim", *MISSION, "--json", "--out", str(simulated)]) == 2
-    assert simulated.read_bytes() == before
     again = simulated.with_name("again.mcap")
     assert main(["sim", *MISSION, "--json", "--out", str(again)]) == 0
-    described = [list(McapFile(path).messages()) for path in (simulated, again)]
-    assert described[0] == described[1]
+    assert again.read_bytes() == simulated.read_bytes()
 
 
 def test_a_view_added_later_is_the_view_recorded_at_once(simulated: Path, capsys: pytest.CaptureFixture[str]) -> None:
