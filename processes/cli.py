@@ -24,16 +24,16 @@ app = App(
     result_action="return_value",
     suppress_keyboard_interrupt=False,
 )
-app.command("processes.commands.run:run")
-app.command("processes.commands.sim:sim")
-app.command("processes.commands.metrics:metrics")
-app.command("processes.commands.check:check")
-app.command("processes.commands.fuzz:fuzz")
-app.command("processes.commands.figures:figures")
-app.command("processes.commands.replay:replay")
-app.command("processes.commands.recover:recover")
-app.command("processes.commands.visualise:visualise")
-app.command("processes.commands.report:report")
+app.command("processes.commands.run:run", help="Fly a mission: real processes over Zenoh, recorded.")
+app.command("processes.commands.sim:sim", help="Simulate the same mission in one process, in virtual time.")
+app.command("processes.commands.metrics:metrics", help="Print every metric of a recording.")
+app.command("processes.commands.check:check", help="Check the guarantees of a recording; status 1 when one is broken.")
+app.command("processes.commands.fuzz:fuzz", help="Search random fault schedules for a broken guarantee.")
+app.command("processes.commands.figures:figures", help="Make the paper's figures and the energy bill.")
+app.command("processes.commands.replay:replay", help="Put a recording back onto a bus, or plan it again and compare.")
+app.command("processes.commands.recover:recover", help="Make a whole recording of one that was cut off.")
+app.command("processes.commands.visualise:visualise", help="Add what Foxglove draws to a recording.")
+app.command("processes.commands.report:report", help="Make a self-contained page of a recording.")
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
