@@ -11,6 +11,7 @@ from edc_swarm.config import Mission
 from edc_swarm.energy import compute_energy_j, propulsion_power_w, propulsion_powers_w
 from edc_swarm.metrics import PLANNED, Floats, Timing, columns_of
 from edc_swarm.recording import Recording
+from edc_swarm.recording.living import BATTERY_EMPTY
 
 
 class EnergyBill(Struct, frozen=True, kw_only=True):
@@ -79,7 +80,7 @@ def _slot_energy_j(mission: Mission, step_m: Floats) -> Floats:
 
 def exhausted(recording: Recording) -> list[Exhausted]:
     """UAVs that fell out with an empty battery, in the order in which they did."""
-    return [Exhausted(event.source, event.slot) for event in recording.events if event.kind == "battery-empty"]
+    return [Exhausted(event.source, event.slot) for event in recording.events if event.kind == BATTERY_EMPTY]
 
 
 def _messages_sent(recording: Recording) -> dict[str, int]:

@@ -16,7 +16,7 @@ import numpy as np
 from edc_swarm.bills import energy_bills, exhausted
 from edc_swarm.config import Mission
 from edc_swarm.energy import compute_energy_j
-from edc_swarm.figures.closed_loop import closed_loop
+from edc_swarm.figures.closed_loop import closed_loop, recording_of
 from edc_swarm.geometry import length_m
 from edc_swarm.messages import Message
 from edc_swarm.metrics import Timing, columns_of, compute_metrics
@@ -27,6 +27,19 @@ from edc_swarm.roster import complete_mission
 from edc_swarm.simulation import Simulation, mission_message
 from processes.commands.sim import TimedPlanner
 
+OF_THE_PATH = (
+    "uavs",
+    "completed",
+    "potential_collisions",
+    "min_disc_gap_m",
+    "path_m",
+    "straight_m",
+    "extra_distance_pct",
+    "makespan_s",
+    "energy_propulsion_j",
+    "energy_straight_j",
+)
+"""Metrics that need no agents."""
 MAX_TRACE = 200
 """Points that are kept of a battery's course."""
 
@@ -45,6 +58,15 @@ def fly(mission: Mission) -> dict[str, Any]:
     recording, timings = simulate(mission)
     metrics: dict[str, Any] = msgspec.to_builtins(compute_metrics(recording, timings))
     return metrics
+
+
+def fly_plan(mission: Mission) -> dict[str, Any]:
+    """What is decided by a planner's path alone, flown without agents: the same numbers as `fly` gives."""
+    _warm_up(mission.planner)
+    message = mission_message(complete_mission(mission))
+    path_m, _ = closed_loop(message, make_planner(message.planner, message))
+    metrics = msgspec.to_builtins(compute_metrics(recording_of(message, path_m)))
+    return {name: metrics[name] for name in OF_THE_PATH}
 
 
 def fly_long(mission: Mission) -> dict[str, Any]:

@@ -6,17 +6,33 @@ at the cost of planning alone; a test holds the two together.
 
 from __future__ import annotations
 
+from itertools import pairwise
+
 import numpy as np
 
 from edc_swarm.config import ARRIVED_M, Mission
 from edc_swarm.geometry import Floats, length_m
+from edc_swarm.messages import Command, Fix, Message, MissionMessage
 from edc_swarm.planner.interface import Plan, Planner, PlanRequest, Stopwatch
 from edc_swarm.planner.paper import Paper
+from edc_swarm.recording import Recording
 
 
 def as_printed(mission: Mission, stopwatch: Stopwatch) -> Paper:
     """Make the planner `paper` with eq. 29-43 as printed, none of their variables eliminated."""
     return Paper(mission, stopwatch, eliminate=False)
+
+
+def recording_of(mission: MissionMessage, path_m: Floats) -> Recording:
+    """A recording of nothing but such a path, for the same metrics: each slot's fixes and commands."""
+    uavs, said = [entry.uav for entry in mission.roster], list[Message]([mission])
+    for slot, (here_m, there_m) in enumerate(pairwise(path_m.tolist())):
+        for entry, (x_m, y_m), (to_x_m, to_y_m) in zip(mission.roster, here_m, there_m, strict=True):
+            start = {"start_x_m": x_m, "start_y_m": y_m, "target_x_m": to_x_m, "target_y_m": to_y_m}
+            waypoint = {"x_m": to_x_m, "y_m": to_y_m, "waypoint_x_m": to_x_m, "waypoint_y_m": to_y_m}
+            said.append(Command(head=uavs[0], uav=entry.uav, slot=slot, term=1, **start))
+            said.append(Fix(uav=entry.uav, slot=slot, r_m=entry.r_m, executing=True, **waypoint))
+    return Recording.from_messages(said)
 
 
 AS_PRINTED = "edc_swarm.figures.closed_loop:as_printed"

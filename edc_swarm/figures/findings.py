@@ -167,7 +167,7 @@ def _times(reason: str) -> Callable[[Sequence[Row]], Found]:
             points = line(rows, name)
             law = _law(rows, name)
             if points is None or law is None:
-                said.append(f"{words}: not timed here (--runs 15 or more does).")
+                said.append(f"{words}: not timed here (--runs 30 or more does).")
                 continue
             growing[name] = grows(points)
             ends = f"from x = {points.x[0]:g} to {points.x[-1]:g}"

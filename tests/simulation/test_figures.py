@@ -17,7 +17,7 @@ from edc_swarm.figures.table import rows_of
 from edc_swarm.metrics import columns_of
 from edc_swarm.planner import make_planner
 from edc_swarm.roster import complete_mission
-from processes.trials import fly, fly_long, simulate, time_forms, time_plans
+from processes.trials import fly, fly_long, fly_plan, simulate, time_forms, time_plans
 
 sys.path.insert(0, str(Path(__file__).parents[1] / "paper"))
 from test_paper_straight_counts import BY_UAVS, overlapping_pairs
@@ -27,19 +27,30 @@ COLLISION_FIGURES = [figure for figure in FIGURES if figure.name in {"4a", "4b",
 
 @pytest.mark.parametrize("figure", COLLISION_FIGURES, ids=lambda figure: figure.name)
 def test_straight_line_counts(figure: Figure) -> None:
-    """The simulated count of a mission is the directly computed one, but for a pair that meets while slowing down."""
-    straight = replace(figure, series=figure.series[:1], axis=replace(figure.axis, values=figure.axis.values[::2]))
+    """The counted pairs of a mission is the directly computed one, but for a pair that meets while slowing down."""
+    straight = replace(figure, series=figure.series[:1], axis=replace(figure.axis, values=figure.axis.values))
     results = {
-        run.key: fly(run.mission) for x in straight.axis.values for (run,) in straight.samples(straight.series[0], x, 1)
+        run.key: fly_plan(run.mission)
+        for x in straight.axis.values
+        for (run,) in straight.samples(straight.series[0], x, 1)
     }
     for row in rows_of(straight, 1, results):
         assert row.mean == pytest.approx(overlapping_pairs(straight.mission(row.x, 0)), abs=1)
 
 
+@pytest.mark.parametrize("planner", ["straight", "paper"])
+def test_plans_alone_give_the_simulators_numbers(planner: str) -> None:
+    """Planners that avoid nothing need no agents: every number is the one of the simulated swarm."""
+    mission = Mission(uavs=12, seed=4, planner=planner)
+    flown, planned = fly(mission), fly_plan(mission)
+    assert planned["potential_collisions"] > 0
+    assert planned == pytest.approx({name: flown[name] for name in planned}, rel=1e-9, abs=1e-6)
+
+
 def test_straight_line_mean_over_thirty_seeds() -> None:
     """Ten UAVs: the point of Fig. 4a equals the independent measurement."""
     figure = replace(FIGURES[0], series=FIGURES[0].series[:1], axis=replace(FIGURES[0].axis, values=(10,)))
-    results = {run.key: fly(run.mission) for (run,) in figure.samples(figure.series[0], 10, 30)}
+    results = {run.key: fly_plan(run.mission) for (run,) in figure.samples(figure.series[0], 10, 30)}
     (row,) = rows_of(figure, 30, results)
     assert row.runs == 30
     assert row.mean == pytest.approx(BY_UAVS[10], abs=1)
