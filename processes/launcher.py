@@ -26,6 +26,7 @@ from edc_swarm.simulation import mission_message
 from processes import fork_source
 from processes.address import check_endpoint, connect_endpoint, free_endpoint
 from processes.children import Child, ChildExited, ChildReady
+from processes.console import note
 from processes.ears import Heard, Token
 from processes.inbox import Inbox
 from processes.injector import Injector
@@ -41,7 +42,10 @@ from processes.viz import NAME as VIZ
 from processes.viz import VizSettings
 
 ROUTER, FORK_SOURCE = "router", "fork-source"
-START_TIMEOUT_S = 120.0
+START_TIMEOUT_S = 600.0
+"""Longest wait at the start: on a new machine the planner is compiled first, which takes a minute."""
+PATIENCE_S = 4.0
+"""After this long the user is told what is waited for."""
 EPOCH_AHEAD_NS = 200_000_000
 """From the mission's publication to its slot 0."""
 LOOK_EVERY_S = 0.1
@@ -61,8 +65,9 @@ class Interrupt:
 
 @dataclass(frozen=True, slots=True)
 class RunReport:
-    """How the processes did, beside what the recording says."""
+    """How the processes did, beside what the recording says; `flew`: there was a mission to record."""
 
+    flew: bool
     warm_s: float
     connected_s: float
     publishing_s: float | None
@@ -96,7 +101,6 @@ class Launcher:
         self._children: dict[str, Child] = {}
         self._ready: set[str] = set()
         self._uavs: dict[str, int] = {}
-        self._crashed: set[str] = set()
         self._expected_deaths: set[str] = set()
         self._to_restart: set[str] = set()
         self._notes: list[str] = []
@@ -105,6 +109,7 @@ class Launcher:
         self._source: socket.socket | None = None
         self._endpoint = ""
         self._ending = False
+        self._end_told = False
         self._interrupted = False
         self._failure: SwarmError | None = None
         self._warm_s = 0.0
@@ -132,7 +137,7 @@ class Launcher:
         self._operator = Operator(connect_endpoint(self._endpoint), self._mission.name, self._inbox)
         self._start_recorder()
         self._start_visualiser()
-        self._wait(lambda: FORK_SOURCE in self._ready, "the planner to be imported and warm")
+        self._wait(lambda: FORK_SOURCE in self._ready, "the planner to be imported, at the first run compiled")
         for entry in self._mission.roster:
             create_state(self._output.state, entry)
             self._fork(entry.uav)
@@ -237,7 +242,7 @@ class Launcher:
                 self._pump(min(LOOK_EVERY_S, injector.next_in_s()))
                 if self._publishing_at_s is None and len(self.bus.heard) == len(self._roster):
                     self._publishing_at_s = time.monotonic()
-        self.bus.publish_event("end", self._outcome(mission))
+        self._tell_end("max_slots" if self.bus.slot_now() > mission.max_slots else "completed")
 
     def _over(self, mission: MissionMessage) -> bool:
         """Whether all that still fly have arrived, time is over, or nobody is left."""
@@ -246,14 +251,18 @@ class Launcher:
         nobody_left = not self._uavs and not self._to_restart and not any(map(self._comes_back, self._roster))
         return nobody_left or slot > mission.max_slots or (slot > 0 and self.bus.monitor.complete(slot - 1))
 
-    def _outcome(self, mission: MissionMessage) -> str:
-        return "max_slots" if self.bus.slot_now() > mission.max_slots else "completed"
+    def _tell_end(self, why: str) -> None:
+        """Tell everybody, once, that it is over."""
+        if not self._end_told:
+            self._end_told = True
+            self.bus.publish_event("end", why)
 
     # --- what faults ask for -----------------------------------------------------------------
 
     def signal(self, name: str, number: int) -> None:
-        """Send a signal to a UAV, the router or the recorder; a death that follows is expected."""
-        self._expected_deaths.add(name)
+        """Send a signal to a UAV, the router or the recorder; a death by it is expected."""
+        if number == signal.SIGKILL:
+            self._expected_deaths.add(name)
         if name in self._children:
             self._children[name].signal(number)
         else:
@@ -291,11 +300,15 @@ class Launcher:
         return self._operator
 
     def _wait(self, done: Callable[[], bool], what: str, timeout_s: float = START_TIMEOUT_S) -> None:
-        deadline_s = time.monotonic() + timeout_s
+        start_s, told = time.monotonic(), not what
         while not done():
-            if time.monotonic() >= deadline_s:
+            waited_s = time.monotonic() - start_s
+            if waited_s >= timeout_s:
                 raise SwarmError(f"waited {timeout_s:g} s for {what}")
-            self._pump(deadline_s - time.monotonic())
+            if waited_s >= PATIENCE_S and not told:
+                note(f"waiting for {what}")
+                told = True
+            self._pump((timeout_s if told else PATIENCE_S) - waited_s)
 
     def _pump(self, timeout_s: float) -> None:
         for item in self._inbox.wait(timeout_s):
@@ -317,6 +330,7 @@ class Launcher:
                 self._interrupted = True
             case ChildReady(name):
                 self._ready.add(name)
+                self._expected_deaths.discard(name)
             case ChildExited(name, _, status):
                 self._take_exit(name, status)
             case _:
@@ -363,10 +377,10 @@ class Launcher:
         self._expected_deaths.discard(name)
         if expected or status == 0:
             return
-        note = f"{name} {_ended(status)}"
-        self._notes.append("\n".join(filter(None, [note, self._output.tail(name)])))
+        ended = f"{name} {_ended(status)}"
+        self._notes.append("\n".join(filter(None, [ended, self._output.tail(name)])))
         if self._operator is not None:
-            self._operator.publish_event("exited", note)
+            self._operator.publish_event("exited", ended)
 
     # --- end ---------------------------------------------------------------------------------
 
@@ -390,11 +404,10 @@ class Launcher:
         The router hands on in order, so when a publisher's last word was heard here, it stands in
         the recorder's queue before the operator's.
         """
-        if self._interrupted:
-            operator.publish_event("end", "interrupted")
+        self._tell_end("interrupted" if self._interrupted else "failed")
         self._wait_quietly(lambda: operator.closed >= {*self._uavs, *({VIZ} & self._children.keys())}, CLOSE_TIMEOUT_S)
         operator.close()
-        timeout_s = CLOSE_TIMEOUT_S if self._interrupted else RECORDER_TIMEOUT_S
+        timeout_s = CLOSE_TIMEOUT_S if self._interrupted or self._failure else RECORDER_TIMEOUT_S
         self._wait_quietly(lambda: RECORDER not in self._children, timeout_s)
         operator.disconnect()
 
@@ -406,6 +419,7 @@ class Launcher:
     def _report(self) -> RunReport:
         publishing = self._publishing_at_s
         return RunReport(
+            flew=self._operator is not None and self._operator.monitor is not None,
             warm_s=self._warm_s,
             connected_s=self._connected_at_s - self._ready_at_s,
             publishing_s=None if publishing is None else publishing - self._ready_at_s,

@@ -68,6 +68,7 @@ class Recorder:
         self._last_word = self._keys.event("operator")
         self._stopping = False
         self._has_layout = False
+        self.has_mission = False
         self._session = open_client(settings.endpoint, observer=True)
         self._session.declare_subscriber(self._keys.everything, hand_over(self._take))
         self._token = self._session.liveliness().declare_token(self._keys.alive(NAME, self._instance))
@@ -123,6 +124,7 @@ class Recorder:
         self._writer.write(key, payload, received_ns)
         if key == self._keys.mission and not self._has_layout:
             self._attach_layout(payload)
+        self.has_mission |= key == self._keys.mission
 
     def _attach_layout(self, payload: bytes) -> None:
         with suppress(MessageError):
@@ -158,7 +160,10 @@ def main() -> int:
         try:
             recorder.record()
             recorder.finish()
-            Path(settings.part).replace(settings.out)
+            if recorder.has_mission:
+                Path(settings.part).replace(settings.out)
+            else:
+                Path(settings.part).unlink()
         except OSError as error:
             recorder.tell("recording-failed", reason_of(error))
             print(reason_of(error), file=sys.stderr, flush=True)

@@ -10,7 +10,7 @@ from cyclopts import Parameter
 from edc_swarm.errors import InputError
 from processes.address import check_endpoint
 from processes.conclusion import conclude
-from processes.console import note
+from processes.console import FAILED, note
 from processes.launcher import Launcher, RunReport, View
 from processes.live import live_port
 from processes.options import MISSION_HELP, MissionOptions
@@ -51,6 +51,8 @@ def run(
         if output.part.exists():
             note(f"the recorder died; recovered {path}: {'; '.join(output.recover_part()) or 'nothing is missing'}")
     _tell(report, len(mission.roster))
+    if not report.flew:
+        return FAILED
     return conclude(path, as_json=options.json)
 
 
