@@ -24,6 +24,11 @@ CONNECT_RETRY = {"period_init_ms": 100, "period_max_ms": 1000, "period_increase_
 OBSERVER_RETRY = {"period_init_ms": 20, "period_max_ms": 20, "period_increase_factor": 1}
 """Who only listens must be back at a restarted router before those who speak."""
 
+DEEP_QUEUE: dict[str, Any] = {"transport/link/tx/queue/size/data": 16}
+"""Batches of 64 kB that may wait for a link, made when needed: bursts of large scenes fit in."""
+PATIENT: dict[str, Any] = {**DEEP_QUEUE, "transport/link/tx/queue/congestion_control/drop/wait_before_drop": 100_000}
+"""Nobody waits for observers: what they say rather waits up to 100 ms (in microseconds) than is dropped."""
+
 Item = TypeVar("Item")
 
 
@@ -38,6 +43,7 @@ def open_client(
             "connect/timeout_ms": timeout_ms,
             "connect/exit_on_failure": timeout_ms >= 0,
             "connect/retry": OBSERVER_RETRY if observer else CONNECT_RETRY,
+            **(PATIENT if observer else {}),
         },
         lease_ms,
     )
@@ -52,6 +58,7 @@ def open_router(endpoint: str, *, lease_ms: int = LEASE_MS) -> zenoh.Session:
             "listen/exit_on_failure": True,
             "transport/unicast/accept_pending": MAX_SESSIONS,
             "transport/unicast/max_sessions": MAX_SESSIONS,
+            **DEEP_QUEUE,
         },
         lease_ms,
     )

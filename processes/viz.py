@@ -29,6 +29,10 @@ from processes.parent import die_with_parent
 
 NAME = "viz"
 IDLE_S = 0.25
+BURST_BYTES = 32_768
+PAUSE_S = 0.004
+OVERHEAD_BYTES = 512
+"""What a small message costs beside its bytes."""
 
 
 class VizSettings(Struct, frozen=True, kw_only=True):
@@ -67,6 +71,7 @@ class Visualiser:
         self._last: dict[str, int] = {}
         self._instance = f"{os.getpid()}-{secrets.token_hex(4)}"
         self._over = False
+        self._unsent = 0
         self._live = Live(settings.live_port, self._inbox.put_always) if settings.live_port else None
         self._session = open_client(settings.endpoint, observer=True)
         self._outbox = Outbox(self._session)
@@ -117,8 +122,17 @@ class Visualiser:
             key = f"viz/{each.topic.removeprefix(ROOT)}"
             self._last[key] = self._last.get(key, -1) + 1
             self._outbox.put(f"{self._keys.root}/{key}", each.payload)
+            self._outbox.flush()
+            self._pause(len(each.payload))
             if self._live is not None:
                 self._live.show(each)
+
+    def _pause(self, size: int) -> None:
+        """Let the bus take what was put: scenes are large, and it drops what comes too fast."""
+        self._unsent += size + OVERHEAD_BYTES
+        if self._unsent >= BURST_BYTES:
+            self._unsent = 0
+            time.sleep(PAUSE_S)
 
     def _close(self) -> None:
         """Say how many messages of each topic there were; viewers' messages carry no numbers."""

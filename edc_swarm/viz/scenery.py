@@ -43,7 +43,7 @@ SLOW_TICKS = 2
 STATIC_TICKS = 120
 """... and what does not move once a minute, for those who join late."""
 TRAIL_S = 15.0
-MAX_TRAIL = 120
+MAX_TRAIL = 16
 OVERLAP_TOLERANCE_M = 1e-9
 FORGET_NS = 60 * NS_PER_S
 """After a longer silence the time in between is not shown."""
@@ -71,6 +71,12 @@ class _Uav:
     truth: Truth | None = None
     command: Command | None = None
     trail: deque[tuple[int, Point]] = field(default_factory=lambda: deque(maxlen=MAX_TRAIL))
+
+    def leave_trail(self, now_ns: int, centre: Point) -> None:
+        """Remember that it is here now; a stay is one point."""
+        if self.trail and self.trail[-1][1] == centre:
+            self.trail.pop()
+        self.trail.append((now_ns, centre))
 
 
 class Scenery:
@@ -137,14 +143,14 @@ class Scenery:
 
     def _tick(self, now_ns: int) -> list[Shown]:
         centres = {name: self._centre(uav, now_ns) for name, uav in self._uavs.items()}
-        for name, uav in self._uavs.items():
-            uav.trail.append((now_ns, centres[name]))
         scenes = {
             channels.UAVS: self._discs(centres, now_ns),
             channels.COMMANDS: self._commands(now_ns),
             channels.HULLS: self._hulls(now_ns),
         }
         if self._ticks % SLOW_TICKS == 0:
+            for name, uav in self._uavs.items():
+                uav.leave_trail(now_ns, centres[name])
             scenes[channels.TRAILS] = self._trails(now_ns)
         if self._ticks % STATIC_TICKS == 0:
             scenes[channels.AREA] = self._area(now_ns)

@@ -110,7 +110,7 @@ def test_trails_fade_and_commands_are_drawn(messages: list[Message]) -> None:
     """A trail has one colour per point, opaque at its new end; a command is its step."""
     (trail,) = scene(messages, "trails", 6)["u1"].lines
     alphas = [colour.a for colour in trail.colors]
-    assert len(trail.points) == len(alphas) > 4
+    assert len(trail.points) == len(alphas) > 2
     assert alphas == sorted(alphas)
     change(messages, {}, Command, speed_mps=4.0)
     (step,) = scene(messages, "commands", 3)["u1"].lines
