@@ -196,6 +196,7 @@ def test_a_page_overwrites_nothing(simulated: Path, capsys: pytest.CaptureFixtur
 def test_a_second_live_view_takes_a_port_of_its_own() -> None:
     """Two missions side by side are both seen."""
     with socket.socket() as taken:
+        taken.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
         with suppress(OSError):
             taken.bind((HOST, PORT))
             taken.listen()
