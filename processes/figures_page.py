@@ -62,7 +62,7 @@ def _introduction(facts: Mapping[str, str]) -> str:
         " aware Physical Collision Avoidance in Unmanned Aerial Vehicles</i>, IEEE GLOBECOM 2018"
         ' (<a href="https://doi.org/10.1109/GLOCOM.2018.8647223">doi 10.1109/GLOCOM.2018.8647223</a>), with avoidance'
         " disabled (<b>straight</b>), with the paper's model (<b>paper</b>) and with this project's planner"
-        f" (<b>edc</b>). {escape(facts['runs'])} random missions a point; edc is flown by the simulator, agents and all;"
+        f" (<b>edc</b>). {escape(facts['runs'])} random missions a point: edc flown by the simulator, agents and all,"
         " the other two, which avoid nothing, by their plans alone. Bands are 95 % confidence intervals of the mean"
         " (Student's t). Execution times are of planning alone:"
         f" wall time, one run after the other, on {escape(facts['machine'])}. Commit"
