@@ -15,6 +15,7 @@ from random import Random
 from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from edc_swarm.config import Mission, mission_from_dict
 from edc_swarm.errors import PlacementError
@@ -88,7 +89,7 @@ def scenario(seed: int, kept: Collection[int] | None = None) -> Mission:
         "guard_s": rng.choice([0.0, 0.0, 0.04]),
         "lag_slots": rng.choice([0, 0, 0, 1]),
         "lease_slots": rng.choice([1, 2, 2, 3]),
-        "standbys": rng.choice([0, 1, 3, 3]),
+        "standbys": rng.choice([0, 0, 1, 3, 3]),
         "handover_margin": rng.choice([0.0, 0.1]),
         "planner": rng.choice([RECKLESS, RECKLESS, RECKLESS, "edc"]),
         "link": _links(rng),
@@ -142,19 +143,23 @@ def smallest(finding: Finding) -> Finding:
 def overlaps(mission: MissionMessage, motions: Sequence[Motion]) -> list[str]:
     """Pairs whose discs could overlap while flying `motions`, at whatever pace within each slot.
 
-    The two segments flown in a slot are compared as sets of points; with `lag_slots` 1 each is
-    joined by the one before it. A UAV that dies or freezes stays where its last step ends.
+    The two segments flown in a slot are compared as sets of points; the one before it counts as well
+    with `lag_slots` 1, or where it was begun too late to be over. A UAV that dies or freezes stays
+    where its last step ends.
     """
     first, last = _paths(mission, motions)
+    before_first, before_last = first.copy(), last.copy()
+    still = _still_flying(mission, motions, len(first))
+    before_first[1:][still[:-1]], before_last[1:][still[:-1]] = first[:-1][still[:-1]], last[:-1][still[:-1]]
     r_m = np.array([entry.r_m for entry in mission.roster])
     i, j = np.triu_indices(len(r_m), 1)
-    gap_m = _gaps(first, last, first, last, i, j)
-    if mission.lag_slots:
-        late = np.minimum(
-            _gaps(first[:-1], last[:-1], first[1:], last[1:], i, j),
-            _gaps(first[1:], last[1:], first[:-1], last[:-1], i, j),
-        )
-        gap_m[1:] = np.minimum(gap_m[1:], late)
+    gap_m = np.minimum.reduce(
+        [
+            _gaps(first, last, first, last, i, j),
+            _gaps(before_first, before_last, first, last, i, j),
+            _gaps(first, last, before_first, before_last, i, j),
+        ]
+    )
     bad = np.argwhere(gap_m < r_m[i] + r_m[j] - TOLERANCE_M)
     ids = [entry.uav for entry in mission.roster]
     return [
@@ -180,9 +185,16 @@ def _paths(mission: MissionMessage, motions: Sequence[Motion]) -> tuple[Floats, 
         first[motion.slot, k] = motion.from_m
         last[motion.slot, k] = motion.to_m
         first[motion.slot + 1 :, k] = last[motion.slot + 1 :, k] = motion.to_m
-        if motion.late:
-            first[motion.slot + 1, k] = motion.from_m
     return first, last
+
+
+def _still_flying(mission: MissionMessage, motions: Sequence[Motion], slots: int) -> NDArray[np.bool_]:
+    """Whether (slots, UAVs) the step of a slot may still be flown in the next one."""
+    index = {entry.uav: k for k, entry in enumerate(mission.roster)}
+    still = np.full((slots, len(index)), bool(mission.lag_slots))
+    for motion in motions:
+        still[motion.slot, index[motion.uav]] |= motion.late
+    return still
 
 
 def _asked(mission: Mission) -> tuple[str, ...]:
@@ -257,7 +269,7 @@ def _death(rng: Random, mission: Mission) -> list[str]:
 def _freeze_before_tick(rng: Random, mission: Mission) -> list[str]:
     """Stopped just before a slot begins, going on late in it or some slots later."""
     at_s = _slot(rng) * mission.dt_s - rng.choice([0.0005, 0.002, 0.01, 0.05])
-    for_s = rng.choice([0.06, 0.2, 0.9 * mission.dt_s, 1.3, 2.6])
+    for_s = rng.choice([0.06, 0.3 * mission.dt_s, 0.36 * mission.dt_s, 0.9 * mission.dt_s, 1.3, 2.6])
     mid_step = " mid-step" if rng.random() < 0.3 else ""
     return [f"freeze {_uav(rng, mission)}{mid_step} @{max(at_s, 0.0):.4f}s for {for_s:.3f}s"]
 
@@ -290,7 +302,7 @@ def _mute_after_grant(rng: Random, mission: Mission) -> list[str]:
 def _restart_and_mute(rng: Random, mission: Mission) -> list[str]:
     """The head comes back at once while one UAV that it has just commanded is not heard."""
     at_s, uav = _slot(rng) * mission.dt_s + rng.choice([0.002, 0.01, 0.21, 0.4]), _id(rng, mission)
-    mute_s = at_s + rng.choice([0.0, 0.001, 0.2])
+    mute_s = at_s + rng.choice([0.0, 0.01, 0.2])
     return [f"restart head @{at_s:.4f}s", f"partition {uav}>rest @{mute_s:.4f}s for {rng.randint(1, 6)}"]
 
 
@@ -340,6 +352,7 @@ _AIMS = (
     _partition,
     _mute_after_grant,
     _mute_after_grant,
+    _restart_and_mute,
     _restart_and_mute,
     _late_grant,
     _late_grant,

@@ -17,7 +17,7 @@ import pytest
 from numpy.typing import NDArray
 
 from edc_swarm import fuzzing, node, vehicle
-from edc_swarm.config import Mission
+from edc_swarm.config import Mission, mission_from_dict
 from edc_swarm.election import Election
 from edc_swarm.head import Head, Office
 from edc_swarm.knowledge import Knowledge
@@ -83,9 +83,7 @@ def grant_forgotten_over_a_restart(patch: Patch) -> None:
 
 def waypoint_forgotten_over_a_restart(patch: Patch) -> None:
     """The promise on disk loses its waypoint."""
-    _at_start(
-        patch, lambda p, e: p and msgspec.structs.replace(p, waypoint_x_m=e.start_x_m, waypoint_y_m=e.start_y_m)
-    )
+    _at_start(patch, lambda p, e: p and msgspec.structs.replace(p, waypoint_x_m=e.start_x_m, waypoint_y_m=e.start_y_m))
 
 
 def promise_written_after_the_step_began(patch: Patch) -> None:
@@ -240,6 +238,44 @@ def negative_gap_taken(patch: Patch) -> None:
     patch.setattr(certificate, "_refused", lambda _problem, waypoint_m: np.zeros(len(waypoint_m), dtype=bool))
 
 
+def freezes(seed: int) -> Mission:
+    """UAVs that stop just before a tick and go on so early in the slot that the head still hears them."""
+    faults = [f"freeze u00{1 + slot % 4} @{slot * 0.5 - 0.01:.3f}s for 0.17s" for slot in range(3, 65)]
+    return _crowd(seed, faults)
+
+
+def restarts(seed: int) -> Mission:
+    """Heads that come back at once; a UAV that they have just commanded says so, and is then not heard."""
+    faults = []
+    for slot in range(4, 62, 6):
+        at_s = slot * 0.5 + 0.01
+        faults += [f"restart head @{at_s:.3f}s", f"partition u00{1 + slot // 2 % 4}>rest @{at_s + 0.02:.3f}s for 3"]
+    return _crowd(seed, faults)
+
+
+def _crowd(seed: int, faults: list[str]) -> Mission:
+    crowd = {"uavs": 4, "area_m2": 1200.0, "planner": fuzzing.RECKLESS, "standbys": 0, "max_slots": 70}
+    return mission_from_dict({**crowd, "seed": seed, "fault": faults})
+
+
+AIMED = [(frozen_uav_executes_late, freezes, 20), (restarted_head_plans_in_its_term, restarts, 20)]
+"""Defects that random schedules meet too rarely: found by schedules of one kind, crowded together."""
+
+
+@pytest.mark.parametrize(("defect", "mission", "runs"), AIMED, ids=[defect.__name__ for defect, *_ in AIMED])
+def test_aimed_schedules_find(defect: Defect, mission: Callable[[int], Mission], runs: int, monkeypatch: Patch) -> None:
+    """A planted defect breaks a guarantee in one of a few aimed missions, and none breaks without it."""
+    seed = next((seed for seed in range(runs) if _breaks(defect, mission(seed), monkeypatch)), None)
+    assert seed is not None, f"{defect.__name__} went unnoticed in {runs} runs"
+    assert fuzzing.fly(mission(seed)) == []
+
+
+def _breaks(defect: Defect, mission: Mission, monkeypatch: Patch) -> bool:
+    with monkeypatch.context() as patch:
+        defect(patch)
+        return bool(fuzzing.fly(mission))
+
+
 DEFECTS: list[tuple[Defect, int, int]] = [
     (quorum_of_half, 0, 60),
     (second_grant_in_one_term, 0, 60),
@@ -249,11 +285,9 @@ DEFECTS: list[tuple[Defect, int, int]] = [
     (promise_written_after_the_step_began, 0, 200),
     (lost_memory_that_grants, 0, 200),
     (late_command_accepted, 0, 200),
-    (frozen_uav_executes_late, 0, 200),
     (ungranted_uav_commanded, 0, 60),
     (quorum_remembered, 0, 200),
     (planning_twice_in_a_slot, 0, 200),
-    (restarted_head_plans_in_its_term, 0, 200),
     (memory_of_an_older_term_used, 0, 200),
     (never_heard_uav_left_out, 0, 200),
     (ball_one_slot_short, 0, 200),
