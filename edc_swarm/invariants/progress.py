@@ -8,6 +8,7 @@ import numpy as np
 
 from edc_swarm.config import ARRIVED_M
 from edc_swarm.faults import Fault, parse_fault
+from edc_swarm.geometry import Floats, point_segment_distance_m
 from edc_swarm.invariants.evidence import Evidence
 from edc_swarm.invariants.report import GuaranteeResult, Violation, not_applicable, verdict
 from edc_swarm.recording.living import FAULT, living_at_end
@@ -42,15 +43,27 @@ def _away_m(evidence: Evidence, k: int) -> float:
 
 
 def _excused(evidence: Evidence, k: int, living: np.ndarray[tuple[int], np.dtype[np.bool_]]) -> bool:
-    """Whether UAV `k` has arrived, or its target is covered by the disc of one that no longer flies."""
+    """Whether UAV `k` has arrived, or its target is, or may be, covered by one that no longer flies."""
     if _away_m(evidence, k) <= ARRIVED_M:
         return True
-    roster, ends_m = evidence.mission.roster, evidence.tracks.centre_m[-1]
+    roster = evidence.mission.roster
     target_m = np.array([roster[k].target_x_m, roster[k].target_y_m])
     return any(
-        np.hypot(*(ends_m[other] - target_m)) < roster[k].r_m + roster[other].r_m
+        _clearance_m(evidence, target_m, other) < roster[k].r_m + roster[other].r_m
         for other in np.flatnonzero(~living).tolist()
     )
+
+
+def _clearance_m(evidence: Evidence, target_m: Floats, other: int) -> float:
+    """From a point to where a UAV that no longer flies is, or can be by the last plan's hulls."""
+    centre_m = float(np.hypot(*(evidence.tracks.centre_m[-1][other] - target_m)))
+    plan = max(evidence.plans, key=lambda report: (report.term, report.slot), default=None)
+    uav = evidence.mission.roster[other].uav
+    if plan is None or uav not in plan.hull_uav:
+        return centre_m
+    i = plan.hull_uav.index(uav)
+    ends_m = (plan.hull_ax_m[i], plan.hull_ay_m[i]), (plan.hull_bx_m[i], plan.hull_by_m[i])
+    return min(centre_m, float(point_segment_distance_m(target_m, *ends_m)) - plan.hull_r_m[i])
 
 
 def _missing(evidence: Evidence, k: int) -> Violation:

@@ -533,6 +533,21 @@ def test_g7_excuses_targets_that_a_dead_uav_covers() -> None:
     assert results(messages)["G7"].status == "held"
 
 
+def test_g7_excuses_targets_that_a_dead_uav_may_cover() -> None:
+    """What the last plan had to keep clear of, nobody can reach."""
+    messages = unfinished(max_slots=4)
+    mission = messages[0]
+    assert isinstance(mission, MissionMessage)
+    near = msgspec.structs.replace(mission.roster[1], target_x_m=24.0 - 11.0, target_y_m=16.0)
+    messages[0] = msgspec.structs.replace(mission, roster=[mission.roster[0], near, mission.roster[2]])
+    messages.append(Event(source="u2", slot=8, kind="battery-empty"))
+    assert results(messages)["G7"].status == "broken"
+    last = max(i for i, m in enumerate(messages) if isinstance(m, Report))
+    hull = {"hull_uav": ["u2"], "hull_ax_m": [24.0], "hull_ay_m": [16.0], "hull_bx_m": [24.0], "hull_by_m": [16.0]}
+    messages[last] = msgspec.structs.replace(messages[last], **hull, hull_r_m=[2.5])
+    assert results(messages)["G7"].status == "held"
+
+
 def test_a_violation_is_told_in_one_line() -> None:
     """Slot and time come first, where there are any."""
     assert str(Violation("gap", "x is missing")) == "x is missing"
