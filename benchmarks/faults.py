@@ -120,9 +120,7 @@ SCENARIOS = (
         _plans_while_split,
         lambda v: v == 0,
     ),
-    Scenario(
-        "restart router", "terms gained", lambda p: [f"restart router @{_at(p)}"], _term_growth, lambda v: v <= 1
-    ),
+    Scenario("restart router", "terms gained", lambda p: [f"restart router @{_at(p)}"], _term_growth, lambda v: v <= 1),
     Scenario(
         "kill two heads",
         "slots without commands",
