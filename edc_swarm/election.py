@@ -79,6 +79,8 @@ class Election:
         self._successor: tuple[int, Grant] | None = None
         self.claim: Claim | None = None
         self._claimable_since: int | None = None
+        self._head_gone = False
+        self._cut_off = False
 
     @property
     def grant(self) -> Grant:
@@ -103,6 +105,7 @@ class Election:
         if self.slot < 0:
             self._suspects_since = slot
         self.slot = slot
+        self._cut_off = sum(1 for _ in self._knowledge.recent(slot - 1)) < self._mission.quorum
         if self._successor is not None and slot > self._successor[0]:
             self._adopt(self._successor[1])
         if slot > self._lease_until:
@@ -112,6 +115,8 @@ class Election:
 
     def hear_fix(self, fix: Fix) -> None:
         """Take in another UAV's fix, which the knowledge holds already."""
+        if fix.uav == self.head and fix.slot >= self.slot:
+            self._head_gone = False
         if fix.term > self.term and fix.head != NO_ONE:
             theirs = (fix.term, fix.head)
             if self.suspects or self._count(theirs) >= self._mission.quorum:
@@ -137,6 +142,7 @@ class Election:
     def peer_gone(self, uav: str) -> None:
         """Take in the hint that `uav` vanished from the bus while the own link was up."""
         if uav == self.head and uav != self._uav:
+            self._head_gone = True
             self._suspect()
         self._claim_if_next()
 
@@ -203,6 +209,7 @@ class Election:
         self._lease_until = self.slot + self._mission.lease_slots
         self._suspects_since = self.slot
         self._claimable_since = None
+        self._head_gone = False
         self._was_led = False
         self.suspects = False
 
@@ -236,10 +243,22 @@ class Election:
             return
         if self._claimable_since is None:
             self._claimable_since = self.slot
-        if not self._earlier_standby_lives(self._claimable_since):
+        if not self._earlier_standby_lives(self._claimable_since) and not self._head_may_be_back(self._claimable_since):
             term = self.term + 1
             self._adopt((term, self._uav))
             self.claim = Claim(term, suspecting)
+
+    def _head_may_be_back(self, since_slot: int) -> bool:
+        """Whether the head should have this slot to gather its quorum again.
+
+        So it should when it was heard lately, or when this UAV was cut off from most others until
+        now: after an outage of the router everybody suspects a head that nothing has happened to,
+        and a claim would only make it and the standby outbid each other.
+        """
+        if self._head_gone:
+            return False
+        heard_lately = self._knowledge.last_slot(self.head) >= self.slot - 1
+        return self._cut_off or (heard_lately and self.slot == since_slot)
 
     def _earlier_standby_lives(self, since_slot: int) -> bool:
         """Whether a better standby was heard lately and has not had its time, a lease each, yet."""

@@ -77,9 +77,10 @@ def trusting(uav: str = "c", **mission: Any) -> Voter:
 
 
 def suspecting(uav: str = "c", slot: int = 8, **mission: Any) -> Voter:
-    """A UAV in `slot` that heard its head last in slot 5."""
+    """A UAV in `slot` that heard its head last in slot 5, and a quorum of others all the time."""
     voter = trusting(uav, **mission)
     for each in range(6, slot + 1):
+        voter.hear(*(fix(other, each - 1) for other in ("d", "e") if other != uav))
         voter.slot(each)
     assert voter.election.suspects
     return voter
@@ -235,6 +236,18 @@ def test_the_second_standby_waits_for_the_first() -> None:
         if voter.election.grant == (1, "a"):
             voter.hear(*(fix(uav, slot, suspects=True) for uav in ("b", "d", "e")))
     assert voter.election.term == 2
+
+
+def test_a_head_that_may_be_back_has_a_slot_to_itself() -> None:
+    """After an outage, or when it is heard again, nobody outbids the old head at once."""
+    suspicions = [fix("d", 8, suspects=True), fix("e", 8, suspects=True)]
+    assert suspecting("b").hear(fix("a", 8, suspects=True), *suspicions).election.claim is None
+    cut_off = trusting("b")
+    for slot in (6, 7, 8):
+        cut_off.slot(slot)
+    assert cut_off.hear(*suspicions).election.claim is None
+    cut_off.slot(9).hear(fix("d", 9, suspects=True), fix("e", 9, suspects=True))
+    assert cut_off.election.claim is not None
 
 
 def test_who_is_no_standby_never_claims() -> None:
