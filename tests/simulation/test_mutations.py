@@ -253,12 +253,25 @@ def restarts(seed: int) -> Mission:
     return _crowd(seed, faults)
 
 
-def _crowd(seed: int, faults: list[str]) -> Mission:
-    crowd = {"uavs": 4, "area_m2": 1200.0, "planner": fuzzing.RECKLESS, "standbys": 0, "max_slots": 70}
-    return mission_from_dict({**crowd, "seed": seed, "fault": faults})
+def failovers(seed: int) -> Mission:
+    """Heads that die as soon as they have planned, while one UAV hears of no newer term."""
+    faults = []
+    for slot in range(4, 64, 4):
+        at_s = slot * 0.5 + 0.005
+        faults += [f"partition u00{1 + slot // 4 % 4}|rest @{at_s:.3f}s for 0.7s", f"restart head @{at_s + 0.001:.3f}s"]
+    return _crowd(seed, faults, uavs=5, standbys=3)
 
 
-AIMED = [(frozen_uav_executes_late, freezes, 20), (restarted_head_plans_in_its_term, restarts, 20)]
+def _crowd(seed: int, faults: list[str], uavs: int = 4, standbys: int = 0) -> Mission:
+    crowd = {"area_m2": 300.0 * uavs, "planner": fuzzing.RECKLESS, "max_slots": 70}
+    return mission_from_dict({**crowd, "uavs": uavs, "standbys": standbys, "seed": seed, "fault": faults})
+
+
+AIMED = [
+    (frozen_uav_executes_late, freezes, 20),
+    (restarted_head_plans_in_its_term, restarts, 20),
+    (ball_one_slot_short, failovers, 20),
+]
 """Defects that random schedules meet too rarely: found by schedules of one kind, crowded together."""
 
 
@@ -290,7 +303,6 @@ DEFECTS: list[tuple[Defect, int, int]] = [
     (planning_twice_in_a_slot, 0, 200),
     (memory_of_an_older_term_used, 0, 200),
     (never_heard_uav_left_out, 0, 200),
-    (ball_one_slot_short, 0, 200),
     (hull_reset_by_a_duplicate_fix, 0, 200),
     (joint_row_only, 0, 60),
     (negative_gap_taken, 0, 60),
