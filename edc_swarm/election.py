@@ -23,7 +23,8 @@ slot begins         suspicion for another lease, a quorum suspects        grant 
 ==================  ====================================================  ============================
 
 A *quorum of suspicions* before any move (pre-vote) is why one lossy link, or a UAV that comes back,
-disturbs nobody, and why a minority never raises its term.
+disturbs nobody, and why a minority never raises its term. A standby claims later where a better one
+lives (a lease each) or where the head may be back (a slot): after an outage nothing has happened to it.
 """
 
 from __future__ import annotations

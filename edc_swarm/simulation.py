@@ -21,7 +21,7 @@ import msgspec
 
 from edc_swarm.config import NS_PER_S, Mission
 from edc_swarm.faults import ROUTER, Fault, parse_faults, resolve
-from edc_swarm.links import LinkEmulator, cut_pair
+from edc_swarm.links import LinkEmulator, cut_pair, mission_s
 from edc_swarm.messages import Command, Event, Fix, Keys, Message, MissionMessage, Report
 from edc_swarm.node import (
     Effect,
@@ -207,12 +207,12 @@ class Simulation:
     def _at(self, when_ns: int, action: Callable[[], None]) -> None:
         heapq.heappush(self._heap, (max(when_ns, self._now_ns), next(self._order), action))
 
-    def _ns_of(self, mission_s: float) -> int:
-        return self.mission.epoch_ns + round(mission_s * NS_PER_S / self.mission.time_scale)
+    def _ns_of(self, at_s: float) -> int:
+        return self.mission.epoch_ns + round(at_s * NS_PER_S / self.mission.time_scale)
 
     @property
     def _mission_s(self) -> float:
-        return (self._now_ns - self.mission.epoch_ns) / NS_PER_S * self.mission.time_scale
+        return mission_s(self._now_ns - self.mission.epoch_ns, self.mission.time_scale)
 
     # --- processes ---------------------------------------------------------------------------
 
