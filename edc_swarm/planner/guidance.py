@@ -7,24 +7,34 @@ whose tracks conflict, the earliest conflict first, look for the track A that is
 the current tracks of all others:
 
     COST(A) = sum over slots not at the goal of wt  +  wd * length / u_max  +  CONF(A)
-    CONF(A) = sum_l way_kl sum_t gamma^t (TOUCH + DEPTH (sep - d) / R)   where d = |A_t - X_l,t| < sep
+    CONF(A) = sum_l way_kl sum_t gamma^t (TOUCH + DEPTH (sep - d) / R)   where d < sep
 
-in units of slots; sep = R + delta, or 0.9995 of the present distance where that is less (already too
-close: a conflict is then getting closer). A conflict has a finite price, so a plan always exists,
-and far conflicts are discounted since they may dissolve. `way` is the right of way: a UAV that has
-lost time is dearer to others, (luck_l + PATIENCE) / (luck_k + PATIENCE) within [1/CAP, CAP], with
-luck = lateness * 2 U(0, 1) drawn anew every W slots. Without it dense missions jam.
+in units of slots. d is what the slot QP will look at: however unevenly the steps of slot t are flown,
+the difference of the two positions stays in a parallelogram, and d is its distance from the origin. So
+a plan without conflicts is flown as it stands. (Distances at slot ends alone promise gaps that the QP
+then refuses, for ever.) sep = R + delta, or 0.9995 of the present distance where that is less (already
+too close: a conflict is then getting closer). A conflict has a finite price, so a plan always exists,
+and far conflicts are discounted since they may dissolve.
+
+`way` is the right of way: (luck_l + PATIENCE) / (luck_k + PATIENCE) within [1/CAP, CAP]. A UAV that has
+lost time is dearer to others: luck = lateness * (0.5 + U(0, 1)), drawn anew every W slots. Without it
+dense missions jam. The denser the swarm, the more those with the longest way go first as well, since
+they decide when the mission ends: FAR_FIRST * coverage^2 * remaining slots is added, coverage being the
+share of the swarm's rectangle that its discs cover (at most 0.4). In the slot to come nobody has less
+than the right of way IMMINENT: a step into another's corner is not flown anyway, and whoever insists on
+it is never seen to need room.
 
 The best response is found by A* over a lattice in space and time (nodes (layer, a, b), two slots a
-layer, spacing 2 u_max / sqrt(20); moves: stay, 12 of about half and 32 of nearly full speed), then
-improved off the lattice: way points are dropped while the cost does not rise ("string pulling") and
-nudged in space and time while it falls. Before searching, the UAV tries to pass each opponent in turn
-on one side; where that is free and nearly as cheap as the straight line, no search is made. A plan that
-falls behind is put off, and dropped when that happens too often: it does not work out. A plan whose
-conflicts have gone is kept, pulled and nudged; it gives way to the straight line as soon as that is
-free.
+layer, spacing 2 u_max / sqrt(20); moves: stay, 12 of about half and 32 of nearly full speed; distances
+at slots only), then improved off the lattice at the full price: way points are dropped while the cost
+does not rise ("string pulling"), drawn towards the straight connection by bisection, and nudged in space
+and time while the cost falls. Only the slots that a change touches are flown and priced again. Before
+searching, the UAV tries to pass each opponent in turn on one side; where that is free and nearly as
+cheap as the straight line, no search is made. A plan that falls behind is put off, and dropped when that
+happens too often: it does not work out. A plan whose conflicts have gone is kept and improved; it gives
+way to the straight line as soon as that is free.
 
-Random numbers are a hash of (seed, slot, UAV) and effort is counted in expansions, so the same
+Random numbers are a hash of (seed, slot, UAV) and effort is counted in steps priced, so the same
 requests give the same bytes on any head. A new head starts cold: all tracks are straight lines.
 """
 
@@ -61,12 +71,18 @@ class Tuning:
         Slots of lateness that double the right of way; decay time at the goal.
     cap
         Largest right-of-way ratio.
+    imminent
+        Least right of way of all others in the slot to come.
+    far_first
+        Lateness that each slot of the remaining way counts as, per squared coverage.
     greed
         Factor on the A* heuristic: above 1 the search is faster and not quite optimal.
-    expand, budget
-        Expansions of one search, and of one slot.
+    expand
+        Expansions of one search.
+    budget, budget_per_uav
+        Steps priced in one slot after which no further UAV makes a new plan.
     rounds
-        Rounds of nudging way points.
+        Rounds of local search on way points.
     easy
         Slots of extra effort below which a plan that passes everyone on one side needs no search.
     delay
@@ -74,16 +90,19 @@ class Tuning:
     """
 
     look_ahead: int = 32
-    touch: float = 3.0
+    touch: float = 1.0
     depth: float = 12.0
-    gamma: float = 0.92
+    gamma: float = 0.88
     patience: float = 20.0
     cap: float = 8.0
+    imminent: float = 8.0
+    far_first: float = 20.0
     greed: float = 1.6
     expand: int = 400
-    budget: int = 60_000
+    budget: int = 90_000
+    budget_per_uav: int = 900
     rounds: int = 3
-    delay: int = 4
+    delay: int = 20
     easy: float = 1.0
 
     @property
@@ -95,6 +114,11 @@ class Tuning:
     def side(self) -> int:
         """Lattice points along one side: as far as full speed leads."""
         return 2 * math.ceil(self.layers * math.sqrt(20.0)) + 1
+
+    def limits(self, uavs: int) -> kernel.Limits:
+        """What one slot may cost with so many UAVs."""
+        budget = self.budget + self.budget_per_uav * uavs
+        return kernel.Limits(self.layers, self.side, self.greed, self.expand, budget, self.rounds, self.easy)
 
 
 @dataclass(frozen=True, slots=True)
@@ -124,6 +148,7 @@ class Guidance:
         self._tuning = tuning
         self._memory = _Memory.empty(0, max(tuning.layers, kernel.SIDESTEPS))
         self._scratch = _scratch(tuning)
+        self._draft = _draft(tuning)
         self._slot = -1
 
     def wishes(self, scene: Scene) -> Floats:
@@ -134,11 +159,8 @@ class Guidance:
         plans = self._memory.plans_of(scene.uav)
         world = self._world(scene)
         kernel.populate(world, plans, self._tuning.delay)
-        tuning = self._tuning
-        kernel.sweep(
-            world, plans, self._scratch, scene.uav, scene.slot, self._seed, tuning.layers, tuning.side,
-            tuning.greed, tuning.expand, tuning.budget, tuning.rounds, tuning.easy,
-        )  # fmt: skip
+        limits = self._tuning.limits(len(scene.uav))
+        kernel.sweep(world, plans, self._scratch, self._draft, limits, scene.uav, scene.slot, self._seed)
         self._memory.store(scene.uav, plans)
         return world.track[: len(scene.uav), 1].copy()
 
@@ -157,18 +179,22 @@ class Guidance:
         memory.distance_m[scene.uav] = distance_m
         self._slot = scene.slot
 
-    def _world(self, scene: Scene) -> kernel.World:
+    def _luck(self, scene: Scene) -> Floats:
+        """Right of way of all vehicles, in slots: lateness times chance, and the length of the way to go."""
         tuning, memory = self._tuning, self._memory
+        window = scene.slot // tuning.look_ahead
+        chance = [0.5 + kernel.uniform(self._seed, window, uav) for uav in scene.uav]
+        way_slots = memory.distance_m[scene.uav] / self._u_max_m
+        luck = memory.late[scene.uav] * chance + tuning.far_first * min(coverage(scene), 0.4) ** 2 * way_slots
+        return np.concatenate([luck, np.full(len(scene.obstacle_r_m), tuning.patience * tuning.cap)])
+
+    def _world(self, scene: Scene) -> kernel.World:
+        tuning = self._tuning
         start_m = np.concatenate([scene.position_m, scene.obstacle_m])
         r_m = np.concatenate([scene.r_m, scene.obstacle_r_m])
-        window = scene.slot // tuning.look_ahead
-        luck = np.zeros(len(r_m))
-        for place, uav in enumerate(scene.uav):
-            luck[place] = memory.late[uav] * 2 * kernel.uniform(self._seed, window, uav)
-        luck[len(scene.uav) :] = tuning.patience * tuning.cap
         low_m = start_m.min(axis=0)
         extent_m = start_m.max(axis=0) - low_m
-        cell_m = max(2 * float(r_m.max()) + DELTA_M, float(extent_m.max()) / MAX_CELLS)
+        cell_m = max(2 * float(r_m.max()) + DELTA_M + self._u_max_m, float(extent_m.max()) / MAX_CELLS)
         margin = 4
         cells = np.ceil(extent_m / cell_m).astype(np.int64) + 1 + 2 * margin
         slots = tuning.look_ahead + 1
@@ -178,10 +204,10 @@ class Guidance:
             start_m=start_m,
             goal_m=np.concatenate([scene.goal_m, scene.obstacle_m]),
             r_m=np.maximum(r_m, 1e-6),
-            luck=luck,
+            luck=self._luck(scene),
             gamma=np.power(tuning.gamma, np.arange(slots), dtype=np.float64),
             head=np.empty((slots, int(cells.prod())), np.int32),
-            link=np.empty((slots, 9 * len(r_m)), np.int32),
+            link=np.empty((slots, len(r_m) << kernel.ENTRY_BITS), np.int32),
             rules=kernel.Rules(
                 u_max_m=self._u_max_m,
                 weight_time=weight_time,
@@ -191,6 +217,7 @@ class Guidance:
                 depth=tuning.depth,
                 patience=tuning.patience,
                 cap=tuning.cap,
+                imminent=tuning.imminent,
                 low_x_m=float(low_m[0]) - margin * cell_m,
                 low_y_m=float(low_m[1]) - margin * cell_m,
                 per_cell=1 / cell_m,
@@ -198,6 +225,13 @@ class Guidance:
                 columns=int(cells[1]),
             ),
         )
+
+
+def coverage(scene: Scene) -> float:
+    """Share of the smallest rectangle around all discs, now and at their goals, that the discs cover."""
+    points_m = np.concatenate([scene.position_m, scene.goal_m])
+    sides_m = np.ptp(points_m, axis=0) + 2 * scene.r_m.max()
+    return math.pi * float((scene.r_m**2).sum()) / max(float(sides_m.prod()), 1e-9)
 
 
 @dataclass
@@ -242,6 +276,23 @@ class _Memory:
         """Put the rows back."""
         for mine, theirs in zip(self.plans, plans, strict=True):
             mine[uav] = theirs
+
+
+def _draft(tuning: Tuning) -> kernel.Draft:
+    points, slots = max(tuning.layers, kernel.SIDESTEPS) + 1, tuning.look_ahead + 1
+    return kernel.Draft(
+        slot=np.zeros(points, np.int64),
+        point_m=np.zeros((points, 2)),
+        track=np.zeros((slots, 2)),
+        aim=np.zeros(slots, np.int64),
+        effort=np.zeros(slots + 1),
+        price=np.zeros(slots + 1),
+        new_track=np.zeros((slots, 2)),
+        new_aim=np.zeros(slots, np.int64),
+        new_effort=np.zeros(slots + 1),
+        new_price=np.zeros(slots + 1),
+        work=np.zeros(1, np.int64),
+    )
 
 
 def _scratch(tuning: Tuning) -> kernel.Scratch:

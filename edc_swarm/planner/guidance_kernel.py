@@ -1,7 +1,8 @@
 """Compiled part of the guidance: see `edc_swarm.planner.guidance` for the theory.
 
 Everything here is plain loops over arrays, deterministic: no fast-math, no threads, random numbers
-from a hash, effort counted in expansions.
+from a hash, effort counted in steps priced. It is one file since a compiled function is cached with
+the file that it stands in: a change to a callee elsewhere would go unnoticed.
 
 Names: N vehicles (UAVs first, then obstacles that never move), W slots of look-ahead, M lattice
 layers (two slots each), P way points a plan can have.
@@ -20,11 +21,27 @@ Floats = NDArray[np.float64]
 Ints = NDArray[np.int64]
 
 ARRIVED_M = 1e-9
+ROUNDING_M = 1e-6
 OPEN, PRICED, CLOSED = 0, 1, 2
+ENTRY_BITS = 4
+"""A vehicle has 2**ENTRY_BITS entries in each slot of the grid, of which it uses nine."""
+EXPANSION = 8
+"""Steps priced that one expansion of the lattice search counts as: about its share of the time."""
 SIDESTEPS = 3
 """Opponents that one plan passes at most without a search."""
+SIDE = 1.002
+"""How far beside an opponent a plan passes at first, as a share of the least distance."""
 SLACK = 1.0
 """Slots by which way points off the lattice may be cheaper than on it."""
+GAIN = 1e-3
+"""Slots by which moving a way point must pay."""
+TIE = 1e-12
+HALVINGS = 4
+REPEATS = 4
+"""Times that a way point is moved on in one direction."""
+
+compiled = njit(cache=True, error_model="numpy")
+"""Divisions follow IEEE 754, so no check for zero slows the loops down; none of them divides by zero."""
 
 
 class Rules(NamedTuple):
@@ -38,6 +55,7 @@ class Rules(NamedTuple):
     depth: float
     patience: float
     cap: float
+    imminent: float
     low_x_m: float
     low_y_m: float
     per_cell: float
@@ -50,8 +68,10 @@ class World(NamedTuple):
 
     track (N, W+1, 2) predicted positions in metres, one a slot; start_m (N, 2); goal_m (N, 2);
     r_m (N,); luck (N,) lateness drawn for right of way; gamma (W+1,) discount of a conflict;
-    head (W+1, cells) and link (W+1, 9 N) linked lists, for each slot and square cell, of the vehicles
-    that can be touched from there (entry 9 l + i is vehicle l's i-th cell).
+    head (W+1, cells) and link (W+1, 16 N) linked lists, for each slot and square cell, of the vehicles
+    whose step of that slot has its middle in this cell or in one of the eight around it (entry
+    16 l + i is vehicle l's i-th cell). A cell is as wide as the middles of two steps in conflict
+    can be apart.
 
     Loops unpack the arrays they use first: reading them from the tuple each time costs more than
     all the arithmetic.
@@ -80,6 +100,40 @@ class Plans(NamedTuple):
     point_m: Floats
 
 
+class Limits(NamedTuple):
+    """How hard to look for plans: the fields of `guidance.Tuning`, with the budget of this slot."""
+
+    layers: int
+    side: int
+    greed: float
+    expand: int
+    budget: int
+    rounds: int
+    easy: float
+
+
+class Draft(NamedTuple):
+    """A plan being worked on: way points, the track that they give, and what each slot of it costs.
+
+    `slot` (P + 1,) and `point_m` (P + 1, 2) have room for one way point more than a plan. `track` (W+1, 2);
+    `aim` (W+1,) is the way point that the step of slot t aims at; `effort` and `price` (W+2,) are what
+    the step costs in itself and in conflicts, the last entry being the straight rest beyond the
+    look-ahead. The `new_` arrays belong to a change that is being tried. `work` counts steps priced.
+    """
+
+    slot: Ints
+    point_m: Floats
+    track: Floats
+    aim: Ints
+    effort: Floats
+    price: Floats
+    new_track: Floats
+    new_aim: Ints
+    new_effort: Floats
+    new_price: Floats
+    work: Ints
+
+
 class Scratch(NamedTuple):
     """Work space of the lattice search, kept from call to call.
 
@@ -98,7 +152,7 @@ class Scratch(NamedTuple):
     move_length: Floats
 
 
-@njit(cache=True)
+@compiled
 def uniform(seed: int, a: int, b: int) -> float:
     """Number in [0, 1) from a hash of three integers (splitmix64 finaliser, thrice)."""
     z = np.uint64(0)
@@ -110,13 +164,13 @@ def uniform(seed: int, a: int, b: int) -> float:
     return (z >> np.uint64(11)) * (1.0 / 9007199254740992.0)
 
 
-@njit(cache=True)
+@compiled
 def norm(x: float, y: float) -> float:
     """Length of a vector; several times faster than hypot, and nothing here is near overflow."""
     return math.sqrt(x * x + y * y)
 
 
-@njit(cache=True)
+@compiled
 def cell_of(rules: Rules, x: float, y: float) -> tuple[int, int]:
     """Cell of a point; points outside the grid count as in its border cells."""
     i = int((x - rules.low_x_m) * rules.per_cell)
@@ -124,32 +178,21 @@ def cell_of(rules: Rules, x: float, y: float) -> tuple[int, int]:
     return min(max(i, 0), rules.rows - 1), min(max(j, 0), rules.columns - 1)
 
 
-@njit(cache=True)
-def enter(world: World, k: int) -> None:
-    """Put vehicle k's track into the grid: into every cell that its reach touches in each slot."""
+@compiled
+def register(world: World, k: int, present: bool) -> None:
+    """Put vehicle k's track into the grid, or take it out: nine cells about the middle of each step."""
     rules, track, head, link = world.rules, world.track[k], world.head, world.link
     for t in range(track.shape[0]):
-        i, j = cell_of(rules, track[t, 0], track[t, 1])
-        entry = 9 * k
+        before = max(t - 1, 0)
+        i, j = cell_of(rules, 0.5 * (track[before, 0] + track[t, 0]), 0.5 * (track[before, 1] + track[t, 1]))
+        entry = k << ENTRY_BITS
         for a in range(max(i - 1, 0), min(i + 2, rules.rows)):
             for b in range(max(j - 1, 0), min(j + 2, rules.columns)):
                 c = a * rules.columns + b
-                link[t, entry] = head[t, c]
-                head[t, c] = entry
-                entry += 1
-
-
-@njit(cache=True)
-def leave(world: World, k: int) -> None:
-    """Take vehicle k's track out of the grid."""
-    rules, track, head, link = world.rules, world.track[k], world.head, world.link
-    for t in range(track.shape[0]):
-        i, j = cell_of(rules, track[t, 0], track[t, 1])
-        entry = 9 * k
-        for a in range(max(i - 1, 0), min(i + 2, rules.rows)):
-            for b in range(max(j - 1, 0), min(j + 2, rules.columns)):
-                c = a * rules.columns + b
-                if head[t, c] == entry:
+                if present:
+                    link[t, entry] = head[t, c]
+                    head[t, c] = entry
+                elif head[t, c] == entry:
                     head[t, c] = link[t, entry]
                 else:
                     other = head[t, c]
@@ -159,7 +202,24 @@ def leave(world: World, k: int) -> None:
                 entry += 1
 
 
-@njit(cache=True)
+@compiled
+def separation(rules: Rules, start_m: Floats, r_m: Floats, k: int, other: int) -> float:
+    """Distance that two vehicles have to keep: R + delta, or just not less than now if they are nearer."""
+    apart = 0.9995 * norm(start_m[k, 0] - start_m[other, 0], start_m[k, 1] - start_m[other, 1])
+    return float(min(r_m[k] + r_m[other] + rules.delta_m, apart) - ROUNDING_M)
+
+
+@compiled
+def toll(rules: Rules, luck: Floats, r_m: Floats, k: int, other: int, t: int, lack: float) -> float:
+    """Undiscounted price for k of lacking `lack` metres of distance to another vehicle in slot t."""
+    way = (luck[other] + rules.patience) / (luck[k] + rules.patience)
+    way = min(max(way, 1.0 / rules.cap), rules.cap)
+    if t == 1:
+        way = max(way, rules.imminent)
+    return float(way * (rules.touch + rules.depth * lack / (r_m[k] + r_m[other])))
+
+
+@compiled
 def conflict_at(
     rules: Rules, track: Floats, start_m: Floats, r_m: Floats, luck: Floats, gamma: Floats,
     head: NDArray[np.int32], link: NDArray[np.int32], k: int, t: int, x: float, y: float,
@@ -169,116 +229,137 @@ def conflict_at(
     i, j = cell_of(rules, x, y)
     entry = head[t, i * rules.columns + j]
     while entry >= 0:
-        other = entry // 9
+        other = entry >> ENTRY_BITS
         dx = x - track[other, t, 0]
         dy = y - track[other, t, 1]
-        radii = r_m[k] + r_m[other]
-        reach = radii + rules.delta_m
+        reach = r_m[k] + r_m[other] + rules.delta_m
         squared = dx * dx + dy * dy
         if squared < reach * reach and other != k:
-            distance = math.sqrt(squared)
-            apart = 0.9995 * norm(start_m[k, 0] - start_m[other, 0], start_m[k, 1] - start_m[other, 1])
-            apart = min(reach, apart)
-            if distance < apart:
-                way = (luck[other] + rules.patience) / (luck[k] + rules.patience)
-                way = min(max(way, 1.0 / rules.cap), rules.cap)
-                price += way * (rules.touch + rules.depth * (apart - distance) / radii)
+            lack = separation(rules, start_m, r_m, k, other) - math.sqrt(squared)
+            if lack > 0.0:
+                price += toll(rules, luck, r_m, k, other, t, lack)
         entry = link[t, entry]
     return float(price * gamma[t])
 
 
-@njit(cache=True)
-def conflict(world: World, k: int, track: Floats) -> float:
-    """Price of all conflicts of a track (W+1, 2) of vehicle k."""
-    rules, tracks, start_m, r_m, luck = world.rules, world.track, world.start_m, world.r_m, world.luck
-    gamma, head, link = world.gamma, world.head, world.link
+@compiled
+def to_segment(px: float, py: float, dx: float, dy: float) -> float:
+    """Squared distance of the origin to the segment from p to p + d."""
+    along = -(px * dx + py * dy)
+    if along <= 0.0:
+        return px * px + py * py
+    square = dx * dx + dy * dy
+    if along >= square:
+        return (px + dx) * (px + dx) + (py + dy) * (py + dy)
+    cross = px * dy - py * dx
+    return cross * cross / square
+
+
+@compiled
+def clearance(px: float, py: float, ax: float, ay: float, bx: float, by: float) -> float:
+    """Squared distance of the origin to the parallelogram {p + s a + t b, 0 <= s, t <= 1}."""
+    det = ax * by - ay * bx
+    if det != 0.0:
+        s = (by * -px + bx * py) / det
+        t = (ax * -py + ay * px) / det
+        if 0.0 <= s <= 1.0 and 0.0 <= t <= 1.0:
+            return 0.0
+    near = min(to_segment(px, py, ax, ay), to_segment(px, py, bx, by))
+    return min(near, to_segment(px + bx, py + by, ax, ay), to_segment(px + ax, py + ay, bx, by))
+
+
+@compiled
+def step_conflict(
+    rules: Rules, track: Floats, start_m: Floats, r_m: Floats, luck: Floats, gamma: Floats,
+    head: NDArray[np.int32], link: NDArray[np.int32], k: int, t: int, x0: float, y0: float, x: float, y: float,
+) -> float:  # fmt: skip
+    """Price of vehicle k's step from (x0, y0) in slot t - 1 to (x, y) in slot t.
+
+    However unevenly two steps are flown, the difference of the positions stays in a parallelogram: the
+    slot QP lets both steps pass if and only if that keeps its distance from the origin.
+    """
     price = 0.0
-    for t in range(1, track.shape[0]):
-        price += conflict_at(rules, tracks, start_m, r_m, luck, gamma, head, link, k, t, track[t, 0], track[t, 1])
-    return price
+    i, j = cell_of(rules, 0.5 * (x0 + x), 0.5 * (y0 + y))
+    entry = head[t, i * rules.columns + j]
+    ax, ay = x - x0, y - y0
+    while entry >= 0:
+        other = entry >> ENTRY_BITS
+        ox, oy = track[other, t - 1, 0], track[other, t - 1, 1]
+        bx, by = ox - track[other, t, 0], oy - track[other, t, 1]
+        px, py = x0 - ox, y0 - oy
+        mx, my = px + 0.5 * (ax + bx), py + 0.5 * (ay + by)
+        far = r_m[k] + r_m[other] + rules.delta_m + rules.u_max_m
+        if mx * mx + my * my < far * far and other != k:
+            lack = separation(rules, start_m, r_m, k, other) - math.sqrt(clearance(px, py, ax, ay, bx, by))
+            if lack > 0.0:
+                price += toll(rules, luck, r_m, k, other, t, lack)
+        entry = link[t, entry]
+    return float(price * gamma[t])
 
 
-@njit(cache=True)
+@compiled
 def first_conflict(world: World, k: int, track: Floats) -> int:
     """First slot in which the track of vehicle k is in conflict, W + 1 if there is none."""
     rules, tracks, start_m, r_m, luck = world.rules, world.track, world.start_m, world.r_m, world.luck
     gamma, head, link = world.gamma, world.head, world.link
     for t in range(1, track.shape[0]):
-        x, y = track[t, 0], track[t, 1]
-        if conflict_at(rules, tracks, start_m, r_m, luck, gamma, head, link, k, t, x, y) > 0.0:
+        if (
+            step_conflict(
+                rules,
+                tracks,
+                start_m,
+                r_m,
+                luck,
+                gamma,
+                head,
+                link,
+                k,
+                t,
+                track[t - 1, 0],
+                track[t - 1, 1],
+                track[t, 0],
+                track[t, 1],
+            )
+            > 0.0
+        ):
             return t
     return len(track)
 
 
-@njit(cache=True)
-def effort(world: World, k: int, track: Floats) -> float:
-    """Time and distance of a track, the straight rest beyond the look-ahead included, in slots.
-
-    A slot costs weight_time unless it is spent at the goal, and weight_distance for each full step
-    flown; the step that arrives costs its share of a slot.
-    """
-    gx, gy = world.goal_m[k, 0], world.goal_m[k, 1]
-    rules = world.rules
-    last = track.shape[0] - 1
-    time = 0.0
-    path = 0.0
-    for t in range(1, last + 1):
-        step = norm(track[t, 0] - track[t - 1, 0], track[t, 1] - track[t - 1, 1])
-        path += step
-        there = abs(track[t, 0] - gx) < ARRIVED_M and abs(track[t, 1] - gy) < ARRIVED_M
-        time += step / rules.u_max_m if there else 1.0
-    rest = norm(track[last, 0] - gx, track[last, 1] - gy)
-    time += rest / rules.u_max_m
-    path += rest
-    return rules.weight_time * time + rules.weight_distance * path / rules.u_max_m
+@compiled
+def towards(x: float, y: float, tx: float, ty: float, slots: int, u_max: float) -> tuple[float, float, float, bool]:
+    """Where one slot leads on the way to (tx, ty) in `slots` slots, how far that is, and whether it arrives."""
+    dx, dy = tx - x, ty - y
+    distance = norm(dx, dy)
+    step = min(distance / slots, u_max)
+    if step >= distance:
+        return tx, ty, distance, True
+    if step > 0.0:
+        x += dx * (step / distance)
+        y += dy * (step / distance)
+    return x, y, step, False
 
 
-@njit(cache=True)
-def cost_of(world: World, k: int, track: Floats, bound: float) -> float:
-    """What is minimised: effort plus conflicts; or just any number above `bound` if it is above."""
-    rules, tracks, start_m, r_m, luck = world.rules, world.track, world.start_m, world.r_m, world.luck
-    gamma, head, link = world.gamma, world.head, world.link
-    cost = effort(world, k, track)
-    for t in range(1, track.shape[0]):
-        if cost > bound:
-            break
-        x, y = track[t, 0], track[t, 1]
-        cost += conflict_at(rules, tracks, start_m, r_m, luck, gamma, head, link, k, t, x, y)
-    return cost
-
-
-@njit(cache=True)
+@compiled
 def fly(world: World, k: int, count: int, slot: Ints, point_m: Floats, track: Floats) -> None:
     """Track of a plan: constant speed between way points, then straight to the goal at full speed.
 
     A way point that cannot be reached in time is flown to at full speed all the same.
     """
     x, y = world.start_m[k, 0], world.start_m[k, 1]
-    gx, gy = world.goal_m[k, 0], world.goal_m[k, 1]
-    u_max = world.rules.u_max_m
     track[0, 0], track[0, 1] = x, y
     n = 0
     for t in range(1, track.shape[0]):
+        tx, ty, slots = world.goal_m[k, 0], world.goal_m[k, 1], 1
         if n < count:
-            tx, ty = point_m[n, 0], point_m[n, 1]
-            slots = max(slot[n] - t + 1, 1)
-        else:
-            tx, ty = gx, gy
-            slots = 1
-        dx, dy = tx - x, ty - y
-        distance = norm(dx, dy)
-        step = min(distance / slots, u_max)
-        if step >= distance:
-            x, y = tx, ty
-            if n < count and slot[n] <= t:
-                n += 1
-        elif step > 0.0:
-            x += dx * (step / distance)
-            y += dy * (step / distance)
+            tx, ty, slots = point_m[n, 0], point_m[n, 1], max(slot[n] - t + 1, 1)
+        x, y, _, arrived = towards(x, y, tx, ty, slots, world.rules.u_max_m)
+        if arrived and n < count and slot[n] <= t:
+            n += 1
         track[t, 0], track[t, 1] = x, y
 
 
-@njit(cache=True)
+@compiled
 def push(f: Floats, v: Ints, size: int, cost: float, node: int) -> int:
     """Add to the binary heap (f costs, v nodes), ordered by (cost, node); returns the new size."""
     i = size
@@ -292,7 +373,7 @@ def push(f: Floats, v: Ints, size: int, cost: float, node: int) -> int:
     return size + 1
 
 
-@njit(cache=True)
+@compiled
 def pop(f: Floats, v: Ints, size: int) -> int:
     """Remove the least element, which the caller has read from place 0; returns the new size."""
     size -= 1
@@ -313,17 +394,17 @@ def pop(f: Floats, v: Ints, size: int) -> int:
     return size
 
 
-@njit(cache=True)
+@compiled
 def search(  # noqa: PLR0912, PLR0915 (one loop: splitting it costs a third of the speed)
-    world: World, scratch: Scratch, k: int, layers: int, side: int, greed: float, limit: int,
-    bound: float, slot: Ints, point_m: Floats,
-) -> tuple[int, int, float]:  # fmt: skip
+    world: World, scratch: Scratch, limits: Limits, k: int, bound: float, slot: Ints, point_m: Floats
+) -> tuple[int, int, float]:
     """A* over the space-time lattice about vehicle k, pricing a node only when it is first taken.
 
     Writes the way points of the path found and returns their number, the expansions spent and the
     path's lattice cost. Nodes that cannot lead to a path of at most `bound` are not entered. Nodes are
     (layer, a, b); the spacing makes the longest move two full steps.
     """
+    layers, side, limit = limits.layers, limits.side, limits.expand
     rules, tracks, start_m, r_m, luck = world.rules, world.track, world.start_m, world.r_m, world.luck
     gamma, head, link = world.gamma, world.head, world.link
     stamp, cost, price, parent = scratch.stamp, scratch.cost, scratch.price, scratch.parent
@@ -339,7 +420,7 @@ def search(  # noqa: PLR0912, PLR0915 (one loop: splitting it costs a third of t
     unit = spacing / rules.u_max_m
     wt, wd = rules.weight_time, rules.weight_distance
     true_per_cell = (wt + wd) * unit
-    per_cell = greed * true_per_cell
+    per_cell = limits.greed * true_per_cell
     scratch.epoch[0] += CLOSED + 1
     epoch = scratch.epoch[0]
     node = half * side + half
@@ -417,7 +498,96 @@ def search(  # noqa: PLR0912, PLR0915 (one loop: splitting it costs a third of t
     return count, spent, found
 
 
-@njit(cache=True)
+@compiled
+def refly(world: World, k: int, draft: Draft, count: int, n: int, shift: int) -> tuple[int, int, float]:
+    """Fly the slots that a change at way point n touches: first <= t < end, and their cost but for conflicts.
+
+    The cost includes all slots before and after, as they are. The new track ends where it rejoins the
+    old one: at the same point, aiming at the same way point.
+    """
+    slot, point_m, track, aim = draft.slot, draft.point_m, draft.track, draft.aim
+    effort, price = draft.effort, draft.price
+    new_track, new_aim, new_effort = draft.new_track, draft.new_aim, draft.new_effort
+    gx, gy = world.goal_m[k, 0], world.goal_m[k, 1]
+    u_max, wt, wd = world.rules.u_max_m, world.rules.weight_time, world.rules.weight_distance
+    last = track.shape[0] - 1
+    first, total = 1, 0.0
+    while first <= last and aim[first] < n:
+        total += effort[first] + price[first]
+        first += 1
+    x, y = track[first - 1, 0], track[first - 1, 1]
+    i = n
+    for t in range(first, last + 1):
+        passed = i > n or shift < 0
+        if passed and aim[t] + shift == i and x == track[t - 1, 0] and y == track[t - 1, 1]:
+            for later in range(t, last + 2):
+                total += effort[later] + price[later]
+            return first, t, total
+        tx, ty, slots = gx, gy, 1
+        if i < count:
+            tx, ty, slots = point_m[i, 0], point_m[i, 1], max(slot[i] - t + 1, 1)
+        new_aim[t] = i
+        x, y, step, arrived = towards(x, y, tx, ty, slots, u_max)
+        if arrived and i < count and slot[i] <= t:
+            i += 1
+        there = abs(x - gx) < ARRIVED_M and abs(y - gy) < ARRIVED_M
+        new_track[t, 0], new_track[t, 1] = x, y
+        new_effort[t] = wt * (step / u_max if there else 1.0) + wd * step / u_max
+        total += new_effort[t]
+    new_effort[last + 1] = (wt + wd) * norm(x - gx, y - gy) / u_max
+    return first, last + 1, total + new_effort[last + 1]
+
+
+@compiled
+def reprice(world: World, k: int, draft: Draft, first: int, end: int, total: float, limit: float) -> float:
+    """Add the conflicts of the slots flown anew to their cost; infinite as soon as that is above `limit`."""
+    rules, tracks, start_m, r_m, luck = world.rules, world.track, world.start_m, world.r_m, world.luck
+    gamma, head, link = world.gamma, world.head, world.link
+    track, price = draft.new_track, draft.new_price
+    x0, y0 = draft.track[first - 1, 0], draft.track[first - 1, 1]
+    for t in range(first, end):
+        if total > limit:
+            break
+        x, y = track[t, 0], track[t, 1]
+        price[t] = step_conflict(rules, tracks, start_m, r_m, luck, gamma, head, link, k, t, x0, y0, x, y)
+        total += price[t]
+        draft.work[0] += 1
+        x0, y0 = x, y
+    return total if total <= limit else np.inf
+
+
+@compiled
+def attempt(world: World, k: int, draft: Draft, count: int, n: int, shift: int, limit: float) -> float:
+    """Cost of the draft with a change at way point n, or infinity if that is above `limit`.
+
+    Way point n has moved (shift 0), has been inserted (1) or dropped (-1). Within the limit the draft
+    takes the change; otherwise the caller puts its way points back.
+    """
+    first, end, total = refly(world, k, draft, count, n, shift)
+    total = reprice(world, k, draft, first, end, total, limit)
+    if total == np.inf:
+        return total
+    for t in range(first, end):
+        draft.track[t, 0], draft.track[t, 1] = draft.new_track[t, 0], draft.new_track[t, 1]
+        draft.aim[t], draft.effort[t], draft.price[t] = draft.new_aim[t], draft.new_effort[t], draft.new_price[t]
+    last = draft.track.shape[0] - 1
+    for t in range(end, last + 1):
+        draft.aim[t] += shift
+    if end > last:
+        draft.effort[last + 1] = draft.new_effort[last + 1]
+    return total
+
+
+@compiled
+def begin(world: World, k: int, draft: Draft, count: int) -> float:
+    """Fly and price the whole draft; its cost."""
+    draft.aim[:] = 0
+    draft.price[-1] = 0.0
+    draft.track[0, 0], draft.track[0, 1] = world.start_m[k, 0], world.start_m[k, 1]
+    return attempt(world, k, draft, count, 0, 0, np.inf)
+
+
+@compiled
 def drop(count: int, slot: Ints, point_m: Floats, n: int) -> None:
     """Remove way point n."""
     for i in range(n, count - 1):
@@ -425,79 +595,129 @@ def drop(count: int, slot: Ints, point_m: Floats, n: int) -> None:
         point_m[i, 0], point_m[i, 1] = point_m[i + 1, 0], point_m[i + 1, 1]
 
 
-@njit(cache=True)
-def restore(count: int, slot: Ints, point_m: Floats, n: int, s: int, x: float, y: float) -> None:
-    """Insert a way point before n (the inverse of `drop`)."""
-    for i in range(count - 1, n, -1):
+@compiled
+def insert(count: int, slot: Ints, point_m: Floats, n: int, s: int, x: float, y: float) -> None:
+    """Add a way point before n, as number n."""
+    for i in range(count, n, -1):
         slot[i] = slot[i - 1]
         point_m[i, 0], point_m[i, 1] = point_m[i - 1, 0], point_m[i - 1, 1]
     slot[n] = s
     point_m[n, 0], point_m[n, 1] = x, y
 
 
-@njit(cache=True)
-def pull(
-    world: World, k: int, count: int, slot: Ints, point_m: Floats, track: Floats, cost: float
-) -> tuple[int, float]:
+@compiled
+def pull(world: World, k: int, draft: Draft, count: int, cost: float) -> tuple[int, float]:
     """String pulling in space and time: drop each way point, last first, if the cost does not rise."""
+    slot, point_m = draft.slot, draft.point_m
     for n in range(count - 1, -1, -1):
         s, x, y = slot[n], point_m[n, 0], point_m[n, 1]
         drop(count, slot, point_m, n)
-        fly(world, k, count - 1, slot, point_m, track)
-        trial = cost_of(world, k, track, cost)
-        if trial <= cost:
+        trial = attempt(world, k, draft, count - 1, n, -1, cost + TIE)
+        if trial < np.inf:
             cost = trial
             count -= 1
         else:
-            restore(count, slot, point_m, n, s, x, y)
+            insert(count - 1, slot, point_m, n, s, x, y)
     return count, cost
 
 
-@njit(cache=True)
-def nudge(
-    world: World, k: int, count: int, slot: Ints, point_m: Floats, track: Floats, cost: float,
-    rounds: int, reach_m: float,
-) -> float:  # fmt: skip
-    """Pattern search: move each way point a little in space or time while the cost falls."""
-    step = reach_m
-    for _ in range(rounds):
-        better = False
-        for n in range(count):
-            for d in range(6):
-                s, x, y = slot[n], point_m[n, 0], point_m[n, 1]
-                if d < 4:
-                    point_m[n, 0] = x + (step if d == 0 else -step if d == 1 else 0.0)
-                    point_m[n, 1] = y + (step if d == 2 else -step if d == 3 else 0.0)
-                else:
-                    slot[n] = s + (1 if d == 4 else -1)
-                    early = slot[n] < 1 or (n > 0 and slot[n] <= slot[n - 1])
-                    if early or (n + 1 < count and slot[n] >= slot[n + 1]):
-                        slot[n] = s
-                        continue
-                fly(world, k, count, slot, point_m, track)
-                trial = cost_of(world, k, track, cost)
-                if trial < cost - 1e-9:
-                    cost = trial
-                    better = True
-                else:
-                    slot[n], point_m[n, 0], point_m[n, 1] = s, x, y
-        if not better:
-            step *= 0.5
+@compiled
+def chord(world: World, k: int, draft: Draft, count: int, n: int) -> tuple[float, float, float, float]:
+    """Where way point n would be without a detour, and the direction of flight there (a unit vector)."""
+    slot, point_m = draft.slot, draft.point_m
+    s, x, y = slot[n], point_m[n, 0], point_m[n, 1]
+    s0, x0, y0 = 0, world.start_m[k, 0], world.start_m[k, 1]
+    if n > 0:
+        s0, x0, y0 = slot[n - 1], point_m[n - 1, 0], point_m[n - 1, 1]
+    x1, y1 = world.goal_m[k, 0], world.goal_m[k, 1]
+    span = norm(x1 - x, y1 - y) / world.rules.u_max_m
+    if n + 1 < count:
+        x1, y1, span = point_m[n + 1, 0], point_m[n + 1, 1], float(slot[n + 1] - s)
+    share = (s - s0) / max(s - s0 + span, 1.0)
+    dx, dy = x1 - x0, y1 - y0
+    length = norm(dx, dy)
+    if length < 1e-9:
+        return x0, y0, 1.0, 0.0
+    return x0 + share * dx, y0 + share * dy, dx / length, dy / length
+
+
+@compiled
+def tighten(world: World, k: int, draft: Draft, count: int, n: int, cost: float) -> float:
+    """Move way point n towards its chord as far as the cost does not rise, by bisection."""
+    point_m = draft.point_m
+    cx, cy, _, _ = chord(world, k, draft, count, n)
+    x, y = point_m[n, 0], point_m[n, 1]
+    low, high = 0.0, 1.0
+    for _ in range(HALVINGS):
+        share = 0.5 * (low + high)
+        point_m[n, 0], point_m[n, 1] = x + share * (cx - x), y + share * (cy - y)
+        trial = attempt(world, k, draft, count, n, 0, cost - GAIN)
+        if trial < np.inf:
+            cost = trial
+            low = share
+        else:
+            high = share
+    point_m[n, 0], point_m[n, 1] = x + low * (cx - x), y + low * (cy - y)
     return cost
 
 
-@njit(cache=True)
+@compiled
+def nudge(world: World, k: int, draft: Draft, count: int, n: int, cost: float, step_m: float) -> float:
+    """Move way point n along and across its chord and in time, each while the cost falls."""
+    slot, point_m = draft.slot, draft.point_m
+    _, _, ux, uy = chord(world, k, draft, count, n)
+    for d in range(6):
+        for _ in range(REPEATS):
+            s, x, y = slot[n], point_m[n, 0], point_m[n, 1]
+            if d < 2:
+                sign = step_m if d == 0 else -step_m
+                point_m[n, 0], point_m[n, 1] = x - uy * sign, y + ux * sign
+            elif d < 4:
+                sign = step_m if d == 2 else -step_m
+                point_m[n, 0], point_m[n, 1] = x + ux * sign, y + uy * sign
+            else:
+                slot[n] = s + (1 if d == 4 else -1)
+                early = slot[n] < 1 or (n > 0 and slot[n] <= slot[n - 1])
+                if early or (n + 1 < count and slot[n] >= slot[n + 1]):
+                    slot[n] = s
+                    break
+            trial = attempt(world, k, draft, count, n, 0, cost - GAIN)
+            if trial == np.inf:
+                slot[n], point_m[n, 0], point_m[n, 1] = s, x, y
+                break
+            cost = trial
+    return cost
+
+
+@compiled
+def polish(
+    world: World, k: int, draft: Draft, count: int, cost: float, rounds: int, step_m: float
+) -> tuple[int, float]:
+    """Local search on the way points: drop, tighten and nudge them while that pays."""
+    for _ in range(rounds):
+        before = cost
+        count, cost = pull(world, k, draft, count, cost)
+        for n in range(count):
+            cost = tighten(world, k, draft, count, n, cost)
+            cost = nudge(world, k, draft, count, n, cost, step_m)
+        step_m *= 0.5
+        if cost > before - 0.01:
+            break
+    return count, cost
+
+
+@compiled
 def opponent(world: World, k: int, t: int, x: float, y: float) -> int:
-    """The vehicle nearest to (x, y) in slot t among those in conflict with k there, or -1."""
+    """The vehicle nearest to (x, y) in slot t among those that k can be in conflict with there, or -1."""
     rules, head, link, track = world.rules, world.head, world.link, world.track
     i, j = cell_of(rules, x, y)
     entry = head[t, i * rules.columns + j]
     nearest = -1
-    least = 1.0e300
+    least = np.inf
     while entry >= 0:
-        other = entry // 9
+        other = entry >> ENTRY_BITS
         dx, dy = x - track[other, t, 0], y - track[other, t, 1]
-        reach = world.r_m[k] + world.r_m[other] + rules.delta_m
+        reach = world.r_m[k] + world.r_m[other] + rules.delta_m + 2 * rules.u_max_m
         squared = dx * dx + dy * dy
         if other != k and squared < reach * reach and squared < least:
             nearest, least = other, squared
@@ -505,21 +725,20 @@ def opponent(world: World, k: int, t: int, x: float, y: float) -> int:
     return nearest
 
 
-@njit(cache=True)
-def sidestep(
-    world: World, k: int, turn: float, slot: Ints, point_m: Floats, track: Floats, most: int, rounds: int
-) -> tuple[int, float]:
+@compiled
+def sidestep(world: World, k: int, turn: float, draft: Draft) -> tuple[int, float]:
     """Pass each opponent in turn on one side (turn = 1 or -1); way points and cost of the plan.
 
     While the track is in conflict, a way point is added at the conflict's deepest slot, beside the
     opponent, across the relative motion, just out of reach.
     """
     count = 0
-    u_max = world.rules.u_max_m
-    fly(world, k, 0, slot, point_m, track)
-    cost = cost_of(world, k, track, np.inf)
-    for _ in range(most):
-        t = first_conflict(world, k, track)
+    slot, point_m, track, price = draft.slot, draft.point_m, draft.track, draft.price
+    cost = begin(world, k, draft, 0)
+    for _ in range(SIDESTEPS):
+        t = 1
+        while t < track.shape[0] and price[t] == 0.0:
+            t += 1
         if t >= track.shape[0]:
             break
         other = opponent(world, k, t, track[t, 0], track[t, 1])
@@ -538,112 +757,101 @@ def sidestep(
         speed = norm(vx, vy)
         if speed < 1e-9:
             break
-        place = 0
-        while place < count and slot[place] < t:
-            place += 1
-        if place < count and slot[place] == t:
+        n = 0
+        while n < count and slot[n] < t:
+            n += 1
+        if n < count and slot[n] == t:
             break
-        scale = turn * 1.002 * reach / speed
-        restore(
-            count + 1, slot, point_m, place, t,
-            world.track[other, t, 0] - vy * scale, world.track[other, t, 1] + vx * scale,
-        )  # fmt: skip
+        scale = turn * SIDE * reach / speed
+        insert(count, slot, point_m, n, t, world.track[other, t, 0] - vy * scale, world.track[other, t, 1] + vx * scale)
         count += 1
-        fly(world, k, count, slot, point_m, track)
-        cost = cost_of(world, k, track, np.inf)
-        cost = nudge(world, k, count, slot, point_m, track, cost, rounds, 0.4 * u_max)
-        fly(world, k, count, slot, point_m, track)
+        cost = attempt(world, k, draft, count, n, 1, np.inf)
+        cost = nudge(world, k, draft, count, n, cost, 0.4 * world.rules.u_max_m)
     return count, cost
 
 
-@njit(cache=True)
-def install(world: World, plans: Plans, k: int, count: int, slot: Ints, point_m: Floats) -> None:
-    """Make a plan vehicle k's own: way points, track and grid."""
+@compiled
+def load(plans: Plans, k: int, draft: Draft) -> int:
+    """Copy vehicle k's plan into the draft; its number of way points."""
+    for n in range(plans.size[k]):
+        draft.slot[n] = plans.slot[k, n]
+        draft.point_m[n, 0], draft.point_m[n, 1] = plans.point_m[k, n, 0], plans.point_m[k, n, 1]
+    return int(plans.size[k])
+
+
+@compiled
+def install(world: World, plans: Plans, k: int, count: int, draft: Draft) -> None:
+    """Make the draft vehicle k's plan and track."""
     plans.size[k] = count
     plans.delay[k] = 0
     for n in range(count):
-        plans.slot[k, n] = slot[n]
-        plans.point_m[k, n, 0], plans.point_m[k, n, 1] = point_m[n, 0], point_m[n, 1]
-    leave(world, k)
-    fly(world, k, count, slot, point_m, world.track[k])
-    enter(world, k)
+        plans.slot[k, n] = draft.slot[n]
+        plans.point_m[k, n, 0], plans.point_m[k, n, 1] = draft.point_m[n, 0], draft.point_m[n, 1]
+    register(world, k, False)
+    world.track[k] = draft.track
+    register(world, k, True)
 
 
-@njit(cache=True)
-def replan(
-    world: World, plans: Plans, scratch: Scratch, k: int, layers: int, side: int, greed: float,
-    limit: int, budget: int, rounds: int, easy: float, slot: Ints, point_m: Floats, track: Floats,
-) -> int:  # fmt: skip
-    """Best response of UAV k to all other tracks; returns the expansions spent."""
-    fly(world, k, 0, slot, point_m, track)
-    straight_conflict = conflict(world, k, track)
-    if straight_conflict == 0.0:
+@compiled
+def replan(world: World, plans: Plans, scratch: Scratch, draft: Draft, limits: Limits, k: int) -> None:
+    """Best response of UAV k to all other tracks."""
+    step_m = 0.4 * world.rules.u_max_m
+    straight = begin(world, k, draft, 0)
+    conflict = draft.price.sum()
+    if conflict == 0.0:
         if plans.size[k] > 0:
-            install(world, plans, k, 0, slot, point_m)
-        return 0
-    straight_cost = straight_conflict + effort(world, k, track)
-    count = plans.size[k]
-    for n in range(count):
-        slot[n] = plans.slot[k, n]
-        point_m[n, 0], point_m[n, 1] = plans.point_m[k, n, 0], plans.point_m[k, n, 1]
-    now_conflict = conflict(world, k, world.track[k])
-    cost = now_conflict + effort(world, k, world.track[k])
-    if now_conflict == 0.0:
-        count, pulled = pull(world, k, count, slot, point_m, track, cost)
-        pulled = nudge(world, k, count, slot, point_m, track, pulled, 1, 0.2 * world.rules.u_max_m)
-        if pulled < cost - 1e-9:
-            install(world, plans, k, count, slot, point_m)
-        return 0
-    if budget <= 0:
-        return 0
-    if straight_cost <= cost:
-        cost = straight_cost
-        install(world, plans, k, 0, slot, point_m)
-    plain = straight_cost - straight_conflict
+            install(world, plans, k, 0, draft)
+        return
+    cost, plain = straight, straight - conflict
+    if plans.size[k] > 0:
+        count = load(plans, k, draft)
+        cost = begin(world, k, draft, count)
+        if draft.price.sum() == 0.0:
+            count, better = polish(world, k, draft, count, cost, 1, 0.5 * step_m)
+            if better < cost:
+                install(world, plans, k, count, draft)
+            return
+    if draft.work[0] >= limits.budget:
+        return
+    if plans.size[k] > 0 and straight <= cost:
+        cost = begin(world, k, draft, 0)
+        install(world, plans, k, 0, draft)
+    free = False
     for turn in (1.0, -1.0):
-        count, trial = sidestep(world, k, turn, slot, point_m, track, SIDESTEPS, rounds)
+        count, trial = sidestep(world, k, turn, draft)
+        count, trial = polish(world, k, draft, count, trial, limits.rounds, step_m)
         if trial < cost:
             cost = trial
-            install(world, plans, k, count, slot, point_m)
-    if cost < plain + easy and conflict(world, k, world.track[k]) == 0.0:
-        return 0
-    count, spent, _ = search(world, scratch, k, layers, side, greed, limit, cost + SLACK, slot, point_m)
-    fly(world, k, count, slot, point_m, track)
-    trial = cost_of(world, k, track, np.inf)
-    count, trial = pull(world, k, count, slot, point_m, track, trial)
-    trial = nudge(world, k, count, slot, point_m, track, trial, rounds, 0.4 * world.rules.u_max_m)
-    count, trial = pull(world, k, count, slot, point_m, track, trial)
+            free = draft.price.sum() == 0.0
+            install(world, plans, k, count, draft)
+    if free and cost < plain + limits.easy:
+        return
+    count, spent, _ = search(world, scratch, limits, k, cost + SLACK, draft.slot, draft.point_m)
+    draft.work[0] += EXPANSION * spent
+    trial = begin(world, k, draft, count)
+    count, trial = polish(world, k, draft, count, trial, limits.rounds, step_m)
     if trial < cost:
-        install(world, plans, k, count, slot, point_m)
-    return spent
+        install(world, plans, k, count, draft)
 
 
-@njit(cache=True)
+@compiled
 def sweep(
-    world: World, plans: Plans, scratch: Scratch, uav: Ints, slot_now: int, seed: int, layers: int,
-    side: int, greed: float, limit: int, budget: int, rounds: int, easy: float,
-) -> int:  # fmt: skip
-    """One round of best responses, earliest conflict first; returns the expansions spent."""
+    world: World, plans: Plans, scratch: Scratch, draft: Draft, limits: Limits, uav: Ints, slot_now: int, seed: int
+) -> int:
+    """One round of best responses, earliest conflict first; returns the steps priced."""
     n = len(uav)
     steps = world.track.shape[1]
     key = np.empty(n)
     for k in range(n):
         key[k] = first_conflict(world, k, world.track[k]) + 0.5 * uniform(seed, slot_now, uav[k])
-    slot = np.empty(plans.slot.shape[1], np.int64)
-    point_m = np.empty((plans.slot.shape[1], 2))
-    track = np.empty((steps, 2))
-    spent = 0
+    draft.work[0] = 0
     for k in np.argsort(key):
-        if key[k] >= steps and plans.size[k] == 0:
-            continue
-        spent += replan(
-            world, plans, scratch, k, layers, side, greed, limit, budget - spent, rounds, easy, slot, point_m,
-            track,
-        )  # fmt: skip
-    return spent
+        if key[k] < steps or plans.size[k] > 0:
+            replan(world, plans, scratch, draft, limits, k)
+    return int(draft.work[0])
 
 
-@njit(cache=True)
+@compiled
 def put_off(world: World, plans: Plans, k: int, most: int) -> None:
     """Drop way points that are reached; put a plan off that can no longer be flown in time.
 
@@ -666,7 +874,7 @@ def put_off(world: World, plans: Plans, k: int, most: int) -> None:
         plans.delay[k] = 0
 
 
-@njit(cache=True)
+@compiled
 def populate(world: World, plans: Plans, most: int) -> None:
     """Fill the grid: UAVs fly their plans, everyone else stays where it is."""
     world.head[:] = -1
@@ -677,4 +885,4 @@ def populate(world: World, plans: Plans, most: int) -> None:
         else:
             for t in range(world.track.shape[1]):
                 world.track[k, t, 0], world.track[k, t, 1] = world.start_m[k, 0], world.start_m[k, 1]
-        enter(world, k)
+        register(world, k, True)

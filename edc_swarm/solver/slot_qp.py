@@ -168,7 +168,8 @@ def _normals(
 ) -> tuple[Floats, Floats]:
     """Unit normals (p, 2) and room (p,) without buffer, of the best of the candidates.
 
-    Any n in the cone cos(angle to d) >= (R + delta) / |d| gives g >= 0. The best leaves the most
+    Any n in the cone cos(angle to d) >= (R + delta) / |d| gives g >= 0; seven of them are candidates,
+    and the one along which the preferred steps are farthest from touching. The best leaves the most
     room when both do as they prefer, max n.d - max(-n.v_k, 0) - max(n.v_l, 0).
     """
     distance_m = length_m(apart_m)
@@ -176,11 +177,12 @@ def _normals(
     centre = np.where(distance_m[:, None] > 0, apart_m / np.where(distance_m > 0, distance_m, 1.0)[:, None], [1.0, 0.0])
     ratio = (sum_m + DELTA_M) / np.maximum(distance_m, sum_m + DELTA_M)
     angle = np.arccos(np.minimum(ratio, 1.0)) * (1 - 1e-9)
-    candidate = rotated(centre[None], CONE[:, None] * angle)
+    step_m = wish_m - position_m
+    towards = _towards_wishes(apart_m, step_m[first], step_m[second], centre)
+    candidate = np.concatenate([rotated(centre[None], CONE[:, None] * angle), towards[None]])
     room_m = dot(candidate, apart_m[None]) - sum_m
     if previous_m is not position_m:
         room_m = np.minimum(room_m, _least_room_m(candidate, previous_m, position_m, first, second) - sum_m)
-    step_m = wish_m - position_m
     closing_m = np.maximum(-dot(candidate, step_m[first][None]), 0.0) + np.maximum(
         dot(candidate, step_m[second][None]), 0.0
     )
@@ -191,6 +193,21 @@ def _normals(
     best = np.argmax(left_m, axis=0)
     pick = np.arange(len(first))
     return candidate[best, pick], room_m[best, pick]
+
+
+def _towards_wishes(apart_m: Floats, first_m: Floats, second_m: Floats, centre: Floats) -> Floats:
+    """Direction (p, 2) of the point nearest to the origin of all d + s v_k - t v_l, 0 <= s, t <= 1.
+
+    If the preferred steps v_k, v_l (p, 2) are safe at all, they are along this normal.
+    """
+    corners = (apart_m, apart_m + first_m, apart_m + first_m - second_m, apart_m - second_m)
+    sides = zip(corners, (*corners[1:], corners[0]), strict=True)
+    point = np.stack([nearest_on_segment(np.zeros(2), start, end) for start, end in sides])
+    away_m = length_m(point)
+    side, pair = np.argmin(away_m, axis=0), np.arange(len(apart_m))
+    nearest, least_m = point[side, pair], away_m[side, pair][:, None]
+    # Within reach of the origin there is nothing to separate: any direction in the cone is as good.
+    return np.where(least_m > DELTA_M, nearest / np.maximum(least_m, DELTA_M), centre)
 
 
 def _least_room_m(normal: Floats, previous_m: Floats, position_m: Floats, first: Indices, second: Indices) -> Floats:

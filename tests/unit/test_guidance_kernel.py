@@ -7,9 +7,10 @@ import math
 
 import numpy as np
 import pytest
+from scipy.optimize import lsq_linear
 
 from edc_swarm.planner import guidance_kernel as kernel
-from edc_swarm.planner.guidance import Guidance, Scene, Tuning
+from edc_swarm.planner.guidance import Guidance, Scene, Tuning, coverage
 
 TUNING = Tuning(look_ahead=8, greed=1.0, expand=10**6)
 
@@ -31,17 +32,28 @@ def world_of(seed: int, count: int = 9) -> tuple[kernel.World, kernel.Plans]:
     return world, plans
 
 
-def price(world: kernel.World, k: int, t: int, point_m: np.ndarray) -> float:
-    """The conflict term of the cost, by its formula over all other vehicles."""
+def gap_m(step_m: np.ndarray, other_m: np.ndarray) -> float:
+    """Least distance between two vehicles however unevenly they fly their steps (2, 2), by least squares."""
+    moves = np.stack([step_m[1] - step_m[0], other_m[0] - other_m[1]], axis=1)
+    apart = step_m[0] - other_m[0]
+    share = lsq_linear(moves, -apart, (-1e-12, 1 + 1e-12), method="bvls", tol=1e-14).x
+    return float(np.hypot(*(apart + moves @ share)))
+
+
+def price(world: kernel.World, k: int, t: int, point_m: np.ndarray, before_m: np.ndarray | None = None) -> float:
+    """The conflict term of the cost, by its formula over all other vehicles: at a point, or for a step."""
     rules, total = world.rules, 0.0
     for other in range(len(world.r_m)):
         if other == k:
             continue
         radii = world.r_m[k] + world.r_m[other]
         distance = math.dist(point_m, world.track[other, t])
-        sep = min(radii + rules.delta_m, 0.9995 * math.dist(world.start_m[k], world.start_m[other]))
+        if before_m is not None:
+            distance = gap_m(np.stack([before_m, point_m]), world.track[other, t - 1 : t + 1])
+        sep = min(radii + rules.delta_m, 0.9995 * math.dist(world.start_m[k], world.start_m[other])) - 1e-6
         way = (world.luck[other] + rules.patience) / (world.luck[k] + rules.patience)
         way = min(max(way, 1 / rules.cap), rules.cap)
+        way = max(way, rules.imminent) if t == 1 else way
         if distance < sep:
             total += way * world.gamma[t] * (rules.touch + rules.depth * (sep - distance) / radii)
     return total
@@ -92,9 +104,7 @@ def test_search_finds_the_optimum_of_dynamic_programming(seed: int) -> None:
     slot, point_m = np.empty(TUNING.layers, np.int64), np.empty((TUNING.layers, 2))
     spacing = 2 * 2.5 / math.sqrt(20)
     for k in (0, 4):
-        count, spent, found = kernel.search(
-            world, guidance._scratch, k, TUNING.layers, TUNING.side, 1.0, TUNING.expand, math.inf, slot, point_m
-        )
+        count, spent, found = kernel.search(world, guidance._scratch, TUNING.limits(9), k, math.inf, slot, point_m)
         least, cells = lattice(world, k)
         assert count == TUNING.layers
         assert slot.tolist() == [2, 4, 6, 8]
@@ -115,9 +125,7 @@ def test_search_path_costs_what_it_says(seed: int) -> None:
     slot, point_m = np.empty(TUNING.layers, np.int64), np.empty((TUNING.layers, 2))
     spacing = 2 * 2.5 / math.sqrt(20)
     goal = np.rint((world.goal_m[1] - world.start_m[1]) / spacing)
-    count, _, found = kernel.search(
-        world, guidance._scratch, 1, TUNING.layers, TUNING.side, 1.0, TUNING.expand, math.inf, slot, point_m
-    )
+    count, _, found = kernel.search(world, guidance._scratch, TUNING.limits(9), 1, math.inf, slot, point_m)
     cell, total = np.zeros(2), 0.0
     for layer in range(1, count + 1):
         after = np.rint((point_m[layer - 1] - world.start_m[1]) / spacing)
@@ -134,18 +142,89 @@ def test_search_path_costs_what_it_says(seed: int) -> None:
     assert total == pytest.approx(found, abs=1e-9)
 
 
+def drafted(world: kernel.World, k: int, slots: np.ndarray, points_m: np.ndarray) -> tuple[kernel.Draft, float]:
+    """A draft with these way points, and its cost."""
+    draft = Guidance(2.5, (0.5, 0.5), 0, TUNING)._draft
+    draft.slot[: len(slots)], draft.point_m[: len(slots)] = slots, points_m
+    return draft, kernel.begin(world, k, draft, len(slots))
+
+
 @pytest.mark.parametrize("seed", range(3))
 def test_conflicts_are_those_of_the_formula_after_any_changes_of_plan(seed: int) -> None:
-    """The grid finds every vehicle within reach, also after plans were installed and removed."""
+    """The grid finds every vehicle within reach of a step, also after plans were installed and removed."""
     world, plans = world_of(seed)
     rng = np.random.default_rng(seed)
     for _ in range(30):
         k = int(rng.integers(len(plans.size)))
         slots = np.sort(rng.choice(np.arange(1, 9), 2, replace=False))
-        kernel.install(world, plans, k, 2, slots, world.start_m[k] + rng.normal(0, 8, (2, 2)))
+        draft, _ = drafted(world, k, slots, world.start_m[k] + rng.normal(0, 8, (2, 2)))
+        kernel.install(world, plans, k, 2, draft)
+    found = 0.0
     for k in range(len(plans.size)):
-        expected = sum(price(world, k, t, world.track[k, t]) for t in range(1, 9))
-        assert kernel.conflict(world, k, world.track[k]) == pytest.approx(expected, abs=1e-12)
+        track = world.track[k]
+        draft, _ = drafted(world, k, plans.slot[k, : plans.size[k]], plans.point_m[k, : plans.size[k]])
+        expected = [price(world, k, t, track[t], track[t - 1]) for t in range(1, 9)]
+        assert draft.price[1:9] == pytest.approx(expected, abs=1e-6)
+        found += sum(expected)
+    assert found > 10
+
+
+@pytest.mark.parametrize("seed", range(4))
+def test_a_change_costs_what_the_whole_plan_costs(seed: int) -> None:
+    """Flying only the slots that a change touches gives the track and the cost of flying all of them."""
+    world, _ = world_of(seed)
+    rng = np.random.default_rng(seed)
+    slots, points_m = np.array([2, 4, 7]), world.start_m[0] + rng.normal(0, 4, (3, 2))
+    draft, cost = drafted(world, 0, slots, points_m)
+    for _ in range(60):
+        n, kind, limit = int(rng.integers(3)), int(rng.integers(3)), math.inf if rng.random() < 0.5 else cost
+        kept = draft.slot.copy(), draft.point_m.copy()
+        if kind == 0:
+            draft.point_m[n] += rng.normal(0, 1.0, 2)
+            trial = kernel.attempt(world, 0, draft, 3, n, 0, limit)
+        else:
+            kernel.drop(3, draft.slot, draft.point_m, n)
+            trial = kernel.attempt(world, 0, draft, 2, n, -1, math.inf)
+            slot, point_m = int(kept[0][n]), kept[1][n] + rng.normal(0, 1.0, 2)
+            kernel.insert(2, draft.slot, draft.point_m, n, slot, *point_m)
+            trial = kernel.attempt(world, 0, draft, 3, n, 1, math.inf)
+        if trial == math.inf:
+            draft.slot[:], draft.point_m[:] = kept
+        else:
+            cost = trial
+        fresh, whole = drafted(world, 0, draft.slot[:3], draft.point_m[:3])
+        assert cost == pytest.approx(whole, abs=1e-9)
+        assert draft.track.tolist() == fresh.track.tolist()
+        assert draft.aim[1:].tolist() == fresh.aim[1:].tolist()
+
+
+def test_a_straight_way_that_is_free_needs_no_way_points() -> None:
+    """Local search takes the detour out of a plan that has nothing to go round."""
+    world, _ = world_of(1)
+    world.start_m[0], world.goal_m[0] = (300.0, 300.0), (300.0, 330.0)
+    draft, detour = drafted(world, 0, np.array([2, 4]), np.array([[302.0, 304.0], [301.0, 308.0]]))
+    count, cost = kernel.polish(world, 0, draft, 2, detour, 3, 1.0)
+    assert (count, cost) == (0, pytest.approx(12.0))
+    assert cost < detour
+
+
+def test_the_slot_to_come_is_nobodys_to_insist_on() -> None:
+    """However late a UAV is, a step that the slot QP will refuse costs it the full price."""
+    world, _ = world_of(2)
+    world.luck[:] = [1e6, *([0.0] * 9)]
+    at_once, later = (kernel.toll(world.rules, world.luck, world.r_m, 0, 1, t, 0.0) for t in (1, 2))
+    assert at_once == TUNING.imminent * TUNING.touch
+    assert later == TUNING.touch / TUNING.cap
+
+
+def test_those_with_the_longest_way_go_first_where_it_is_dense() -> None:
+    """Right of way grows with the way to go, by the square of the share that the discs cover."""
+    position_m, goal_m = np.array([[0.0, 0.0], [20.0, 0.0]]), np.array([[0.0, 20.0], [20.0, 5.0]])
+    scene = Scene(0, np.arange(2), position_m, goal_m, np.full(2, 5.0), np.empty((0, 2)), np.empty(0))
+    assert coverage(scene) == pytest.approx(2 * math.pi * 25 / 30**2)
+    guidance = Guidance(2.5, (0.5, 0.5), 0, TUNING)
+    guidance._remember(scene)
+    assert guidance._luck(scene) == pytest.approx(TUNING.far_first * coverage(scene) ** 2 * np.array([8, 2]))
 
 
 def test_plans_are_flown_in_time_and_end_at_the_goal() -> None:
@@ -157,7 +236,9 @@ def test_plans_are_flown_in_time_and_end_at_the_goal() -> None:
     assert track[:, 0] == pytest.approx([0, 1, 2, 3, 4, 6.5, 9, 11, 11])
     assert track[4].tolist() == [4.0, 0.0]
     assert track[8].tolist() == [11.0, 0.0]
-    assert kernel.effort(world, 0, track) == pytest.approx(0.5 * (6 + 2 / 2.5) + 0.5 * 11 / 2.5)
+    draft, cost = drafted(world, 0, np.array([4]), np.array([[4.0, 0.0]]))
+    assert draft.effort[1:].sum() == pytest.approx(0.5 * (6 + 2 / 2.5) + 0.5 * 11 / 2.5)
+    assert cost == pytest.approx((draft.effort + draft.price)[1:].sum())
 
 
 def test_plans_that_cannot_be_kept_are_put_off_then_dropped() -> None:

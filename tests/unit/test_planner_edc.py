@@ -97,6 +97,17 @@ def test_lost_commands_do_not_stop_the_mission() -> None:
     assert flight.least_gap_m >= -1e-9
 
 
+def test_a_gap_that_only_looks_wide_enough_is_not_waited_at_for_ever() -> None:
+    """Two at their targets leave 20.03 m, R + delta twice being 20.04 m: they make room at once."""
+    flight = Flight(Mission(uavs=3, seed=0))
+    flight.position_m = np.array([[134.9184378, 174.96121213], [151.54445429, 186.13179676], [143.94, 179.42]])
+    flight.target_m = np.array([*flight.position_m[:2].tolist(), [134.32324946, 194.5395387]])
+    for _ in range(30):
+        flight.step()
+    assert flight.done()
+    assert flight.least_gap_m >= -1e-9
+
+
 def test_exact_symmetry_is_broken() -> None:
     """Ten UAVs that swap places across a circle, perfectly symmetric, all get there."""
     flight = Flight(Mission(uavs=10, area_m2=10_000, seed=6))
