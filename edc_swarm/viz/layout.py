@@ -13,6 +13,7 @@ from edc_swarm.viz.scenery import extent_m
 
 LAYOUT_ATTACHMENT = "foxglove-layout.json"
 GRID_M = 20.0
+MAX_DIVISIONS = 50
 SCENE, PLAN, GAP, HEAD, LOG, MAP = "3D!swarm", "Plot!plan", "Plot!gap", "StateTransitions!head", "RosOut!log", "map!gps"
 HEIGHTS = {PLAN: 19, GAP: 19, HEAD: 21, MAP: 19, LOG: 22}
 """Panels of the right-hand column and their shares of its height; two rows of transitions need 21 %."""
@@ -61,14 +62,17 @@ def _titled(title: str, config: dict[str, Any]) -> dict[str, Any]:
 
 
 def _scene(middle_m: list[float], size_m: float) -> dict[str, Any]:
-    divisions = math.ceil(2 * size_m / GRID_M)
+    step_m = GRID_M
+    while 2 * size_m > MAX_DIVISIONS * step_m:
+        step_m *= 5
+    divisions = math.ceil(2 * size_m / step_m)
     grid = {
         "layerId": "foxglove.Grid",
         "instanceId": "grid",
         "label": "Grid",
         "visible": True,
         "frameLocked": True,
-        "size": divisions * GRID_M,
+        "size": divisions * step_m,
         "divisions": divisions,
         "lineWidth": 1,
         "color": "#ffffff18",

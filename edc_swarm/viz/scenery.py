@@ -85,6 +85,7 @@ class Scenery:
     def __init__(self) -> None:
         self._mission: MissionMessage | None = None
         self._uavs: dict[str, _Uav] = {}
+        self._label_m = 0.0
         self._report: Report | None = None
         self._said: list[Shown] = []
         self._next_ns = 0
@@ -128,6 +129,8 @@ class Scenery:
     def _begin(self, mission: MissionMessage, now_ns: int) -> None:
         if self._mission is None:
             self._mission = mission
+            (left_m, low_m), (right_m, high_m) = extent_m(mission)
+            self._label_m = max(right_m - left_m, high_m - low_m) / LABELS_HIGH
             self._uavs = {entry.uav: _Uav(entry, index) for index, entry in enumerate(mission.roster)}
             self._next_ns = now_ns
 
@@ -172,10 +175,11 @@ class Scenery:
             made.cylinders.append(disc(where, max(entry.body_m, 0.15), WHITE, 0.9, z_m=0.05))
         if self._report is not None and entry.uav == self._report.head:
             made.lines.append(ring(centre, entry.r_m * 1.06, WHITE, 4.0))
-        made.texts.append(text(self._above(centre, entry.r_m), entry.uav, WHITE))
-        role = self._role(entry.uav)
-        if role:
-            made.texts.append(text((centre[0], centre[1] - 0.3 * entry.r_m), role, WHITE))
+        name_y_m = centre[1] + 1.06 * entry.r_m + self._label_m / 2
+        made.texts.append(text((centre[0], name_y_m), entry.uav, WHITE))
+        if role := self._role(entry.uav):
+            role_y_m = min(centre[1] - 0.3 * entry.r_m, name_y_m - self._label_m)
+            made.texts.append(text((centre[0], role_y_m), role, WHITE))
         return made
 
     def _role(self, uav: str) -> str:
@@ -185,13 +189,6 @@ class Scenery:
         if uav == self._report.head:
             return "H"
         return f"s{self._report.standby.index(uav) + 1}" if uav in self._report.standby else ""
-
-    def _above(self, centre: Point, r_m: float) -> Point:
-        """Where a label clears its disc while the whole area is in sight."""
-        assert self._mission is not None
-        (left_m, low_m), (right_m, high_m) = extent_m(self._mission)
-        half_m = max(right_m - left_m, high_m - low_m) / LABELS_HIGH / 2
-        return centre[0], centre[1] + 1.06 * r_m + half_m
 
     def _commands(self, now_ns: int) -> list[SceneEntity]:
         """The steps that are flown now or in the next slot."""

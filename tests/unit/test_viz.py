@@ -207,6 +207,21 @@ def test_the_layout_shows_only_what_there_is(messages: list[Message]) -> None:
     assert _leaves(whole["layout"]) == set(panels)
 
 
+@pytest.mark.parametrize(("area_m2", "step_m"), [(10_000.0, 20.0), (160_000.0, 20.0), (9e6, 500.0)])
+def test_the_grid_is_coarser_over_larger_areas(area_m2: float, step_m: float) -> None:
+    """Of 20 m, and never so fine that it is a grey veil."""
+    grid = layout(mission_of(parallel(), area_m2=area_m2))["configById"]["3D!swarm"]["layers"]["grid"]
+    assert grid["size"] / grid["divisions"] == step_m
+    assert grid["divisions"] <= 50
+
+
+def test_roles_stand_below_their_name_where_discs_are_small() -> None:
+    """In an area so large that a label is higher than a disc."""
+    messages = flight(parallel(), area_m2=9e6)
+    name, role = scene([msgspec.structs.replace(messages[0], sent_ns=EPOCH_NS), *messages[1:]], "uavs", 3)["u0"].texts
+    assert name.pose.position.y - role.pose.position.y > 3000 * name.font_size / 600 * 0.9
+
+
 @pytest.mark.parametrize(("area_m2", "metres"), [(10_000.0, 100.0), (1_000_000.0, 1000.0)])
 def test_the_map_shows_the_whole_area(area_m2: float, metres: float) -> None:
     """Centred on it, at the closest zoom at which it fits into the panel."""
