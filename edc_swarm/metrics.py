@@ -122,8 +122,8 @@ class Columns:
         (S + 1, K) distance of each centre from its UAV's target.
     true_from_m, true_to_m
         (S, K, 2) true motion, NaN where unknown.
-    executed
-        (S, K) whether a command was executed.
+    executed, lost
+        (S, K) whether a command was executed; whether the record lacks what was flown.
     energy_j
         (S, K) battery, NaN where not heard.
     plan_slot, plan_ms
@@ -140,6 +140,7 @@ class Columns:
     true_from_m: Floats
     true_to_m: Floats
     executed: NDArray[np.bool_]
+    lost: NDArray[np.bool_]
     energy_j: Floats
     plan_slot: NDArray[np.int64]
     plan_ms: Floats
@@ -232,6 +233,7 @@ def _columns(recording: Recording, tracks: Tracks, timings: Sequence[Timing]) ->
         true_from_m=tracks.true_from_m,
         true_to_m=tracks.true_to_m,
         executed=tracks.executed,
+        lost=tracks.lost,
         energy_j=tracks.energy_j,
         plan_slot=np.array([plan.slot for plan in planned], np.int64),
         plan_ms=np.array([plan.plan_ms for plan in planned], np.float64),
@@ -278,7 +280,7 @@ class _Separation(NamedTuple):
 def _separation(mission: Mission, tracks: Tracks) -> _Separation:
     radius_m = np.array([entry.r_m for entry in mission.roster])
     body_m = np.array([entry.body_m for entry in mission.roster])
-    from_m, to_m = tracks.centre_m[:-1], tracks.centre_m[1:]
+    from_m, to_m = tracks.seen_m
     true_m = (tracks.true_from_m, tracks.true_to_m)
     return _Separation(
         _pairs(from_m, to_m, radius_m, -OVERLAP_TOLERANCE_M),

@@ -280,7 +280,7 @@ class Simulation:
 
     def _hint(self, gone: Computer, lives: int) -> None:
         """Tell the peers that the token of one life vanished, unless it was the router that did."""
-        if gone.lives == lives and gone.node is not None and not gone.frozen:
+        if gone.lives == lives and gone.node is not None and not gone.frozen and not gone.ended:
             return
         for computer in self._computers.values():
             if computer is not gone and self._router_up and not computer.links.is_cut(gone.uav, self._mission_s):
@@ -371,6 +371,7 @@ class Simulation:
             case Stop():
                 computer.ended = True
                 self.monitor.end(computer.uav)
+                self._at(self._now_ns + HINT_NS, partial(self._hint, computer, computer.lives))
 
     def _persist(self, computer: Computer, promise: Promise | None, airframe: Airframe) -> None:
         """The write is the acceptance of a step: from here on it is flown, whatever happens."""

@@ -368,6 +368,9 @@ class Launcher:
             self._failure = InputError(
                 "--out", str(self._output.path), f"where it can be written: {self._output.tail(RECORDER, 1)}"
             )
+        elif name == RECORDER and self._publishing_at_s is not None:
+            self._note_crash(name, status)  # Nothing more would be recorded: end in order, and keep what there is.
+            self._interrupted = True
         else:
             self._failure = SwarmError(f"the {name} {_ended(status)}: {self._output.tail(name) or 'it said nothing'}")
 

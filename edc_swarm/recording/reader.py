@@ -60,9 +60,12 @@ def recover(source: str | Path, stream: BinaryIO) -> list[str]:
     file = McapFile(Path(source))
     messages = list(file.messages())
     _check_version(file)
+    has_mission = any(kind_of(channel.topic) is MissionMessage for channel, *_ in messages)
+    if not has_mission:
+        _attached_mission(file)
     writer = RecordingWriter(stream, file.metadata["run"])
     for name, (media_type, data) in file.attachments.items():
-        if name != MISSION_ATTACHMENT:
+        if name != MISSION_ATTACHMENT or not has_mission:
             writer.attach(name, media_type, data)
     for channel, _, log_ns, sent_ns, payload in messages:
         if kind_of(channel.topic) is None:
@@ -145,9 +148,10 @@ def _check_version(file: McapFile) -> None:
 
 
 def _attached_mission(file: McapFile) -> MissionMessage:
-    _, payload = file.attachments.get(MISSION_ATTACHMENT, ("", b""))
+    if MISSION_ATTACHMENT not in file.attachments:
+        raise RecordingError(file.path, "; ".join(["holds no mission", *file.problems[:1]]))
     try:
-        mission = decode("mission", payload)
+        mission = decode("mission", file.attachments[MISSION_ATTACHMENT][1])
     except MessageError as error:
         raise RecordingError(file.path, f"holds no mission ({error.reason})") from None
     assert isinstance(mission, MissionMessage)

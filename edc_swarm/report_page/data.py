@@ -123,6 +123,7 @@ def _plots(mission: MissionMessage, columns: Columns) -> list[Plot]:
     slots_s = columns.time_s
     r_m = np.array([entry.r_m for entry in mission.roster])
     gap_m = least_gaps_m(columns.centre_m[:-1], columns.centre_m[1:], r_m)
+    gap_m[columns.lost.any(axis=1)] = np.nan
     order = np.argsort(columns.plan_slot, kind="stable")
     limit_ms = 1e3 * (mission.dt_s - mission.tau_s) / mission.time_scale
     plan = _series("plan time", mission.dt_s * columns.plan_slot[order], columns.plan_ms[order])

@@ -418,6 +418,20 @@ def test_an_empty_battery_ends_a_uav() -> None:
     assert flight.end.completed is False
 
 
+@pytest.mark.parametrize("empty", ["u1", "u4"])
+def test_an_empty_battery_takes_its_token_with_it(empty: str) -> None:
+    """As a process does that ends: no slot is missed when the head's ran out, nobody waits for a follower's."""
+    energies_j = [900.0 if uav == empty else 5e4 for uav in ("u1", "u2", "u3", "u4")]
+    flight = Flight(
+        roster=roster(*energies_j), uavs=4, elect="response-time", max_slots=20, to_the_end=True, planner=Circling
+    )
+    ended = next(m.slot for m in flight.messages if isinstance(m, Event) and m.kind == "battery-empty")
+    assert 2 < ended < 19
+    assert flight.missed(1, 19) == 0
+    said_at_s = {m.slot: at_s - m.slot * flight.mission.dt_s for at_s, m in flight.said if isinstance(m, Report)}
+    assert all(said_at_s[slot] < flight.mission.tau_s / 4 for slot in range(2, 20))
+
+
 def test_all_batteries_run_out() -> None:
     """A swarm of which nothing flies any more ends at once."""
     flight = Flight(roster=roster(500.0, 500.0, 500.0), uavs=3, planner=Circling, max_slots=40)

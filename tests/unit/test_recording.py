@@ -15,7 +15,7 @@ from synthetic import flight, parallel
 from edc_swarm.errors import RecordingError
 from edc_swarm.messages import Command, Event, Fix, Keys, Message, MissionMessage, Report, Truth, encode
 from edc_swarm.recording import Recording, RecordingWriter, read_recording, recover
-from edc_swarm.recording.mcap_file import Channel
+from edc_swarm.recording.mcap_file import MAGIC, Channel
 from edc_swarm.recording.schemas import json_schema
 
 KEYS = Keys("mission")
@@ -164,6 +164,20 @@ def test_a_torn_file_is_read_at_every_length(tmp_path: Path, messages: list[Mess
             assert not counts
     assert counts == sorted(counts)
     assert counts[-1] == len(messages)
+
+
+def test_a_torn_file_says_what_is_missing(tmp_path: Path, messages: list[Message]) -> None:
+    """Bytes of a record that was cut off, or that it simply stops."""
+    whole, stopped = record(messages), record(messages, finish=False)
+    end = len(whole) - len(MAGIC)
+    assert problem_of(tmp_path, whole[:-1]) == f"{len(MAGIC) - 1} bytes after byte {end} are unreadable"
+    assert problem_of(tmp_path, stopped) == f"it stops after byte {len(stopped)}"
+
+
+def problem_of(folder: Path, data: bytes) -> str:
+    """What is said of a file without an end."""
+    (problem,) = read_recording(saved(folder / "torn.mcap", data), salvage=True).problems
+    return problem.removeprefix("torn: no end of file; ")
 
 
 def test_recover_makes_a_whole_file(tmp_path: Path, messages: list[Message]) -> None:
