@@ -24,7 +24,6 @@ from processes.bus import hand_over, open_client, put
 from processes.children import Child, ChildExited, ChildReady
 from processes.inbox import Inbox
 
-SLOTS = 40
 BEGIN_AHEAD_NS = 300_000_000
 START_TIMEOUT_S = 60.0
 END_TIMEOUT_S = 1.0
@@ -45,7 +44,7 @@ class Floor(Struct, frozen=True):
     lost: int
 
 
-def measure_floor(uavs: int, slot_s: float, slots: int = SLOTS) -> Floor:
+def measure_floor(uavs: int, slot_s: float, slots: int) -> Floor:
     """Have `uavs` bare processes talk for `slots` slots; afterwards none is left.
 
     Raises

@@ -61,8 +61,8 @@ def _introduction(facts: Mapping[str, str]) -> str:
         f" {escape(facts['machine'])}. Delay, jitter and loss are emulated in the receiving agent, above the bus, by"
         " the same seeded model in the simulator and in real processes. Means over valid runs, bands are 95 %"
         " confidence intervals (Student's t); extra distance, makespan and energy are of missions that brought every"
-        ' UAV home. Every run, with the command that flies it again, is a line of <a href="runs.jsonl">runs.jsonl</a>; every cell'
-        ' is a line of <a href="cells.csv">cells.csv</a>.</p>'
+        ' UAV home. Every run, with the command that flies it again, is a line of <a href="runs.jsonl">runs.jsonl</a>;'
+        ' every cell is a line of <a href="cells.csv">cells.csv</a>.</p>'
     )
 
 

@@ -11,7 +11,6 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, Literal
 
-from edc_swarm.latency.arithmetic import hold_delay_ms
 from edc_swarm.latency.quantities import Quantity
 from edc_swarm.latency.table import CellRow
 from processes.plots import RC, save
@@ -64,7 +63,7 @@ def _draw_panel(axes: Any, quantity: Quantity, axis: Axis, panel: Panel) -> None
             line = [row for row in panel.rows if row.engine == engine and getattr(row.cell, OTHER[axis]) == other]
             _draw_line(axes, quantity, axis, line, index)
     if axis == "delay_ms" and panel.rows:
-        axes.axvline(hold_delay_ms(panel.rows[0].cell.slot_s), color="#555555", linestyle=":", linewidth=1)
+        axes.axvline(panel.rows[0].hold_delay_ms, color="#555555", linestyle=":", linewidth=1)
     axes.set_title(f"{panel.uavs} UAVs, jitter {panel.jitter_ms:g} ms", fontsize=9, loc="left")
     values = sorted({getattr(row.cell, axis) for row in panel.rows})
     axes.set_xticks(values, [f"{100 * value if axis == 'loss' else value:g}" for value in values])

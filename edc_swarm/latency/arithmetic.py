@@ -7,47 +7,49 @@ when it arrives before slot t + 1 begins. Hence
 - 2 delay + plan time >= slot: no command is ever in time. All hold, but for the head, whose own fix and
   command need no network;
 - delay > tau: the head does not wait for more than its quorum, so UAVs whose fix is later than the
-  quorum's hold in the next slot although their fix was heard in the same slot;
+  quorum's hold in the next slot although their fix is heard in the same slot;
 - jitter and loss make it a matter of chance: `in_time_share`.
+
+All functions take a mission whose first link is the one that is swept, from everyone to everyone. A slot
+is as long as it is on the wall, where delays are.
 """
 
 from __future__ import annotations
 
 import numpy as np
+from numpy.typing import NDArray
 
-from edc_swarm.config import Link, Mission, default_tau_s
+from edc_swarm.config import Mission, default_tau_s
 from edc_swarm.links import LinkEmulator
 
 SLOTS = 400
 """Slots that are drawn for a share."""
 
 
-def only_holds(delay_ms: float, slot_s: float, plan_ms: float = 0.0) -> bool:
+def hold_delay_ms(mission: Mission) -> float:
+    """Least delay with which the swarm can only hold, in milliseconds, however quickly is planned."""
+    return mission.slot_ns / 2e6
+
+
+def only_holds(mission: Mission) -> bool:
     """Whether no command can be in time, however lucky."""
-    return 2 * delay_ms + plan_ms >= 1e3 * slot_s
+    return mission.link[0].delay_ms >= hold_delay_ms(mission)
 
 
-def hold_delay_ms(slot_s: float, plan_ms: float = 0.0) -> float:
-    """Least delay with which the swarm can only hold."""
-    return (1e3 * slot_s - plan_ms) / 2
-
-
-def in_time_share(link: Link, uavs: int, slot_s: float, plan_ms: float = 0.0) -> float:
+def in_time_share(mission: Mission) -> float:
     """Share of the UAV-slots, the head's not counted, that have a command in time, as far as the link decides.
 
-    Drawn from the link model itself, over `SLOTS` slots in which one head leads undisturbed.
+    Drawn from the link model itself, over `SLOTS` slots in which one head leads undisturbed and plans in no time.
     """
-    mission = Mission(uavs=uavs, dt_s=slot_s, link=[link])
-    head = LinkEmulator(mission, "head")
-    others = [f"u{index}" for index in range(uavs - 1)]
+    head, others = LinkEmulator(mission, "head"), [f"u{index}" for index in range(mission.uavs - 1)]
     links = [LinkEmulator(mission, uav) for uav in others]
-    tau_ms, quorum = 1e3 * default_tau_s(mission), uavs // 2 + 1
+    slot_ms, tau_ms = mission.slot_ns / 1e6, 1e3 * default_tau_s(mission) / mission.time_scale
     in_time = 0
     for _ in range(SLOTS):
         fixes_ms = np.array([_first_ms(head, uav) for uav in others])
-        planned_ms = _planned_ms(fixes_ms, quorum - 1, tau_ms) + plan_ms
-        commands_ms = np.array([_first_ms(own, "head") for own in links]) + planned_ms
-        in_time += int(np.sum((fixes_ms <= planned_ms - plan_ms) & (commands_ms < 1e3 * slot_s)))
+        planned_ms = _planned_ms(fixes_ms, mission.uavs // 2, tau_ms)
+        commands_ms = planned_ms + np.array([_first_ms(own, "head") for own in links])
+        in_time += int(np.sum((fixes_ms <= planned_ms) & (commands_ms < slot_ms)))
     return in_time / (SLOTS * len(others))
 
 
@@ -56,8 +58,7 @@ def _first_ms(links: LinkEmulator, sender: str) -> float:
     return min(links.arrivals_ns(sender, 0.0), default=np.inf) / 1e6
 
 
-def _planned_ms(fixes_ms: np.ndarray, needed: int, tau_ms: float) -> float:
-    """When the head plans: not before its quorum, at once when all are in, else at tau."""
+def _planned_ms(fixes_ms: NDArray[np.float64], needed: int, tau_ms: float) -> float:
+    """When the head plans: not before `needed` others are heard, at once when all are, else at tau."""
     ordered = np.sort(fixes_ms)
-    quorum_ms = float(ordered[needed - 1]) if needed else 0.0
-    return max(quorum_ms, min(tau_ms, float(ordered[-1])))
+    return float(max(ordered[needed - 1], min(tau_ms, ordered[-1])))

@@ -25,6 +25,7 @@ from edc_swarm.config import (
     mission_from_dict,
     refuse_non_finite,
     refuse_unknown,
+    with_options,
 )
 from edc_swarm.errors import InputError, MissionError
 from edc_swarm.latency.arithmetic import only_holds
@@ -158,9 +159,9 @@ def mission_of(sweep: LatencySweep, cell: Cell, seed: int) -> Mission:
     """The mission of one run."""
     swept = msgspec.structs.replace(sweep.link, delay_ms=cell.delay_ms, jitter_ms=cell.jitter_ms, loss=cell.loss)
     fields = {"uavs": cell.uavs, "dt_s": cell.slot_s, "seed": seed, "link": [swept, *sweep.mission.link]}
-    limit = sweep.hold_slots if only_holds(cell.delay_ms, cell.slot_s) else sweep.max_slots
     mission = msgspec.structs.replace(sweep.mission, **fields)
-    return mission_from_dict({**msgspec.to_builtins(mission), "max_slots": limit or mission.max_slots})
+    limit = sweep.hold_slots if only_holds(mission) else sweep.max_slots
+    return with_options(mission, {"max_slots": limit or mission.max_slots})
 
 
 def run_name(mission: Mission) -> str:

@@ -6,7 +6,6 @@ from collections.abc import Iterator, Sequence
 
 from msgspec import Struct
 
-from edc_swarm.latency.arithmetic import hold_delay_ms
 from edc_swarm.latency.table import CellRow
 
 LITTLE_LOSS = 0.1
@@ -73,7 +72,7 @@ def _holding(rows: Sequence[CellRow]) -> Iterator[Finding]:
         flew = max((row.cell.delay_ms for row in still if not row.only_holds), default=None)
         yield Finding(
             found == expected,
-            f"{engine}, {uavs} UAVs, slot {slot_s:g} s: two delays fill a slot from {hold_delay_ms(slot_s):g} ms on;"
+            f"{engine}, {uavs} UAVs, slot {slot_s:g} s: two delays fill a slot from {still[0].hold_delay_ms:g} ms on;"
             f" of the delays flown the first with which the swarm only holds is {_ms(found)}"
             f" (expected {_ms(expected)}), the largest with which it flies {_ms(flew)}.",
         )

@@ -7,7 +7,7 @@ from typing import Any
 
 from msgspec import Struct
 
-from edc_swarm.latency.arithmetic import in_time_share, only_holds
+from edc_swarm.latency.arithmetic import hold_delay_ms, in_time_share, only_holds
 from edc_swarm.latency.declared import Cell, Engine, LatencySweep, mission_of
 from edc_swarm.latency.measures import Sample
 from edc_swarm.latency.quantities import QUANTITIES
@@ -17,10 +17,11 @@ from edc_swarm.statistics import Estimate, estimate
 class CellRow(Struct, frozen=True, kw_only=True):
     """All runs of one cell.
 
-    `predicted_in_time_pct` is the slot arithmetic's share of commands in time, `only_holds` that nobody but
-    heads has flown a command. `potential_collisions`, `true_collisions`, `broken` and `min_disc_gap_m` are over
-    all runs; everything else is over the valid ones, `invalid_runs` being those of an overloaded machine.
-    `quantities` holds means by name with their 95 % intervals, none where no run has the quantity.
+    `predicted_in_time_pct` is the slot arithmetic's share of commands in time, `predicted_to_hold` that there
+    can be none, from `hold_delay_ms` on; `only_holds` says that nobody but heads has flown a command.
+    `potential_collisions`, `true_collisions`, `broken` and `min_disc_gap_m` are over all runs; `quantities`, means
+    by name with their 95 % intervals, are over the valid ones (`invalid_runs` are those of an overloaded machine)
+    that have the quantity.
     """
 
     engine: Engine
@@ -30,6 +31,7 @@ class CellRow(Struct, frozen=True, kw_only=True):
     limit_slots: int
     predicted_in_time_pct: float
     predicted_to_hold: bool
+    hold_delay_ms: float
     only_holds: bool
     potential_collisions: int
     true_collisions: int
@@ -49,15 +51,16 @@ class CellRow(Struct, frozen=True, kw_only=True):
 def row_of(sweep: LatencySweep, engine: Engine, cell: Cell, samples: Sequence[Sample]) -> CellRow:
     """The row of one cell."""
     valid = [sample for sample in samples if not sample.invalid]
-    swept = mission_of(sweep, cell, 0).link[0]
+    mission = mission_of(sweep, cell, 0)
     return CellRow(
         engine=engine,
         cell=cell,
         runs=len(samples),
         invalid_runs=len(samples) - len(valid),
         limit_slots=min(sample.limit_slots for sample in samples),
-        predicted_in_time_pct=100 * in_time_share(swept, cell.uavs, cell.slot_s),
-        predicted_to_hold=only_holds(cell.delay_ms, cell.slot_s),
+        predicted_in_time_pct=100 * in_time_share(mission),
+        predicted_to_hold=only_holds(mission),
+        hold_delay_ms=hold_delay_ms(mission),
         only_holds=not any(sample.others_flew for sample in samples),
         potential_collisions=sum(sample.potential_collisions for sample in samples),
         true_collisions=sum(sample.true_collisions for sample in samples),

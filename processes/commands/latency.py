@@ -34,6 +34,7 @@ LISTS = {"delays": "delays_ms", "jitters": "jitters_ms", "losses": "losses", "sl
 """Field of the sweep that an option with a list sets."""
 LAUNCHED = "processes"
 """Folder of the runs with real processes, in that of the sweep."""
+FLOOR_SLOTS = 40
 TITLES: dict[Engine, str] = {"sim": "simulated", "processes": "real processes"}
 AXES: dict[Axis, str] = {"delay_ms": "delay", "loss": "loss"}
 
@@ -120,11 +121,11 @@ def latency(
     options = options or LatencyOptions()
     declared = options.sweep(sweep_file)
     check_plots()
-    floor = None
-    rows = _simulated(declared, options)
-    if declared.engine == "processes":
-        floor = measure_floor(declared.uavs[0], declared.slots_s[0])
-        rows += _launched(declared, options)
+    try:
+        rows, floor = _fly(declared, options)
+    except KeyboardInterrupt:
+        note(f"interrupted: the same command goes on where it was, in {options.out}")
+        return FAILED
     found = findings(rows)
     try:
         _write(options.out, rows, found, floor)
@@ -132,6 +133,16 @@ def latency(
         raise InputError("--out", str(options.out), f"a folder that can be written ({error.strerror})") from None
     _conclude(options, rows, found, floor)
     return 0 if is_safe(rows) else FAILED
+
+
+def _fly(declared: LatencySweep, options: LatencyOptions) -> tuple[list[CellRow], Floor | None]:
+    """Make all runs; with real processes, the floor too."""
+    rows = _simulated(declared, options)
+    if declared.engine == "sim":
+        return rows, None
+    slot_s = declared.slots_s[0] / declared.mission.time_scale
+    floor = measure_floor(declared.uavs[0], slot_s, FLOOR_SLOTS)
+    return rows + _launched(declared, options), floor
 
 
 def _numbers(option: str, text: str) -> list[float]:
