@@ -71,6 +71,7 @@ class Bare:
         self._subscribe("begin", self._begin)
         collects = settings.index == COLLECTOR
         self._subscribe("put/*" if collects else f"answer/{settings.index}", self._inbox)
+        self._token = self._session.liveliness().declare_token(self._key(f"alive/{settings.index}"))
 
     def _subscribe(self, key: str, inbox: Inbox[_Come]) -> None:
         def take(sample: zenoh.Sample) -> None:
@@ -121,13 +122,12 @@ class Bare:
 
 
 def main() -> int:
-    """Take part in one measurement; says `ready` when connected, and ends with SIGTERM."""
+    """Take part in one measurement; its token, declared last, says that it listens. Ends with SIGTERM."""
     settings = msgspec.json.decode(sys.stdin.buffer.read(), type=BareSettings)
     die_with_parent(settings.parent)
     signal.signal(signal.SIGINT, signal.SIG_IGN)
     signal.signal(signal.SIGTERM, lambda *_: os._exit(0))
     bare = Bare(settings)
-    print("ready", flush=True)
     bare.run()
     bare.close()
     return 0

@@ -7,8 +7,9 @@ import secrets
 import struct
 import tempfile
 import time
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from contextlib import ExitStack
+from dataclasses import dataclass
 from pathlib import Path
 
 import msgspec
@@ -58,6 +59,13 @@ def measure_floor(uavs: int, slot_s: float, slots: int) -> Floor:
         return measurement.measure(uavs, slot_s, slots)
 
 
+@dataclass(frozen=True, slots=True)
+class _Alive:
+    """A bare process listens."""
+
+    index: str
+
+
 class _Measurement:
     """Router, processes and a session that tells them to begin."""
 
@@ -69,7 +77,7 @@ class _Measurement:
 
     def measure(self, uavs: int, slot_s: float, slots: int) -> Floor:
         self._spawn("router", "processes.router", [self._endpoint, str(os.getpid())], None)
-        self._await_ready({"router"})
+        self._await({"router"}, lambda news: news.name if isinstance(news, ChildReady) else "")
         session = self._session()
         for index in range(uavs):
             settings = BareSettings(
@@ -82,7 +90,7 @@ class _Measurement:
                 parent=os.getpid(),
             )
             self._spawn(f"bare-{index}", "processes.bare", [], msgspec.json.encode(settings))
-        self._await_ready({f"bare-{index}" for index in range(uavs)})
+        self._await({str(index) for index in range(uavs)}, lambda news: news.index if isinstance(news, _Alive) else "")
         put(session, f"{self._root}/begin", struct.pack("<q", time.monotonic_ns() + BEGIN_AHEAD_NS))
         return _floor(uavs, slots, self._await_seen(uavs, slots * slot_s + LAST_S))
 
@@ -93,20 +101,24 @@ class _Measurement:
         def take(sample: zenoh.Sample) -> None:
             self._news.put(msgspec.json.decode(sample.payload.to_bytes(), type=RoundTrips))
 
+        def take_token(sample: zenoh.Sample) -> None:
+            self._news.put(_Alive(str(sample.key_expr).rpartition("/")[2]))
+
         session.declare_subscriber(f"{self._root}/seen/*", hand_over(take))
+        session.liveliness().declare_subscriber(f"{self._root}/alive/*", hand_over(take_token), history=True)
         return session
 
     def _spawn(self, name: str, module: str, arguments: Sequence[str], orders: bytes | None) -> None:
         child = Child(name, module, arguments, self._log, self._news.put_always, orders=orders)
         self._stack.callback(child.end, END_TIMEOUT_S)
 
-    def _await_ready(self, names: set[str]) -> None:
+    def _await(self, names: set[str], name_of: Callable[[object], str]) -> None:
+        """Wait for the news that each of `names` is there."""
         until_s = time.monotonic() + START_TIMEOUT_S
         while names:
             for news in self._next(until_s):
-                if isinstance(news, ChildReady):
-                    names -= {news.name}
-                elif isinstance(news, ChildExited):
+                names -= {name_of(news)}
+                if isinstance(news, ChildExited):
                     raise SwarmError(f"the floor's {news.name} ended: {self._log.read_text(errors='replace')[-500:]}")
 
     def _await_seen(self, uavs: int, within_s: float) -> list[RoundTrips]:

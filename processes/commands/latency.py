@@ -150,7 +150,7 @@ def _numbers(option: str, text: str) -> list[float]:
         values = [float(word) for word in text.split(",")]
     except ValueError:
         raise InputError(f"--{option}", text, "numbers separated by commas") from None
-    return [int(value) if value == int(value) else value for value in values]
+    return [int(value) if value.is_integer() else value for value in values]
 
 
 def _simulated(declared: LatencySweep, options: LatencyOptions) -> list[CellRow]:
