@@ -21,6 +21,7 @@ from numpy.typing import NDArray
 
 from edc_swarm.config import Mission, default_tau_s
 from edc_swarm.links import LinkEmulator
+from edc_swarm.roster import complete_mission
 
 SLOTS = 400
 """Slots that are drawn for a share."""
@@ -34,6 +35,12 @@ def hold_delay_ms(mission: Mission) -> float:
 def only_holds(mission: Mission) -> bool:
     """Whether no command can be in time, however lucky."""
     return mission.link[0].delay_ms >= hold_delay_ms(mission)
+
+
+def starves(mission: Mission, share: float, limit_slots: int) -> bool:
+    """Whether, with this share of commands in time, the longest way is too long for `limit_slots`."""
+    longest_m = max(entry.straight_m for entry in complete_mission(mission).roster)
+    return share * limit_slots < longest_m / mission.u_max_m
 
 
 def in_time_share(mission: Mission) -> float:

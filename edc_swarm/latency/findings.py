@@ -83,19 +83,25 @@ def _ms(value: float | None) -> str:
 
 
 def _completion(rows: Sequence[CellRow]) -> Iterator[Finding]:
-    able = [row for row in rows if not row.predicted_to_hold and row.completed_pct is not None]
-    for title, some, promised in (
-        (f"loss up to {100 * LITTLE_LOSS:g} %", [row for row in able if row.cell.loss <= LITTLE_LOSS], True),
-        ("more loss", [row for row in able if row.cell.loss > LITTLE_LOSS], False),
-    ):
-        if not some:
-            continue
-        short = [row for row in some if row.completed_pct != 100.0]
-        rest = "" if not short else f" Not all within their limit: {_some(short)}."
-        text = (
-            f"Below that delay, {title}: all missions completed in {len(some) - len(short)} of {len(some)} cells.{rest}"
-        )
-        yield Finding(not short if promised else None, text)
+    flown = [row for row in rows if not row.predicted_to_hold and row.completed_pct is not None]
+    able = [row for row in flown if not row.predicted_to_starve]
+    little = [row for row in able if row.cell.loss <= LITTLE_LOSS]
+    more = [row for row in able if row.cell.loss > LITTLE_LOSS]
+    starved = [row for row in flown if row.predicted_to_starve]
+    yield from _completed(f"Below that delay, loss up to {100 * LITTLE_LOSS:g} %", little, promised=True)
+    yield from _completed("Below that delay, more loss", more, promised=False)
+    yield from _completed(
+        "Below that delay, but with fewer commands in time than the longest way needs", starved, promised=False
+    )
+
+
+def _completed(title: str, rows: Sequence[CellRow], *, promised: bool) -> Iterator[Finding]:
+    if not rows:
+        return
+    short = [row for row in rows if row.completed_pct != 100.0]
+    rest = f" Not all in: {_some(short)}." if short else ""
+    text = f"{title}: all missions completed in {len(rows) - len(short)} of {len(rows)} cells.{rest}"
+    yield Finding(not short if promised else None, text)
 
 
 def _noise(rows: Sequence[CellRow]) -> Iterator[Finding]:

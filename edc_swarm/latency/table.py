@@ -7,7 +7,7 @@ from typing import Any
 
 from msgspec import Struct
 
-from edc_swarm.latency.arithmetic import hold_delay_ms, in_time_share, only_holds
+from edc_swarm.latency.arithmetic import hold_delay_ms, in_time_share, only_holds, starves
 from edc_swarm.latency.declared import Cell, Engine, LatencySweep, mission_of
 from edc_swarm.latency.measures import Sample
 from edc_swarm.latency.quantities import QUANTITIES
@@ -18,7 +18,8 @@ class CellRow(Struct, frozen=True, kw_only=True):
     """All runs of one cell.
 
     `predicted_in_time_pct` is the slot arithmetic's share of commands in time, `predicted_to_hold` that there
-    can be none, from `hold_delay_ms` on; `only_holds` says that nobody but heads has flown a command.
+    can be none, from `hold_delay_ms` on, `predicted_to_starve` that they are too few to fly the longest way within
+    the limit; `only_holds` says that nobody but heads has flown a command.
     `potential_collisions`, `true_collisions`, `broken` and `min_disc_gap_m` are over all runs; `quantities`, means
     by name with their 95 % intervals, are over the valid ones (`invalid_runs` are those of an overloaded machine)
     that have the quantity.
@@ -31,6 +32,7 @@ class CellRow(Struct, frozen=True, kw_only=True):
     limit_slots: int
     predicted_in_time_pct: float
     predicted_to_hold: bool
+    predicted_to_starve: bool
     hold_delay_ms: float
     only_holds: bool
     potential_collisions: int
@@ -52,14 +54,16 @@ def row_of(sweep: LatencySweep, engine: Engine, cell: Cell, samples: Sequence[Sa
     """The row of one cell."""
     valid = [sample for sample in samples if not sample.invalid]
     mission = mission_of(sweep, cell, 0)
+    share, limit_slots = in_time_share(mission), min(sample.limit_slots for sample in samples)
     return CellRow(
         engine=engine,
         cell=cell,
         runs=len(samples),
         invalid_runs=len(samples) - len(valid),
-        limit_slots=min(sample.limit_slots for sample in samples),
-        predicted_in_time_pct=100 * in_time_share(mission),
+        limit_slots=limit_slots,
+        predicted_in_time_pct=100 * share,
         predicted_to_hold=only_holds(mission),
+        predicted_to_starve=starves(mission, share, limit_slots),
         hold_delay_ms=hold_delay_ms(mission),
         only_holds=not any(sample.others_flew for sample in samples),
         potential_collisions=sum(sample.potential_collisions for sample in samples),

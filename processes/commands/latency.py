@@ -140,9 +140,9 @@ def _fly(declared: LatencySweep, options: LatencyOptions) -> tuple[list[CellRow]
     rows = _simulated(declared, options)
     if declared.engine == "sim":
         return rows, None
+    rows += _launched(declared, options)
     slot_s = declared.slots_s[0] / declared.mission.time_scale
-    floor = measure_floor(declared.uavs[0], slot_s, FLOOR_SLOTS)
-    return rows + _launched(declared, options), floor
+    return rows, measure_floor(declared.uavs[0], slot_s, FLOOR_SLOTS)
 
 
 def _numbers(option: str, text: str) -> list[float]:

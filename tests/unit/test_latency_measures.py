@@ -129,3 +129,13 @@ def test_a_line_of_the_table_has_every_number() -> None:
     assert line["makespan_s_low"] < 4.0
     assert line["makespan_s_high"] > 6.0
     assert line["mean_min_disc_gap_m"] == pytest.approx(line["min_disc_gap_m"])
+
+
+def test_a_cell_that_cannot_be_completed_breaks_no_promise() -> None:
+    """Too few commands in time for the longest way: told, but not promised otherwise."""
+    (row, _) = rows(sample(completed=False))
+    starved = msgspec.structs.replace(row, predicted_to_starve=True)
+    assert [found.kept for found in findings([row])][-1] is False
+    (*_, told) = findings([starved])
+    assert told.kept is None
+    assert "0 of 1 cells" in told.text

@@ -7,9 +7,9 @@ from typing import Any
 
 import pytest
 
-from edc_swarm.config import Link, Mission
+from edc_swarm.config import Link, Mission, RosterEntry
 from edc_swarm.errors import InputError
-from edc_swarm.latency.arithmetic import hold_delay_ms, in_time_share, only_holds
+from edc_swarm.latency.arithmetic import hold_delay_ms, in_time_share, only_holds, starves
 from edc_swarm.latency.declared import DEFAULTS, Cell, in_turn, load_sweep, mission_of, run_name, runs_of, sweep_of
 
 SMALL: dict[str, Any] = {"delays_ms": [0, 250], "jitters_ms": [0], "losses": [0, 0.5], "uavs": [3], "repeats": 2}
@@ -116,6 +116,18 @@ def test_share_in_time_with_loss() -> None:
     assert in_time_share(linked(loss=0.1)) == pytest.approx(0.9**2, abs=0.02)
     assert in_time_share(linked(loss=1.0)) == 0.0
     assert 0.1 < in_time_share(linked(loss=0.5)) < 0.5**2
+
+
+def test_too_few_commands_for_the_longest_way() -> None:
+    """A way of 40 steps needs as many commands in time within the limit."""
+    mission = Mission(
+        uavs=1,
+        roster=[
+            RosterEntry(uav="a", start_x_m=0, start_y_m=0, target_x_m=100, target_y_m=0, r_m=1, body_m=1, energy_j=1)
+        ],
+    )
+    assert starves(mission, 0.1, 399)
+    assert not starves(mission, 0.1, 401)
 
 
 def test_share_in_time_beyond_tau() -> None:
