@@ -1,11 +1,12 @@
 """Slot arithmetic: what a delay leaves of a slot, before anything is flown.
 
-A fix leaves at the start of slot t and is with the head `delay` later; the head plans when all fixes are
-in, at `tau_s` when a quorum is, or as soon as one is; a command takes `delay` to its UAV and counts only
+A fix leaves at the start of slot t and is with the head `delay` later, and what the transport takes
+(`TRANSIT_NS` in the simulator, about as much in real processes on one host). The head plans when all fixes
+are in, at `tau_s` when a quorum is, or as soon as one is. A command takes as long to its UAV, and counts only
 when it arrives before slot t + 1 begins. Hence
 
-- 2 delay + plan time >= slot: no command is ever in time. All hold, but for the head, whose own fix and
-  command need no network;
+- 2 (delay + transit) + plan time >= slot: no command is ever in time. All hold, but for the head, whose own
+  fix and command need no network;
 - delay > tau: the head does not wait for more than its quorum, so UAVs whose fix is later than the
   quorum's hold in the next slot although their fix is heard in the same slot;
 - jitter and loss make it a matter of chance: `in_time_share`.
@@ -22,14 +23,16 @@ from numpy.typing import NDArray
 from edc_swarm.config import Mission, default_tau_s
 from edc_swarm.links import LinkEmulator
 from edc_swarm.roster import complete_mission
+from edc_swarm.simulation import TRANSIT_NS
 
+TRANSIT_MS = TRANSIT_NS / 1e6
 SLOTS = 400
 """Slots that are drawn for a share."""
 
 
 def hold_delay_ms(mission: Mission) -> float:
-    """Least delay with which the swarm can only hold, in milliseconds, however quickly is planned."""
-    return mission.slot_ns / 2e6
+    """Least delay with which the swarm can only hold, in milliseconds, however quickly it plans."""
+    return mission.slot_ns / 2e6 - TRANSIT_MS
 
 
 def only_holds(mission: Mission) -> bool:
@@ -62,7 +65,7 @@ def in_time_share(mission: Mission) -> float:
 
 def _first_ms(links: LinkEmulator, sender: str) -> float:
     """When the first copy of a message arrives, infinite when it is lost."""
-    return min(links.arrivals_ns(sender, 0.0), default=np.inf) / 1e6
+    return TRANSIT_MS + min(links.arrivals_ns(sender, 0.0), default=np.inf) / 1e6
 
 
 def _planned_ms(fixes_ms: NDArray[np.float64], needed: int, tau_ms: float) -> float:

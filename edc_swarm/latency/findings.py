@@ -72,9 +72,9 @@ def _holding(rows: Sequence[CellRow]) -> Iterator[Finding]:
         flew = max((row.cell.delay_ms for row in still if not row.only_holds), default=None)
         yield Finding(
             found == expected,
-            f"{engine}, {uavs} UAVs, slot {slot_s:g} s: two delays fill a slot from {still[0].hold_delay_ms:g} ms on;"
-            f" of the delays flown the first with which the swarm only holds is {_ms(found)}"
-            f" (expected {_ms(expected)}), the largest with which it flies {_ms(flew)}.",
+            f"{engine}, {uavs} UAVs, slot {slot_s:g} s: two delays and the transport fill a slot from"
+            f" {still[0].hold_delay_ms:g} ms on; of the delays flown the first with which the swarm only holds is"
+            f" {_ms(found)} (expected {_ms(expected)}), the largest with which it flies {_ms(flew)}.",
         )
 
 
