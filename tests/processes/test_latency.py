@@ -128,10 +128,12 @@ def test_interrupted_while_flying(start: Fly, tmp_path: Path) -> None:
 
 
 def test_radio_range(run: Callable[..., Ended], tmp_path: Path) -> None:
-    """Who has flown out of range is not commanded any more: processes know where everybody truly is."""
+    """Who has flown out of range is neither heard nor commanded: processes know where everybody truly is."""
     file = tmp_path / "away.toml"
     file.write_text(FLYING_AWAY, encoding="utf-8")
     ended = run(str(file), "--no-viz")
     (last,) = [fix for fix in ended.recording.fixes if fix.uav == "u3"][-1:]
     assert 90.0 < last.waypoint_x_m < 130.0
+    assert any("u3" in report.heard for report in ended.recording.reports[:6])
+    assert ended.recording.reports[-1].unheard == ["u3"]
     assert ended.status == 1

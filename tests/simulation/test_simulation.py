@@ -216,6 +216,7 @@ def test_radio_range() -> None:
     )
     assert not flight.end.completed
     assert 90.0 < flight.fixes("u3")[-1].waypoint_x_m < 120.0
+    assert (flight.reports[5].unheard, flight.reports[-1].unheard) == ([], ["u3"])
     assert all(fix.waypoint_x_m == 0.0 for fix in flight.fixes("u2"))
 
 

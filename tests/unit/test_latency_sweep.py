@@ -118,6 +118,11 @@ def test_share_in_time_with_loss() -> None:
     assert 0.1 < in_time_share(linked(loss=0.5)) < 0.5**2
 
 
+def test_nobody_is_waited_for_when_all_are_in() -> None:
+    """A head that may wait long plans at once, so that commands are in time."""
+    assert in_time_share(Mission(tau_s=0.4, link=[Link(delay_ms=120)])) == 1.0
+
+
 def test_too_few_commands_for_the_longest_way() -> None:
     """A way of 40 steps needs as many commands in time within the limit."""
     mission = Mission(
