@@ -5,6 +5,7 @@ from __future__ import annotations
 from pathlib import Path
 from typing import Any
 
+import msgspec
 import pytest
 
 from edc_swarm.config import Link, Mission, RosterEntry
@@ -38,6 +39,13 @@ def test_a_cell_is_a_mission() -> None:
     assert mission.link == [Link(delay_ms=50, jitter_ms=20, loss=0.1, distribution="normal"), Link(**own)]
     assert (mission.uavs, mission.dt_s, mission.seed, mission.area_m2) == (3, 0.5, 7, 2500)
     assert run_name(mission) == "k3-slot500-delay50-jitter20-loss10-seed7"
+
+
+def test_the_documented_sweep_file() -> None:
+    """The one in docs/latency.md is accepted, and says what it is there for."""
+    text = Path(__file__).parents[2].joinpath("docs/latency.md").read_text(encoding="utf-8")
+    sweep = sweep_of(msgspec.toml.decode(text.split("```toml\n")[1].split("```")[0]))
+    assert (sweep.link.distribution, sweep.mission.area_m2, sweep.mission.link[0].range_m) == ("lognormal", 40_000, 80)
 
 
 def test_limits_of_a_mission() -> None:
