@@ -19,7 +19,7 @@ from edc_swarm.recording import read_recording
 from edc_swarm.roster import complete_mission
 from edc_swarm.sweeps import Run
 from processes.console import note
-from processes.launcher import Launcher, View
+from processes.launcher import Launcher, RunReport, View
 from processes.output import SUFFIX, Output
 from processes.sweep import SweepError, code_fingerprint
 
@@ -55,24 +55,31 @@ class Launched:
         """
         for run in runs:
             begun_s = time.process_time()
-            result = self._fly(run)
-            yield run, result, time.process_time() - begun_s
+            yield run, fly(run, self._folder), time.process_time() - begun_s
 
-    def _fly(self, run: Run) -> Any:
-        path = self._folder / (run_name(run.mission) + SUFFIX)
-        with Output(path, force=True) as output, _signals_kept():
-            mission = complete_mission(run.mission)
-            report = Launcher(mission, output, listen=None, view=View(viz=False), show_progress=False).run()
-            if output.part.exists():
-                output.recover_part()
-        for text in report.notes:
-            note(text)
-        if report.interrupted:
-            path.unlink(missing_ok=True)
-            raise KeyboardInterrupt
-        if not report.flew:
-            raise SweepError(f"{run.command}: no mission was flown")
-        return msgspec.to_builtins(sample_of(read_recording(path)))
+
+def fly(run: Run, folder: Path) -> dict[str, Any]:
+    """What is measured of a mission flown by real processes; its recording is kept in `folder`."""
+    path = folder / (run_name(run.mission) + SUFFIX)
+    report = _launch(run, path)
+    for text in report.notes:
+        note(text)
+    if report.interrupted:
+        path.unlink(missing_ok=True)
+        raise KeyboardInterrupt
+    if not report.flew:
+        raise SweepError(f"{run.command}: no mission was flown")
+    sample: dict[str, Any] = msgspec.to_builtins(sample_of(read_recording(path)))
+    return sample
+
+
+def _launch(run: Run, path: Path) -> RunReport:
+    with Output(path, force=True) as output, _signals_kept():
+        mission = complete_mission(run.mission)
+        report = Launcher(mission, output, listen=None, view=View(viz=False), show_progress=False).run()
+        if output.part.exists():
+            output.recover_part()
+    return report
 
 
 @contextmanager

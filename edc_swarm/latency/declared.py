@@ -28,7 +28,9 @@ from edc_swarm.config import (
     with_options,
 )
 from edc_swarm.errors import InputError, MissionError
+from edc_swarm.faults import parse_faults
 from edc_swarm.latency.arithmetic import only_holds
+from edc_swarm.planner import check_planner
 from edc_swarm.roster import complete_mission
 from edc_swarm.sweeps import Run
 
@@ -152,7 +154,8 @@ def _check(sweep: LatencySweep) -> None:
     if (runs := len(sweep.cells) * sweep.repeats) > MAX_RUNS:
         raise MissionError("repeats", sweep.repeats, f"so few that all cells need at most {MAX_RUNS} runs, not {runs}")
     for cell in sweep.cells[:: len(sweep.losses) * len(sweep.delays_ms) * len(sweep.jitters_ms)]:
-        complete_mission(mission_of(sweep, cell, 0))
+        parse_faults(complete_mission(mission_of(sweep, cell, 0)))
+    check_planner(sweep.mission.planner)
 
 
 def mission_of(sweep: LatencySweep, cell: Cell, seed: int) -> Mission:

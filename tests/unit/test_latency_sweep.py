@@ -86,6 +86,8 @@ def test_processes_have_a_grid_of_their_own() -> None:
         ({"link": {"receiver": "u099"}}, "link[0].receiver"),
         ({"mission": {"link": [{"sender": "u099"}]}}, "link[1].sender"),
         ({"mission": {"r_m": -1}}, "mission.r_m"),
+        ({"mission": {"planner": "best"}}, "planner"),
+        ({"mission": {"fault": ["kill u099 @3"]}}, "fault"),
         ({"uavs": [3, 500]}, "uavs"),
     ],
 )
