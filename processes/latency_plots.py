@@ -18,6 +18,8 @@ from processes.plots import RC, save
 Axis = Literal["delay_ms", "loss"]
 PANEL_IN = (2.7, 2.2)
 LEGEND_IN = 0.8
+LEAST_OF_MEAN = 0.1
+"""On a logarithmic axis a band ends at this part of its mean."""
 COLOURS = ("#0072B2", "#E69F00", "#009E73", "#CC79A7", "#D55E00", "#56B4E9", "#000000", "#999999")
 """M. Okabe, K. Ito, "Color Universal Design", 2008."""
 MARKERS = "osD^vP*X"
@@ -66,7 +68,8 @@ def _draw_panel(axes: Any, quantity: Quantity, axis: Axis, panel: Panel) -> None
         axes.axvline(panel.rows[0].hold_delay_ms, color="#555555", linestyle=":", linewidth=1)
     axes.set_title(f"{panel.uavs} UAVs, jitter {panel.jitter_ms:g} ms", fontsize=9, loc="left")
     values = sorted({getattr(row.cell, axis) for row in panel.rows})
-    axes.set_xticks(values, [f"{100 * value if axis == 'loss' else value:g}" for value in values])
+    labels = [f"{100 * value if axis == 'loss' else value:g}" for value in values]
+    axes.set_xticks(values, labels, fontsize=7)
 
 
 def _draw_line(axes: Any, quantity: Quantity, axis: Axis, rows: Sequence[CellRow], index: int) -> None:
@@ -79,6 +82,8 @@ def _draw_line(axes: Any, quantity: Quantity, axis: Axis, rows: Sequence[CellRow
     high = [found.mean if found.high is None else found.high for _, found in known]
     if quantity.share:
         low, high = [max(0.0, value) for value in low], [min(100.0, value) for value in high]
+    elif quantity.logarithmic:
+        low = [max(value, LEAST_OF_MEAN * middle) for value, middle in zip(low, mean, strict=True)]
     colour, engine = COLOURS[index % len(COLOURS)], rows[0].engine
     face = colour if engine == "sim" else "none"
     label = _label(getattr(rows[0].cell, OTHER[axis]), axis, engine)
@@ -107,6 +112,8 @@ def _finish(picture: Any, grid: Any, quantity: Quantity, axis: Axis) -> None:
     for line in grid:
         if quantity.share:
             line[0].set_ylim(-4, 104)
+        elif quantity.logarithmic:
+            line[0].set_yscale("log")
         elif line[0].get_ylim()[0] > 0:
             line[0].set_ylim(bottom=0)
     picture.supylabel(quantity.label, fontsize=10)

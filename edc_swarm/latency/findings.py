@@ -10,7 +10,7 @@ from edc_swarm.latency.table import CellRow
 
 LITTLE_LOSS = 0.1
 """Up to this loss every mission is expected to be completed."""
-NAMED = 8
+NAMED = 6
 """Cells that are named in a sentence."""
 
 
@@ -35,8 +35,8 @@ def named(row: CellRow) -> str:
     """A cell in words."""
     cell = row.cell
     return (
-        f"{cell.uavs} UAVs, slot {cell.slot_s:g} s, delay {cell.delay_ms:g} ms, jitter {cell.jitter_ms:g} ms,"
-        f" loss {100 * cell.loss:g} % ({row.engine})"
+        f"{row.engine}, {cell.uavs} UAVs, slot {cell.slot_s:g} s, delay {cell.delay_ms:g} + {cell.jitter_ms:g} ms,"
+        f" loss {100 * cell.loss:g} %"
     )
 
 

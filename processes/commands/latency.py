@@ -23,7 +23,7 @@ from edc_swarm.latency.table import CellRow, flat, rows_of
 from edc_swarm.sweeps import Run, command_of, mission_toml
 from processes.console import FAILED, note, print_json, stdout_console
 from processes.floor import Floor, measure_floor
-from processes.latency_page import HEADINGS, floor_notes, page, words
+from processes.latency_page import floor_notes, page, words
 from processes.latency_plots import Axis, draw_quantity
 from processes.launched import Launched, launched_fingerprint
 from processes.plots import check_plots
@@ -35,6 +35,25 @@ LISTS = {"delays": "delays_ms", "jitters": "jitters_ms", "losses": "losses", "sl
 LAUNCHED = "processes"
 """Folder of the runs with real processes, in that of the sweep."""
 FLOOR_SLOTS = 40
+TABLE_WIDTH = 116
+COLUMNS = (
+    "engine",
+    "UAVs",
+    "slot s",
+    "delay ms",
+    "jitter ms",
+    "loss %",
+    "runs",
+    "limit",
+    "in time %",
+    "done %",
+    "overlaps",
+    "collisions",
+    "gap m",
+    "terms",
+    "late %",
+)
+"""The columns of the page's table, in few words."""
 TITLES: dict[Engine, str] = {"sim": "simulated", "processes": "real processes"}
 AXES: dict[Axis, str] = {"delay_ms": "delay", "loss": "loss"}
 
@@ -225,7 +244,9 @@ def _conclude(options: LatencyOptions, rows: Sequence[CellRow], found: Sequence[
     if options.json:
         print_json(LatencyReport(str(options.out), list(found), floor, [flat(row) for row in rows]))
         return
-    stdout_console().print(_table(rows))
+    console = stdout_console()
+    console.width = max(console.width, TABLE_WIDTH)
+    console.print(_table(rows))
     for one in found:
         print({True: "as promised: ", False: "NOT as promised: ", None: ""}[one.kept] + one.text)
     for text in floor_notes(floor):
@@ -235,7 +256,7 @@ def _conclude(options: LatencyOptions, rows: Sequence[CellRow], found: Sequence[
 
 def _table(rows: Sequence[CellRow]) -> Table:
     table = Table(box=None, pad_edge=False, padding=(0, 1, 0, 0))
-    for name in HEADINGS:
+    for name in COLUMNS:
         table.add_column(name, justify="right")
     for row in rows:
         table.add_row(*words(row))
