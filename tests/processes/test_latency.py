@@ -32,7 +32,7 @@ distribution = "normal"
 [mission]
 area_m2 = 2500.0
 """
-MISSION = "time_scale = 4.0\narea_m2 = 2500.0\n"
+MISSION = "time_scale = 4.0\narea_m2 = 400.0\nr_m = 1.0\n"
 QUICK = ("--uavs", "3", "--jitters", "0", "--losses", "0", "--repeats", "1", "--jobs", "1")
 FLYING_AWAY = """
 v_max_mps = 20.0
@@ -52,7 +52,7 @@ def made(folder: Path) -> list[dict[str, Any]]:
     return [json.loads(line) for line in (folder / "runs.jsonl").read_text(encoding="utf-8").splitlines()]
 
 
-def test_a_simulated_sweep(tmp_path: Path, capfd: pytest.CaptureFixture[str]) -> None:
+def test_a_simulated_sweep(tmp_path: Path, capfd: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch) -> None:
     """Table, plots, page and JSON; made once; every line's command flies that run again."""
     file, out = tmp_path / "sweep.toml", tmp_path / "out"
     file.write_text(SWEEP, encoding="utf-8")
@@ -74,6 +74,7 @@ def test_a_simulated_sweep(tmp_path: Path, capfd: pytest.CaptureFixture[str]) ->
     lines = made(out)
     assert len(lines) == 4 * 2
     fly_again(lines[3], tmp_path / "again.mcap")
+    monkeypatch.setattr("processes.commands.latency.QUANTITIES", ())
     assert main(["latency", str(file), "--jobs", "1", "--out", str(out)]) == 0
     assert made(out) == lines
     assert report["findings"][0]["text"] in capfd.readouterr().out
