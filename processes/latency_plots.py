@@ -25,6 +25,8 @@ COLOURS = ("#0072B2", "#E69F00", "#009E73", "#CC79A7", "#D55E00", "#56B4E9", "#0
 MARKERS = "osD^vP*X"
 LABELS: dict[Axis, str] = {"delay_ms": "Delay [ms]", "loss": "Loss [%]"}
 OTHER: dict[Axis, Axis] = {"delay_ms": "loss", "loss": "delay_ms"}
+SMALL: Any = {"svg.fonttype": "none", "font.sans-serif": ["DejaVu Sans", "Verdana", "sans-serif"]}
+"""Words are words in the SVG files, not outlines: half the size, for the repository."""
 DASHES = {"sim": "-", "processes": "--"}
 ENGINES = {"sim": "simulated", "processes": "real processes"}
 
@@ -46,7 +48,7 @@ def draw_quantity(quantity: Quantity, axis: Axis, rows: Sequence[CellRow], stem:
     jitters_ms = list(dict.fromkeys(row.cell.jitter_ms for row in rows))
     width_in, height_in = PANEL_IN
     size_in = (max(4.2, width_in * len(jitters_ms) + 0.6), height_in * len(uavs) + LEGEND_IN)
-    with plt.rc_context(RC):
+    with plt.rc_context({**RC, **SMALL}):
         picture, grid = plt.subplots(
             len(uavs), len(jitters_ms), figsize=size_in, sharex=True, sharey="row", squeeze=False, layout="constrained"
         )
