@@ -45,7 +45,7 @@ def page(
     facts: Mapping[str, str],
 ) -> str:
     """The whole page as HTML. `figures` has the stems of the pictures of each quantity."""
-    parts = [_introduction(facts), _findings(found, notes)]
+    parts = [_introduction(facts, any(row.engine == "processes" for row in rows)), _findings(found, notes)]
     parts += [_figures(quantity.label, figures[quantity.name]) for quantity in QUANTITIES if quantity.name in figures]
     parts.append(_cells(rows))
     body = "\n".join(parts)
@@ -55,13 +55,15 @@ def page(
     )
 
 
-def _introduction(facts: Mapping[str, str]) -> str:
+def _introduction(facts: Mapping[str, str], real: bool) -> str:
+    others = ' and of <a href="processes/runs.jsonl">processes/runs.jsonl</a>' if real else ""
     return (
         f"<h1>{TITLE}</h1><p><code>{escape(facts['command'])}</code>, commit {escape(facts['commit'] or 'unknown')},"
         f" {escape(facts['machine'])}. Delay, jitter and loss are emulated in the receiving agent, above the bus, by"
         " the same seeded model in the simulator and in real processes. Means over valid runs, bands are 95 %"
         " confidence intervals (Student's t); extra distance, makespan and energy are of missions that brought every"
-        ' UAV home. Every run, with the command that flies it again, is a line of <a href="runs.jsonl">runs.jsonl</a>;'
+        ' UAV home. Every run, with the command that flies it again, is a line of <a href="runs.jsonl">runs.jsonl</a>'
+        f"{others};"
         ' every cell is a line of <a href="cells.csv">cells.csv</a>.</p>'
     )
 

@@ -18,6 +18,8 @@ from processes.plots import RC, save
 Axis = Literal["delay_ms", "loss"]
 PANEL_IN = (2.7, 2.2)
 LEGEND_IN = 0.8
+CHARACTER_IN, HANDLE_IN = 0.075, 0.6
+"""Width of a character of the legend, and of what stands before a label."""
 LEAST_OF_MEAN = 0.1
 """On a logarithmic axis a band ends at this part of its mean."""
 COLOURS = ("#0072B2", "#E69F00", "#009E73", "#CC79A7", "#D55E00", "#56B4E9", "#000000", "#999999")
@@ -124,4 +126,6 @@ def _finish(picture: Any, grid: Any, quantity: Quantity, axis: Axis) -> None:
         handles, labels = axes.get_legend_handles_labels()
         found.update(zip(labels, handles, strict=True))
     if found:
-        picture.legend(found.values(), found, loc="outside lower center", ncols=4, fontsize=8)
+        column_in = CHARACTER_IN * max(map(len, found)) + HANDLE_IN
+        ncols = max(1, int(picture.get_figwidth() / column_in))
+        picture.legend(found.values(), found, loc="outside lower center", ncols=ncols, fontsize=8)
