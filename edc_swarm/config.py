@@ -95,6 +95,8 @@ class Link(Struct, frozen=True, kw_only=True):
     `loss`, or bursty (Gilbert-Elliott) when `burst_enter` > 0: the link enters its bad state with
     that probability per message, leaves it with `burst_leave`, and loses `burst_loss` there. A message
     is delayed by up to three slots more with probability `reorder`, so that later ones overtake it.
+    Where `range_m` > 0, messages are also lost to distance: half of them at `range_m`, more beyond it,
+    fewer within (`links.fading_loss`; `shadowing_db` 0 is a sharp edge).
     """
 
     sender: str = "*"
@@ -108,6 +110,9 @@ class Link(Struct, frozen=True, kw_only=True):
     burst_loss: Fraction = 1.0
     duplicate: Fraction = 0.0
     reorder: Fraction = 0.0
+    range_m: NonNegative = 0.0
+    path_loss_exponent: Positive = 2.0
+    shadowing_db: NonNegative = 4.0
     start_s: NonNegative = 0.0
     end_s: NonNegative = 1e9
 

@@ -193,6 +193,7 @@ class Keys:
         self.root = f"{PREFIX}/{mission_id}"
         self.mission = f"{self.root}/mission"
         self.all_fixes = f"{self.root}/uav/*/fix"
+        self.all_truths = f"{self.root}/uav/*/truth"
         self.all_reports = f"{self.root}/head/*/report"
         self.all_alive = f"{self.root}/alive/**"
         self.everything = f"{self.root}/**"

@@ -34,6 +34,8 @@ _CELL, _SENT = attrgetter("uav", "slot"), attrgetter("sent_ns")
 
 OVERLAP_TOLERANCE_M = 1e-9
 BODY_TOLERANCE_M = 1e-6
+OVERLOADED_PCT = 1.0
+"""With more late ticks than this it was the machine, not the network, that was slow."""
 PLANNED = frozenset({"planned", "no-qp-needed", "failed"})
 
 

@@ -21,8 +21,8 @@ import msgspec
 
 from edc_swarm.config import NS_PER_S, Mission
 from edc_swarm.faults import ROUTER, Fault, parse_faults, resolve
-from edc_swarm.links import LinkEmulator, cut_pair, mission_s
-from edc_swarm.messages import Command, Event, Fix, Keys, Message, MissionMessage, Report
+from edc_swarm.links import LinkEmulator, cut_pair, have_range, mission_s
+from edc_swarm.messages import Command, Event, Fix, Keys, Message, MissionMessage, Report, Truth
 from edc_swarm.node import (
     Effect,
     GpsChanged,
@@ -153,6 +153,7 @@ class Simulation:
         self._guard_ns = round(mission.guard_s * NS_PER_S / mission.time_scale)
         self._computers = {entry.uav: self._computer(index) for index, entry in enumerate(mission.roster)}
         self._faults = parse_faults(mission)
+        self._have_range = have_range(mission)
         self._to_restart = [fault for fault in self._faults if fault.verb == "restart"]
 
     @property
@@ -396,6 +397,9 @@ class Simulation:
             case Report():
                 self.monitor.hear_report(message)
                 self._send(computer.uav, message, list(self._computers.values()))
+            case Truth() if self._have_range:
+                for other in self._computers.values():
+                    other.links.place(message.uav, message.to_x_m, message.to_y_m)
             case _:
                 pass
 

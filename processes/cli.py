@@ -30,6 +30,7 @@ app.command("processes.commands.metrics:metrics", help="Print every metric of a 
 app.command("processes.commands.check:check", help="Check the guarantees of a recording; status 1 when one is broken.")
 app.command("processes.commands.fuzz:fuzz", help="Search random fault schedules for a broken guarantee.")
 app.command("processes.commands.figures:figures", help="Make the paper's figures and the energy bill.")
+app.command("processes.commands.latency:latency", help="Fly a grid of delays, jitters and losses.")
 app.command("processes.commands.replay:replay", help="Put a recording back onto a bus, or plan it again and compare.")
 app.command("processes.commands.recover:recover", help="Make a whole recording of one that was cut off.")
 app.command("processes.commands.visualise:visualise", help="Add what Foxglove draws to a recording.")

@@ -29,6 +29,7 @@ FIELDS = {
     "minimise": "minimise",
     "elect": "elect",
     "time_scale": "time_scale",
+    "max_slots": "max_slots",
 }
 """Field of the mission that an option sets."""
 
@@ -79,6 +80,8 @@ class MissionOptions:
         Fraction of the messages that every link loses (0).
     time_scale
         Fly this many times as fast as the clock (1).
+    max_slots
+        Slots after which the mission is given up (20 times the longest straight flight, plus 200).
     out
         The recording to write (a new name in recordings/).
     no_viz
@@ -104,6 +107,7 @@ class MissionOptions:
     jitter_ms: float | None = None
     loss: float | None = None
     time_scale: float | None = None
+    max_slots: Whole | None = None
     out: Path | None = None
     no_viz: bool = False
     json: bool = False

@@ -23,8 +23,8 @@ from msgspec import Struct
 
 from edc_swarm.config import NS_PER_S
 from edc_swarm.errors import InputError, MessageError, SwarmError
-from edc_swarm.links import LinkEmulator, mission_s
-from edc_swarm.messages import Event, Keys, Message, MissionMessage, encode
+from edc_swarm.links import DELAY_ERROR, LinkEmulator, have_range, mission_s
+from edc_swarm.messages import Event, Keys, Message, MissionMessage, Truth, encode
 from edc_swarm.node import (
     Effect,
     Listen,
@@ -150,8 +150,15 @@ class UavProcess:
                 self._begin(message)
             case Event(source="operator"):
                 self._obey(message)
+            case Truth():
+                self._place(message)
             case _:
-                self._receive(message)
+                self._receive(message, heard.at_ns)
+
+    def _place(self, truth: Truth) -> None:
+        """Tell the emulated radio where a UAV truly is."""
+        if self._flight is not None:
+            self._flight.postbox.links.place(truth.uav, truth.to_x_m, truth.to_y_m)
 
     def _tell_malformed(self, error: MessageError) -> None:
         detail = self._malformed.count(error)
@@ -177,6 +184,8 @@ class UavProcess:
             cpu_s=time.process_time,
         )
         postbox = Postbox(LinkEmulator(mission, entry.uav))
+        if have_range(mission):
+            self._ears.listen_to_truths()
         self._flight = Flight(mission, node, postbox, Faulty(mission, entry.uav, postbox.links, self._clock))
 
     def _obey(self, event: Event) -> None:
@@ -187,10 +196,11 @@ class UavProcess:
             for node_event in self._flight.faulty.suffer(event.detail):
                 self._step(node_event)
 
-    def _receive(self, message: Message) -> None:
+    def _receive(self, message: Message, at_ns: int) -> None:
+        """Hand on a message that came at `at_ns` of the monotonic clock as the link model says."""
         if self._flight is None or sender_of(message) == self._settings.uav:
             return
-        now_ns = self._clock.now_ns()
+        now_ns = self._clock.now_ns() - (time.monotonic_ns() - at_ns)
         if self._flight.postbox.arrive(message, now_ns, self._flight.mission_s(now_ns)):
             self._step(Received(message))
 
@@ -237,6 +247,8 @@ class UavProcess:
         self._outbox.flush()
 
     def _publish(self, message: Message) -> None:
+        if isinstance(message, Truth):
+            self._place(message)
         stamped = msgspec.structs.replace(message, sent_ns=self._clock.now_ns())
         self._outbox.put(self._keys.of(stamped), encode(stamped))
 
@@ -250,9 +262,15 @@ class UavProcess:
 
     def _close(self) -> None:
         if self._flight is not None:
+            self._tell_delay_error(self._flight)
             last = msgspec.json.encode(self._flight.node.last_seqs).decode()
             self._carry_out([self._flight.node.event("closed", last)])
         self._session.close()
+
+    def _tell_delay_error(self, flight: Flight) -> None:
+        error = flight.postbox.delay_error
+        if error is not None:
+            self._carry_out([flight.node.event(DELAY_ERROR, msgspec.json.encode(error).decode())])
 
 
 @dataclass(slots=True)

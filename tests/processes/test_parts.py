@@ -6,11 +6,12 @@ import fcntl
 import time
 from pathlib import Path
 
+import msgspec
 import pytest
 
-from edc_swarm.config import Mission
+from edc_swarm.config import Link, Mission
 from edc_swarm.errors import InputError, MessageError
-from edc_swarm.links import LinkEmulator, cut_pair
+from edc_swarm.links import DelayError, LinkEmulator, cut_pair
 from edc_swarm.messages import Report
 from edc_swarm.node import GpsChanged, Tick
 from edc_swarm.planner.interface import Plan, PlanRequest
@@ -118,6 +119,17 @@ def test_postbox_delays_duplicates_and_cuts():
     faulty.suffer("partition u002|u001,u003 @2s for 1s")
     assert not box.arrive(REPORT, 0, 2.5)
     assert box.next_ns is None
+
+
+def test_postbox_knows_how_late_it_handed_out():
+    """Against what the link model said, over all that was postponed; nothing where nothing was."""
+    delayed = msgspec.structs.replace(MISSION, link=[Link(delay_ms=5)])
+    box = Postbox(LinkEmulator(delayed, "u001"))
+    assert box.delay_error is None
+    for at_ms, late_ms in enumerate((3.0, 0.5, 1.0)):
+        box.arrive(REPORT, at_ms * 100_000_000, 0.0)
+        assert box.take_due(round((at_ms * 100 + 5 + late_ms) * 1e6)) == REPORT
+    assert box.delay_error == DelayError(messages=3, p50_ms=1.0, p99_ms=3.0, max_ms=3.0)
 
 
 def test_partition_ends_when_healed_and_is_one_way_when_said():

@@ -87,6 +87,50 @@ def test_bad_mission_files_are_named(capsys, tmp_path: Path, text: str, named: s
     assert list(tmp_path.iterdir()) == [file]
 
 
+@pytest.mark.parametrize(
+    ("options", "named"),
+    [
+        ("--delays -5", "delays_ms[0] = -5"),
+        ("--delays 0,50,0", "delays_ms = [0.0, 50.0, 0.0]"),
+        ("--delays 0,ten", "--delays = '0,ten'"),
+        ("--delays nan", "delays_ms[0] = nan"),
+        ("--losses 0.5,2", "losses[1] = 2"),
+        ("--jitters ,", "--jitters = ','"),
+        ("--slots 0", "slots_s[0] = 0"),
+        ("--uavs 10.5", "uavs[0] = 10.5"),
+        ("--uavs 500", "uavs = 500"),
+        ("--repeats 0", "repeats = 0"),
+        ("--engine cloud", "--engine = 'cloud'"),
+        ("--jobs 0", "--jobs = 0"),
+        ("--mission missing.toml", "mission file = 'missing.toml'"),
+        ("missing.toml", "sweep file = 'missing.toml'"),
+    ],
+)
+def test_bad_latency_options_are_named(capsys, tmp_path: Path, options: str, named: str):
+    """Before anything is flown or written."""
+    assert named in complaint(capsys, "latency", *options.split())
+    assert list(tmp_path.iterdir()) == []
+
+
+@pytest.mark.parametrize(
+    ("text", "named"),
+    [
+        ("delays = [0]", "delays = [0]"),
+        ("delays_ms = [-1]", "delays_ms[0] = -1"),
+        ("[link]\ndistribution = 'pareto'", "link.distribution = 'pareto'"),
+        ("[link]\nsender = 'u099'", "link[0].sender = 'u099'"),
+        ("[[mission.link]]\nloss = 1.5", "mission.link[0].loss = 1.5"),
+        ("[[mission.link]]\nreceiver = 'u099'", "link[1].receiver = 'u099'"),
+    ],
+)
+def test_bad_sweep_files_are_named(capsys, tmp_path: Path, text: str, named: str):
+    """The same for a file as for options."""
+    file = tmp_path / "sweep.toml"
+    file.write_text(text)
+    assert named in complaint(capsys, "latency", str(file))
+    assert list(tmp_path.iterdir()) == [file]
+
+
 @pytest.mark.parametrize("command", ["run", "sim"])
 def test_an_existing_recording_needs_force(capsys, tmp_path: Path, command: str):
     """It is left as it was."""
