@@ -1,4 +1,4 @@
-"""The visualiser: `python -m processes.viz` with its orders, a `VizSettings`, on standard input.
+"""The visualiser: `python -m processes.viz [tcp/HOST:PORT]`, with its orders, a `VizSettings`.
 
 It listens to the mission like the recorder, outside the link model, and publishes what viewers
 show. With `live_port` it also serves the Foxglove WebSocket protocol to this host.
@@ -17,13 +17,16 @@ import msgspec
 import zenoh
 from msgspec import Struct
 
-from edc_swarm.errors import MessageError
+from edc_swarm.errors import MessageError, SwarmError
 from edc_swarm.messages import Event, Keys, decode, encode
 from edc_swarm.viz import ROOT, Scenery, Shown
 from processes.bus import hand_over, open_client
+from processes.console import complain
 from processes.ears import OPERATOR
 from processes.inbox import Inbox
 from processes.live import Live, Subscribed
+from processes.operators import GIVE_UP_S, Operators
+from processes.orders import orders, outlast_operator
 from processes.outbox import Outbox
 from processes.parent import die_with_parent
 
@@ -80,6 +83,8 @@ class Visualiser:
             self._session.declare_subscriber(key, heard, allowed_origin=zenoh.Locality.REMOTE)
         self._session.get(keys.mission, hand_over(self._take_reply), consolidation=zenoh.ConsolidationMode.NONE)
         self._token = self._session.liveliness().declare_token(keys.alive(NAME, self._instance))
+        self._mission = settings.mission
+        self._operators = None if settings.parent else Operators(self._session)
 
     def stop(self) -> None:
         """Ask to end; may be called from a signal handler."""
@@ -92,7 +97,12 @@ class Visualiser:
                 self._take_item(item)
             self._publish(self._scenery.advance(time.time_ns()))
             self._outbox.flush()
+            self._over |= self._is_deserted()
         self._close()
+
+    def _is_deserted(self) -> bool:
+        """Whether the operator has gone for good without a last word."""
+        return self._operators is not None and self._operators.away_s(self._mission) > GIVE_UP_S
 
     def _patience_s(self) -> float:
         due_ns = self._scenery.next_ns
@@ -155,15 +165,20 @@ class Visualiser:
 
 def main() -> int:
     """Show one mission."""
-    settings = msgspec.json.decode(sys.stdin.buffer.read(), type=VizSettings)
+    settings = orders(VizSettings, NAME)
     if settings.parent:
         die_with_parent(settings.parent)
         signal.signal(signal.SIGINT, signal.SIG_IGN)
     visualiser = Visualiser(settings)
     signal.signal(signal.SIGTERM, lambda *_: visualiser.stop())
     visualiser.show()
+    if not settings.parent:
+        outlast_operator(settings.endpoint, settings.mission)
     return 0
 
 
 if __name__ == "__main__":
-    sys.exit(main())
+    try:
+        sys.exit(main())
+    except SwarmError as error:
+        sys.exit(complain(error))

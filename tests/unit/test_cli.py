@@ -134,7 +134,7 @@ def test_a_truncated_recording(capsys, tmp_path: Path):
 
 def test_an_unknown_command(capsys):
     """The known ones are named."""
-    assert "run, sim, metrics, check" in complaint(capsys, "fly")
+    assert "run, join, sim, metrics, check" in complaint(capsys, "fly")
 
 
 def test_json_stands_alone_and_equals_metrics(capsys, tmp_path: Path):
