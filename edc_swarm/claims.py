@@ -72,7 +72,11 @@ class Claims:
             self._holder[uav] = claimant
 
     def issue(self, claim: Claim) -> list[str]:
-        """The ids that the claimant holds now: as many as it asks for, or none."""
+        """The ids that the claimant holds now: as many as it asks for, or none.
+
+        A claim may overtake the claimant's token, and shows as well that it is there.
+        """
+        self.see_claimant(claim.claimant, True)
         held = self.held_by(claim.claimant)
         if held:
             return held

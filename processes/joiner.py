@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import signal
 from collections.abc import Callable
+from functools import partial
 from pathlib import Path
 
 import msgspec
@@ -76,9 +77,8 @@ class Joiner:
         token = session.liveliness().declare_token(keys.alive(JOIN, self._folder.claimant))
         issued = self._claim(session, keys)
         session.declare_subscriber(keys.event(OPERATOR), hand_over(self._hear))
-        self._start(issued)
-        note(f"flying {', '.join(issued.uavs)} of mission {mission}")
-        self._attend(operators, mission)
+        self._fly(self._start(issued), issued)
+        self._attend(operators, mission, partial(self._claim, session, keys))
         token.undeclare()
 
     def _found(self, look: Callable[[], str | None], what: str) -> str:
@@ -104,43 +104,56 @@ class Joiner:
 
     # --- the UAVs ----------------------------------------------------------------------------
 
-    def _start(self, issued: Issued) -> None:
-        """Fork the UAVs; a UAV alone that will not lead at the start stays small."""
-        self._logs = state = self._folder.state(issued.mission.name)
+    def _start(self, issued: Issued) -> UavPool:
+        """Start the fork source; a UAV alone that will not lead at the start stays small."""
+        self._logs = self._folder.state(issued.mission.name)
         pool = self._pool = UavPool(self._loop.inbox, self._log)
         small = len(issued.uavs) == 1 and issued.uavs[0] not in startup_candidates(issued.mission)
         self._source = pool.start_source(None if small else issued.mission)
         self._loop.wait(lambda: self._source_ready, "the planner to be imported, at the first run compiled")
+        return pool
+
+    def _fly(self, pool: UavPool, issued: Issued) -> None:
+        """Fork the UAVs that do not fly yet."""
         roster = {entry.uav: entry for entry in issued.mission.roster}
-        for uav in issued.uavs:
-            make_state(state, roster[uav], begun=issued.begun)
+        for uav in (uav for uav in issued.uavs if uav not in pool.living):
+            make_state(self._logs, roster[uav], begun=issued.begun)
             pool.fly(
                 UavSettings(
                     endpoint=self._endpoint,
                     mission=issued.mission.name,
                     uav=uav,
-                    state=str(state.resolve()),
+                    state=str(self._logs.resolve()),
                     measure_response=issued.mission.elect == "response-time",
                     claimant=self._folder.claimant,
                 )
             )
+        note(f"flying {', '.join(issued.uavs)} of mission {issued.mission.name}")
+
+    def _fly_instead(self, pool: UavPool, issued: Issued) -> None:
+        """After an absence before the mission: the ids may have been issued to others meanwhile."""
+        if issued.begun or pool.living.keys() == set(issued.uavs):
+            return
+        for uav in pool.living.keys() - set(issued.uavs):
+            pool.signal(uav, signal.SIGTERM)
+        self._fly(pool, issued)
 
     def _log(self, name: str) -> Path:
         return self._logs / f"{name}.log"
 
-    def _attend(self, operators: Operators, mission: str) -> None:
+    def _attend(self, operators: Operators, mission: str, claim: Callable[[], Issued]) -> None:
         """Stay until the mission is over and its operator has left, or has been away for too long."""
-        assert self._pool is not None
-        living = self._pool.living
-
-        def deserted() -> bool:
-            return operators.away_s(mission) > GIVE_UP_S
-
+        pool, absences = self._pool, operators.absences
+        assert pool is not None
         while not self._over:
             self._loop.pump(LOOK_EVERY_S)
-            if deserted():
+            away_s = operators.away_s(mission)
+            if away_s > GIVE_UP_S:
                 raise SwarmError(f"the operator of mission {mission} has been away for {GIVE_UP_S:g} s")
-        self._loop.wait_quietly(lambda: not living, CLOSE_TIMEOUT_S)
+            if not away_s and operators.absences > absences:
+                absences = operators.absences
+                self._fly_instead(pool, claim())
+        self._loop.wait_quietly(lambda: not pool.living, CLOSE_TIMEOUT_S)
         self._folder.forget()
         self._loop.wait_quietly(lambda: operators.away_s(mission) > LINGER_S, LEAVE_TIMEOUT_S, LOOK_EVERY_S)
 

@@ -28,6 +28,8 @@ from processes.console import note
 from processes.desk import Desk
 from processes.ears import Heard, Token
 from processes.injector import Injector
+from processes.live import ANY_HOST
+from processes.live import PORT as LIVE_PORT
 from processes.loop import Interrupted, Loop
 from processes.operator import Operator
 from processes.output import Output
@@ -40,8 +42,8 @@ from processes.run_facts import run_facts
 from processes.state import create_state
 from processes.takeover import Takeover, new_mission_id
 from processes.uav import UavSettings
+from processes.viz import LIVE, VizSettings
 from processes.viz import NAME as VIZ
-from processes.viz import VizSettings
 
 ROUTER = "router"
 OPEN_TIMEOUT_MS = 5000
@@ -159,8 +161,15 @@ class Launcher:
         """Be the operator alone: tell the others what to do when they ask."""
         self._ready_at_s = time.monotonic()
         self._endpoint = given.endpoint
-        recorder, viz = msgspec.json.encode(self._recorder_settings(0)), msgspec.json.encode(self._viz_settings(0))
-        self._operator = self._operate(given.session, {RECORDER: recorder, VIZ: viz})
+        viz = self._viz_settings(0)
+        live = msgspec.structs.replace(viz, live_port=LIVE_PORT, live_host=ANY_HOST, records=False)
+        orders: dict[str, RecorderSettings | VizSettings] = {
+            RECORDER: self._recorder_settings(0),
+            VIZ: viz,
+            LIVE: live,
+        }
+        told = {name: msgspec.json.encode(settings) for name, settings in orders.items()}
+        self._operator = self._operate(given.session, told)
 
     def _start_parts(self) -> None:
         if self._local:
@@ -233,6 +242,7 @@ class Launcher:
             endpoint=connect_endpoint(self._endpoint),
             mission=self._mission.name,
             live_port=self._view.live_port,
+            records=self._view.viz,
             parent=parent,
         )
 

@@ -18,11 +18,18 @@ GIVE_UP_S = 60.0
 
 
 class Operators:
-    """The operators on the bus."""
+    """The operators on the bus.
+
+    Attributes
+    ----------
+    absences
+        How often one has gone, if only because the own link was cut.
+    """
 
     def __init__(self, session: zenoh.Session) -> None:
         self._there: dict[str, set[str]] = {}
         self._empty_since_s: dict[str, float] = {}
+        self.absences = 0
         tokens = f"{PREFIX}/*/alive/{OPERATOR}/*"
         self._subscriber = session.liveliness().declare_subscriber(tokens, hand_over(self._take), history=True)
 
@@ -57,3 +64,4 @@ class Operators:
             self._empty_since_s.pop(mission, None)
         else:
             instances.discard(instance)
+            self.absences += not instances

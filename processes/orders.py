@@ -38,10 +38,11 @@ Found = TypeVar("Found")
 
 
 def orders(kind: type[Kind], name: str) -> Kind:
-    """The orders of the part `name`."""
+    """The orders of the part `name`, or of the part that the command line names."""
     if len(sys.argv) == 1:
         return msgspec.json.decode(sys.stdin.buffer.read(), type=kind)
     endpoint = sys.argv[1]
+    name = sys.argv[2] if len(sys.argv) > 2 else name
     note(f"{name}: waiting for a mission at {endpoint}")
     session = await_found(lambda: try_client(endpoint))
     operators = Operators(session)

@@ -1,7 +1,7 @@
-"""The visualiser: `python -m processes.viz [tcp/HOST:PORT]`, with its orders, a `VizSettings`.
+"""The visualiser: `python -m processes.viz [tcp/HOST:PORT [live]]`, with its orders, a `VizSettings`.
 
 It listens to the mission like the recorder, outside the link model, and publishes what viewers
-show. With `live_port` it also serves the Foxglove WebSocket protocol to this host.
+show. With `live_port` it also serves the Foxglove WebSocket protocol; as `live` it does nothing else.
 """
 
 from __future__ import annotations
@@ -24,13 +24,13 @@ from processes.bus import hand_over, open_client
 from processes.console import complain
 from processes.ears import OPERATOR
 from processes.inbox import Inbox
-from processes.live import Live, Subscribed
+from processes.live import HOST, Live, Subscribed
 from processes.operators import GIVE_UP_S, Operators
 from processes.orders import orders, outlast_operator
 from processes.outbox import Outbox
 from processes.parent import die_with_parent
 
-NAME = "viz"
+NAME, LIVE = "viz", "live"
 IDLE_S = 0.25
 BURST_BYTES = 32_768
 PAUSE_S = 0.004
@@ -39,11 +39,13 @@ OVERHEAD_BYTES = 512
 
 
 class VizSettings(Struct, frozen=True, kw_only=True):
-    """What the visualiser must be told. `live_port` is 0 for no live view."""
+    """What the visualiser must be told. `live_port` is 0 for no live view; without `records` there is nothing else."""
 
     endpoint: str
     mission: str
     live_port: int = 0
+    live_host: str = HOST
+    records: bool = True
     parent: int = 0
 
 
@@ -75,14 +77,18 @@ class Visualiser:
         self._instance = f"{os.getpid()}-{secrets.token_hex(4)}"
         self._over = False
         self._unsent = 0
-        self._live = Live(settings.live_port, self._inbox.put_always) if settings.live_port else None
+        self._records = settings.records
+        self._live = None
+        if settings.live_port:
+            self._live = Live(settings.live_host, settings.live_port, self._inbox.put_always)
         self._session = open_client(settings.endpoint, observer=True)
         self._outbox = Outbox(self._session)
         keys, heard = self._keys, hand_over(self._take)
         for key in (keys.mission, f"{keys.root}/uav/**", f"{keys.root}/head/**", keys.event("*")):
             self._session.declare_subscriber(key, heard, allowed_origin=zenoh.Locality.REMOTE)
         self._session.get(keys.mission, hand_over(self._take_reply), consolidation=zenoh.ConsolidationMode.NONE)
-        self._token = self._session.liveliness().declare_token(keys.alive(NAME, self._instance))
+        if settings.records:
+            self._token = self._session.liveliness().declare_token(keys.alive(NAME, self._instance))
         self._mission = settings.mission
         self._operators = None if settings.parent else Operators(self._session)
 
@@ -129,13 +135,17 @@ class Visualiser:
 
     def _publish(self, shown: list[Shown]) -> None:
         for each in shown:
-            key = f"viz/{each.topic.removeprefix(ROOT)}"
-            self._last[key] = self._last.get(key, -1) + 1
-            self._outbox.put(f"{self._keys.root}/{key}", each.payload)
-            self._outbox.flush()
-            self._pause(len(each.payload))
+            if self._records:
+                self._put(each)
             if self._live is not None:
                 self._live.show(each)
+
+    def _put(self, shown: Shown) -> None:
+        key = f"viz/{shown.topic.removeprefix(ROOT)}"
+        self._last[key] = self._last.get(key, -1) + 1
+        self._outbox.put(f"{self._keys.root}/{key}", shown.payload)
+        self._outbox.flush()
+        self._pause(len(shown.payload))
 
     def _pause(self, size: int) -> None:
         """Let the bus take what was put: scenes are large, and it drops what comes too fast."""
@@ -147,10 +157,11 @@ class Visualiser:
     def _close(self) -> None:
         """Say how many messages of each topic there were; viewers' messages carry no numbers."""
         self._publish(self._scenery.advance(time.time_ns()))
-        detail = msgspec.json.encode(self._last).decode()
-        event = Event(source=NAME, instance=self._instance, sent_ns=time.time_ns(), kind="closed", detail=detail)
-        self._outbox.put(self._keys.event(NAME), encode(event))
-        self._outbox.flush()
+        if self._records:
+            detail = msgspec.json.encode(self._last).decode()
+            event = Event(source=NAME, instance=self._instance, sent_ns=time.time_ns(), kind="closed", detail=detail)
+            self._outbox.put(self._keys.event(NAME), encode(event))
+            self._outbox.flush()
         self._session.close()
         if self._live is not None:
             self._live.stop()

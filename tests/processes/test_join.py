@@ -11,8 +11,11 @@ from pathlib import Path
 
 import pytest
 
+from edc_swarm.messages import PREFIX
 from edc_swarm.recording import find_gaps
 from processes.address import free_endpoint
+from processes.bus import open_client
+from processes.desk import JOIN
 from tests.processes.conftest import Ended, Started, await_true
 
 SAFE = {"G1", "G2", "G3", "G4", "G7"}
@@ -28,6 +31,13 @@ def ids_of(joined: Started, folder: Path) -> set[str]:
     """The ids that a joiner with a folder of state flies."""
     joined.await_file(lambda: any(folder.glob("missions/*/*.promise")))
     return {file.stem for file in folder.glob("missions/*/*.promise")}
+
+
+def await_gone(address: str, name: str) -> None:
+    """Wait until nobody of that name is on the bus."""
+    with open_client(address) as session:
+        tokens = f"{PREFIX}/*/alive/{name}/*"
+        await_true(lambda: not [reply for reply in session.liveliness().get(tokens) if reply.ok is not None])
 
 
 @pytest.fixture
@@ -131,6 +141,28 @@ def test_more_than_are_left_is_refused(start, hosted):
     assert "--uavs = 3: must be at most 2" in greedy.stderr
     run.process.send_signal(signal.SIGINT)
     assert run.end().status == 1
+
+
+def test_who_was_away_flies_what_is_left(start, hosted, tmp_path: Path):
+    """Before the mission its id is issued to another; when it is back it asks again."""
+    run, address = hosted(2)
+    folder = tmp_path / "away"
+    away = start("join", address, "--state", str(folder))
+    (first,) = ids_of(away, folder)
+    pids = away.pids()
+    for pid in pids:
+        os.kill(pid, signal.SIGSTOP)
+    await_gone(address, JOIN)
+    other = start("join", address, "--state", str(tmp_path / "other"))
+    await_true(lambda: f"{first}.promise" in {file.name for file in (tmp_path / "other").rglob("*")})
+    for pid in pids:
+        os.kill(pid, signal.SIGCONT)
+    ended = run.end()
+    assert ended.status == 0, ended.stderr
+    claimants = {fix.uav: fix.instance[-16:] for fix in ended.recording.fixes}
+    assert claimants[first] == (tmp_path / "other" / "claimant").read_text()
+    assert (folder / "claimant").read_text() in claimants.values()
+    assert [command.end().status for command in (away, other)] == [0, 0]
 
 
 class Parts:

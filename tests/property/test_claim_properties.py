@@ -28,13 +28,14 @@ def test_no_id_is_issued_twice(history: list[tuple[str, str, int]]):
     book, there, said = Claims(UAVS), set[str](), dict[str, set[str]]()
     final: dict[str, str] = {}
     for kind, claimant, uavs in history:
-        if kind == "claim" and (claimant in there or book.begun):
+        if kind == "claim":
+            there.add(claimant)
             issued = book.issue(Claim(claimant=claimant, uavs=uavs))
             others = {uav for other in there - {claimant} for uav in said.get(other, set())}
             assert not others & set(issued)
             assert all(final.get(uav, claimant) == claimant for uav in issued)
-            assert len(issued) in {0, uavs} or set(issued) <= said[claimant]
-            said[claimant] = set(issued) or said.get(claimant, set())
+            assert len(issued) in {0, uavs} or set(issued) <= said.get(claimant, set())
+            said[claimant] = set(issued)
         elif kind == "come" and claimant not in there:
             there.add(claimant)
             said[claimant] = set(book.held_by(claimant))

@@ -48,6 +48,13 @@ def test_before_the_mission_a_claimant_that_has_gone_leaves_its_ids(book: Claims
     assert book.issue(claim(ANNE)) == ["u3"]
 
 
+def test_a_claim_that_overtakes_the_token_counts():
+    """Two claimants that nobody has announced yet get an id each."""
+    again = Claims(["u1", "u2"])
+    assert again.issue(claim(ANNE)) == ["u1"]
+    assert again.issue(claim(BERT)) == ["u2"]
+
+
 def test_once_begun_nothing_is_issued_to_anybody_else(book: Claims):
     """Its promises are in the folder of the claimant that has gone."""
     book.issue(claim(ANNE, 2))
