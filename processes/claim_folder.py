@@ -13,7 +13,7 @@ from types import TracebackType
 
 from edc_swarm.config import RosterEntry
 from edc_swarm.errors import InputError, SwarmError
-from processes.state import create_state, promise_path
+from processes.state import create_state, has_state
 
 FIELD = "--state"
 
@@ -86,7 +86,7 @@ def make_state(folder: Path, entry: RosterEntry, *, begun: bool) -> None:
     SwarmError
         The mission has begun: what the UAV has promised is lost, and must not be made up.
     """
-    if promise_path(folder, entry.uav).exists():
+    if has_state(folder, entry.uav):
         return
     if begun:
         raise SwarmError(f"the files of {entry.uav}, which has flown in this mission, are not in {folder}")

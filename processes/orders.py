@@ -9,7 +9,7 @@ from __future__ import annotations
 import sys
 import time
 from collections.abc import Callable
-from typing import Protocol, TypeVar
+from typing import TypeVar
 
 import msgspec
 import zenoh
@@ -17,20 +17,13 @@ from msgspec import Struct
 
 from edc_swarm.errors import SwarmError
 from edc_swarm.messages import Keys
-from processes.bus import open_client, try_client
+from processes.bus import try_client
 from processes.console import note
-from processes.loop import START_TIMEOUT_S
+from processes.loop import PATIENCE_S, START_TIMEOUT_S
 from processes.operators import LINGER_S, Operators
 
 LOOK_EVERY_S = 0.1
 ASK_TIMEOUT_S = 2.0
-
-
-class Orders(Protocol):
-    """Orders that name the mission and how to get there."""
-
-    endpoint: str
-    mission: str
 
 
 Kind = TypeVar("Kind", bound=Struct)
@@ -43,11 +36,10 @@ def orders(kind: type[Kind], name: str) -> Kind:
         return msgspec.json.decode(sys.stdin.buffer.read(), type=kind)
     endpoint = sys.argv[1]
     name = sys.argv[2] if len(sys.argv) > 2 else name
-    note(f"{name}: waiting for a mission at {endpoint}")
-    session = await_found(lambda: try_client(endpoint))
+    session = await_found(lambda: try_client(endpoint), f"a router at {endpoint}")
     operators = Operators(session)
-    mission = await_found(lambda: operators.only_mission(endpoint))
-    payload = await_found(lambda: asked(session, Keys(mission).orders(name)))
+    mission = await_found(lambda: operators.only_mission(endpoint), f"a mission at {endpoint}")
+    payload = await_found(lambda: asked(session, Keys(mission).orders(name)), f"orders from the operator of {mission}")
     session.close()
     return msgspec.structs.replace(msgspec.json.decode(payload, type=kind), endpoint=endpoint)
 
@@ -60,19 +52,25 @@ def asked(session: zenoh.Session, key: str, payload: bytes | None = None) -> byt
     return None
 
 
-def await_found(look: Callable[[], Found | None]) -> Found:
-    """Look again and again until there is something."""
-    end_s = time.monotonic() + START_TIMEOUT_S
-    while time.monotonic() < end_s:
-        if (found := look()) is not None:
-            return found
+def await_found(look: Callable[[], Found | None], what: str) -> Found:
+    """Look again and again until there is something; after a while the user is told `what` is waited for."""
+    start_s, told = time.monotonic(), False
+    while (found := look()) is None:
+        waited_s = time.monotonic() - start_s
+        if waited_s > START_TIMEOUT_S:
+            raise SwarmError(f"waited {START_TIMEOUT_S:g} s for {what}")
+        if waited_s > PATIENCE_S and not told:
+            note(f"waiting for {what}")
+            told = True
         time.sleep(LOOK_EVERY_S)
-    raise SwarmError(f"waited {START_TIMEOUT_S:g} s for a mission")
+    return found
 
 
 def outlast_operator(endpoint: str, mission: str) -> None:
     """Stay until the operator has gone, and a moment longer: services are ended with the first that leaves."""
-    session = open_client(endpoint)
+    session = try_client(endpoint)
+    if session is None:
+        return
     operators = Operators(session)
     while operators.away_s(mission) < LINGER_S:
         time.sleep(LOOK_EVERY_S)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from functools import partial
 from pathlib import Path
 from typing import Annotated
@@ -53,41 +54,50 @@ def run(
         raise InputError("--remote", remote, f"from 0 to the number of UAVs, {len(mission.roster)}")
     if listen is not None:
         check_endpoint(listen)
-    bus = _meet(operate, mission, listen=listen, live=live) if operate is not None else None
+    if live and options.no_viz:
+        raise InputError("--live", live, "absent where --no-viz is given")
+    alone = {"--listen": listen, "--live": live, "--remote": remote}
+    bus = _meet(operate, mission, alone) if operate is not None else None
     view = View(viz=not options.no_viz, live_port=live_port() if live else 0)
     if live:
-        if options.no_viz:
-            raise InputError("--live", live, "absent where --no-viz is given")
         note(f"live: open the Foxglove WebSocket connection ws://localhost:{view.live_port}")
-    begun = bus.takeover.recorder if bus is not None and bus.takeover is not None else None
-    path = options.out or default_output(mission.name, mission.planner, timestamp())
-    path = Path(begun.out) if begun is not None else path
-    with Output(path, force=options.force, begun=begun is not None) as output:
-        for found in output.salvaged:
-            note(f"recovered {found} from a run that was killed")
+    with _output(mission, options, bus) as output:
         launcher = Launcher(
             mission, output, listen=listen, view=view, show_progress=not options.json, remote=remote, bus=bus
         )
         report = launcher.run()
         if output.part.exists():
-            note(f"the recorder died; recovered {path}: {'; '.join(output.recover_part()) or 'nothing is missing'}")
+            missing = "; ".join(output.recover_part()) or "nothing is missing"
+            note(f"the recorder died; recovered {output.path}: {missing}")
     _tell(report, len(mission.roster))
-    status = conclude(path, as_json=options.json) if report.flew else FAILED
+    status = conclude(output.path, as_json=options.json) if report.flew else FAILED
     launcher.leave()
     return status
 
 
-def _meet(address: str, mission: Mission, *, listen: str | None, live: bool) -> Bus:
+def _meet(address: str, mission: Mission, alone: Mapping[str, object]) -> Bus:
     """The bus at a router that is there already, and this very mission if it has lost its operator there."""
     parse_endpoint("--operate", address)
-    for field, value in (("--listen", listen), ("--live", live or None)):
-        if value is not None:
+    for field, value in alone.items():
+        if value:
             raise InputError(field, value, "absent where --operate is given")
     for fault in parse_faults(mission):
         if fault.left and fault.target in {ROUTER, RECORDER}:
             raise InputError("fault", str(fault), "about UAVs where --operate is given")
-    session = await_found(partial(try_client, address, observer=True))
+    session = await_found(partial(try_client, address, observer=True), f"a router at {address}")
     return Bus(address, session, find_takeover(session, mission))
+
+
+def _output(mission: Mission, options: MissionOptions, bus: Bus | None) -> Output:
+    """Where to write: anew, or where the recorder of a mission that is taken over is writing."""
+    begun = bus.takeover.recorder if bus is not None and bus.takeover is not None else None
+    if begun is not None:
+        return Output(Path(begun.out), force=True, begun=True)
+    path = options.out or default_output(mission.name, mission.planner, timestamp())
+    output = Output(path, force=options.force)
+    for found in output.salvaged:
+        note(f"recovered {found} from a run that was killed")
+    return output
 
 
 def _tell(report: RunReport, uavs: int) -> None:

@@ -9,6 +9,7 @@ import pytest
 from edc_swarm.invariants import check
 from edc_swarm.metrics import compute_metrics
 from edc_swarm.recording import find_gaps
+from processes.address import free_endpoint
 from tests.docker.conftest import USER, Swarm, logs, said
 
 Make = Callable[..., Swarm]
@@ -96,6 +97,31 @@ def test_faults_reach_containers(swarm: Make):
     assert len(compute_metrics(flown.recording).not_living) == 1
 
 
+def test_stopped_by_hand(swarm: Make):
+    """All services are told at once, as by Ctrl-C, and what was flown is recorded."""
+    flown = swarm(UAVS="4")
+    flown.compose("up", "--detach")
+    slot = flown.await_slot(4).fixes[-1].slot
+    flown.compose("stop")
+    assert max(fix.slot for fix in flown.recording.fixes) >= slot
+    assert broken(flown) <= {"G5"}
+
+
+def test_watched_live(swarm: Make):
+    """The profile adds a service that viewers connect to, and changes nothing else."""
+    from tests.processes.test_live import connected, first_scene  # noqa: PLC0415  (skips where its client is missing)
+
+    port = free_endpoint().rpartition(":")[2]
+    flown = swarm(UAVS="4", LIVE_PORT=port)
+    flown.compose("--profile", "live", "up", "--detach")
+    flown.await_slot(0)
+    viewer, channels = connected(int(port))
+    assert len(first_scene(viewer, channels["/viz/uavs"]).entities) == 4
+    viewer.close()
+    assert flown.await_end() == 0
+    assert broken(flown) == set()
+
+
 def test_the_image(image: str):
     """Not root, no wheels left, and the compiled guidance is there for any user and processor."""
 
@@ -103,7 +129,7 @@ def test_the_image(image: str):
         return said("docker", "run", "--rm", "--network", "none", "--entrypoint", "sh", *options, image, "-c", script)
 
     assert run("id -u").strip() == str(USER)
-    assert run("find / -name '*.whl' -not -path '/proc/*' -not -path '*/ensurepip/*' 2>/dev/null || true") == ""
+    assert run("find /opt /home /root /tmp /var /work -name '*.whl' 2>/dev/null || true") == ""
     hits = (
         "from edc_swarm.config import Mission; from processes.planning import warm_planner; warm_planner(Mission());"
         "from edc_swarm.planner import guidance_kernel as kernel;"

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from hypothesis import given
+from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from edc_swarm.claims import Claim, Claims, instance_name
@@ -23,6 +23,7 @@ steps = st.lists(
 
 
 @given(steps)
+@settings(max_examples=300, deadline=None)
 def test_no_id_is_issued_twice(history: list[tuple[str, str, int]]):
     """While its claimant is there an id stays with it, also across a restart of the operator; once begun, for good."""
     book, there, said = Claims(UAVS), set[str](), dict[str, set[str]]()
