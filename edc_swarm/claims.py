@@ -91,8 +91,9 @@ class Claims:
         return [uav for uav, holder in self._holder.items() if holder == claimant]
 
     def free(self) -> list[str]:
-        """The ids that can be issued."""
-        return [] if self.begun else [uav for uav, holder in self._holder.items() if holder not in self._there]
+        """The ids that can be issued; last those of claimants that have gone, who may be back in a moment."""
+        free = [uav for uav, holder in self._holder.items() if holder not in self._there]
+        return [] if self.begun else sorted(free, key=lambda uav: self._holder[uav] is not None)
 
     def begin(self) -> None:
         """Issue nothing from now on: the mission begins."""

@@ -27,9 +27,9 @@ def broken(ended: Ended) -> set[str]:
     return {verdict["guarantee"] for verdict in ended.json["guarantees"] if verdict["status"] == "broken"}
 
 
-def ids_of(joined: Started, folder: Path) -> set[str]:
+def ids_of(joined: Started, folder: Path, count: int = 1) -> set[str]:
     """The ids that a joiner with a folder of state flies."""
-    joined.await_file(lambda: any(folder.glob("missions/*/*.promise")))
+    joined.await_file(lambda: len(list(folder.glob("missions/*/*.promise"))) == count)
     return {file.stem for file in folder.glob("missions/*/*.promise")}
 
 
@@ -153,16 +153,21 @@ def test_who_was_away_flies_what_is_left(start, hosted, tmp_path: Path):
     for pid in pids:
         os.kill(pid, signal.SIGSTOP)
     await_gone(address, JOIN)
-    other = start("join", address, "--state", str(tmp_path / "other"))
-    await_true(lambda: f"{first}.promise" in {file.name for file in (tmp_path / "other").rglob("*")})
+    other = start("join", address, "--uavs", "2", "--state", str(tmp_path / "other"))
+    assert ids_of(other, tmp_path / "other", 2) == {"u004", "u005"}
+    other.process.send_signal(signal.SIGINT)
+    other.end()
+    await_gone(address, JOIN)
+    third = start("join", address, "--state", str(tmp_path / "third"))
+    assert ids_of(third, tmp_path / "third") == {first}
     for pid in pids:
         os.kill(pid, signal.SIGCONT)
     ended = run.end()
     assert ended.status == 0, ended.stderr
     claimants = {fix.uav: fix.instance[-16:] for fix in ended.recording.fixes}
-    assert claimants[first] == (tmp_path / "other" / "claimant").read_text()
+    assert claimants[first] == (tmp_path / "third" / "claimant").read_text()
     assert (folder / "claimant").read_text() in claimants.values()
-    assert [command.end().status for command in (away, other)] == [0, 0]
+    assert [command.end().status for command in (away, third)] == [0, 0]
 
 
 class Parts:

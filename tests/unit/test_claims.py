@@ -48,6 +48,14 @@ def test_before_the_mission_a_claimant_that_has_gone_leaves_its_ids(book: Claims
     assert book.issue(claim(ANNE)) == ["u3"]
 
 
+def test_ids_of_claimants_that_have_gone_are_issued_last(book: Claims):
+    """All seem to have gone while the router is started again."""
+    book.issue(claim(ANNE))
+    book.see_claimant(ANNE, False)
+    assert book.issue(claim(BERT)) == ["u2"]
+    assert book.issue(claim(ANNE)) == ["u1"]
+
+
 def test_a_claim_that_overtakes_the_token_counts():
     """Two claimants that nobody has announced yet get an id each."""
     again = Claims(["u1", "u2"])
