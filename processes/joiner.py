@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import contextlib
 import signal
 from collections.abc import Callable
 from functools import partial
@@ -29,6 +30,7 @@ from processes.uav import UavSettings
 
 LOOK_EVERY_S = 0.1
 CLOSE_TIMEOUT_S = 1.2
+MOST_NAMED = 10
 LEAVE_TIMEOUT_S = 60.0
 """Longest wait for the operator to leave after the end of the mission: it may have much to read."""
 
@@ -94,7 +96,8 @@ class Joiner:
 
         def ask() -> bool:
             payload = asked(session, keys.claims, claim)
-            answers.extend([msgspec.json.decode(payload, type=Issued)] if payload is not None else [])
+            with contextlib.suppress(msgspec.DecodeError):
+                answers.extend([msgspec.json.decode(payload, type=Issued)] if payload is not None else [])
             return bool(answers)
 
         self._loop.wait(ask, "an answer of the operator", look_every_s=LOOK_EVERY_S)
@@ -128,7 +131,8 @@ class Joiner:
                     claimant=self._folder.claimant,
                 )
             )
-        note(f"flying {', '.join(issued.uavs)} of mission {issued.mission.name}")
+        who = ", ".join(issued.uavs) if len(issued.uavs) <= MOST_NAMED else f"{len(issued.uavs)} UAVs"
+        note(f"flying {who} of mission {issued.mission.name}")
 
     def _fly_instead(self, pool: UavPool, issued: Issued) -> None:
         """After an absence before the mission: the ids may have been issued to others meanwhile."""

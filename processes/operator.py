@@ -78,7 +78,8 @@ class Operator:
     def take_over(self, mission: MissionMessage) -> None:
         """Go on with a mission that an operator before this one has started."""
         self._mission = mission
-        self._desk.claims.resume({entry.uav: who for entry, who in zip(mission.roster, mission.claimants, strict=True)})
+        uavs = (entry.uav for entry in mission.roster)
+        self._desk.claims.resume(dict(zip(uavs, mission.claimants, strict=False)))
         self.monitor = MissionMonitor(mission)
 
     def publish_event(self, kind: str, detail: str = "") -> None:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import contextlib
 import os
 import signal
 import socket
@@ -103,8 +104,10 @@ class UavPool:
         self._order(fork_source.Fork(settings=self._settings[uav], log=str(self._log(uav).resolve())))
 
     def _order(self, order: fork_source.Order) -> None:
+        """Tell the fork source; if it has died, so have its UAVs."""
         assert self._source is not None
-        self._source.send(msgspec.json.encode(order))
+        with contextlib.suppress(ConnectionError):
+            self._source.send(msgspec.json.encode(order))
 
     def _tell(self, news: News) -> None:
         self._inbox.put_always(news)

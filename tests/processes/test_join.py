@@ -100,8 +100,8 @@ def test_started_again_with_its_folder_it_is_the_same_uav(start, hosted, tmp_pat
     joined = start("join", address, "--state", str(folder))
     run.await_flight(3)
     uavs = ids_of(joined, folder)
-    for pid in joined.pids():
-        os.kill(pid, signal.SIGKILL)
+    joined.process.kill()
+    await_true(lambda: not joined.pids())
     stranger = start("join", address).end()
     assert stranger.status == 2
     assert "--uavs = 1: must be at most 0" in stranger.stderr
