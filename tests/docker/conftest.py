@@ -18,7 +18,9 @@ from tests.processes.conftest import await_true
 
 TOP = Path(__file__).resolve().parents[2]
 USER = 1000
-"""Who the containers run as, and so who the recordings belong to."""
+"""Who the image runs as."""
+OWNER = 4711
+"""Who the folder of recordings belongs to, where the tests may choose."""
 
 
 def said(*command: str, check: bool = True, **options: object) -> str:
@@ -58,7 +60,7 @@ class Swarm:
     def compose(self, *words: str, check: bool = True) -> subprocess.CompletedProcess[str]:
         """Run compose on the project."""
         command = [*compose_command(), "--project-name", self.name, "--file", str(TOP / "compose.yaml"), *words]
-        env = {**os.environ, "RECORDINGS": str(self.folder), "EDC_USER": f"{USER}:{USER}", **self.variables}
+        env = {**os.environ, "RECORDINGS": str(self.folder), **self.variables}
         ended = subprocess.run(command, capture_output=True, text=True, check=False, env=env, cwd=TOP)
         assert ended.returncode == 0 or not check, ended.stdout[-3000:] + ended.stderr[-3000:]
         return ended
@@ -119,7 +121,7 @@ def swarm(image: str, tmp_path: Path) -> Iterator[Callable[..., Swarm]]:
         folder = tmp_path / "recordings"
         folder.mkdir()
         if os.geteuid() == 0:
-            os.chown(folder, USER, USER)
+            os.chown(folder, OWNER, OWNER)
         made.append(Swarm(folder, variables))
         return made[-1]
 

@@ -31,7 +31,7 @@ def test_compose_up(swarm: Make, uavs: int):
     assert "G3 Separation: held" in up.stdout
     assert flown.containers(running=True) == []
     (path,) = flown.folder.iterdir()
-    assert (path.stat().st_uid, path.suffix) == (USER, ".mcap")
+    assert (path.stat().st_uid, path.suffix) == (flown.folder.stat().st_uid, ".mcap")
     metrics = compute_metrics(flown.recording)
     assert (metrics.arrived, metrics.potential_collisions, metrics.true_collisions) == (uavs, 0, 0)
     assert len({fix.instance[-16:] for fix in flown.recording.fixes}) == uavs
