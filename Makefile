@@ -15,8 +15,8 @@ run: $(READY)
 
 # Tests of real processes are about time, so they run one after the other; all others in parallel.
 test: $(READY)
-	$(BIN)/pytest -n auto --ignore tests/processes
-	$(BIN)/pytest tests/processes
+	$(BIN)/pytest -n auto --ignore tests/processes --ignore tests/docker
+	$(BIN)/pytest tests/processes tests/docker
 
 check: $(READY)
 	$(BIN)/ruff check

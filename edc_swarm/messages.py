@@ -28,6 +28,7 @@ Ns = Annotated[int, Meta(ge=0, le=(1 << 63) - 1)]
 HeadId = Annotated[str, Meta(pattern=r"^[A-Za-z0-9_-]{0,32}$(?!\n)")]
 UavIds = Annotated[list[UavId], Meta(max_length=MAX_UAVS)]
 Floats = Annotated[list[float], Meta(max_length=MAX_UAVS)]
+Claimants = Annotated[tuple[Annotated[str, Meta(max_length=32)], ...], Meta(max_length=MAX_UAVS)]
 Status = Literal["planned", "no-qp-needed", "failed", "no-quorum", "claim"]
 
 
@@ -162,12 +163,22 @@ class Event(Struct, frozen=True, kw_only=True, gc=False):
 
 
 class MissionMessage(Mission, frozen=True, kw_only=True):
-    """The mission as run: the mission file's fields with the roster filled in, plus the epoch."""
+    """The mission as run: the mission file's fields with the roster filled in, plus the epoch.
+
+    `claimants`, in the order of the roster, say who may fly each UAV ("": whoever launched the
+    mission); a process of another claimant leaves. Empty when nobody but the launcher flies.
+    """
 
     epoch_ns: Ns
+    claimants: Claimants = ()
     instance: Instance = ""
     seq: Seq = 0
     sent_ns: Ns = 0
+
+    def claimant_of(self, uav: str) -> str:
+        """Who may fly `uav`: a claimant, or "" for whoever launched the mission."""
+        claimants = zip(self.roster, self.claimants, strict=False)
+        return next((claimant for entry, claimant in claimants if entry.uav == uav), "")
 
 
 Message = Fix | Truth | Command | Report | Event | MissionMessage
@@ -221,6 +232,15 @@ class Keys:
     def event(self, source: str) -> str:
         """Key of a publisher's events."""
         return f"{self.root}/event/{source}"
+
+    @property
+    def claims(self) -> str:
+        """Key on which the operator answers claims to fly a UAV."""
+        return f"{self.root}/claims"
+
+    def orders(self, name: str) -> str:
+        """Key on which a part that nobody launched, such as the recorder, is told what to do."""
+        return f"{self.root}/orders/{name}"
 
     def alive(self, uav: str, instance: str) -> str:
         """Key of a process's liveliness token."""

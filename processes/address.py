@@ -17,12 +17,17 @@ def free_endpoint() -> str:
         return f"tcp/127.0.0.1:{probe.getsockname()[1]}"
 
 
+def parse_endpoint(field: str, endpoint: str, allowed: str = "tcp/HOST:PORT") -> tuple[str, int]:
+    """Host and port of an address; raises `InputError` that names `field`."""
+    found = re.fullmatch(r"tcp/(\[[0-9a-fA-F:]+\]|[A-Za-z0-9._-]+):(\d{1,5})", endpoint)
+    if found is None or not 0 < int(found[2]) < 65536:
+        raise InputError(field, endpoint, allowed)
+    return found[1].strip("[]"), int(found[2])
+
+
 def check_endpoint(endpoint: str) -> None:
     """Raise `InputError` unless `endpoint` is an address that can be listened on."""
-    found = re.fullmatch(r"tcp/(\[[0-9a-fA-F:]+\]|[A-Za-z0-9.-]+):(\d{1,5})", endpoint)
-    if found is None or not 0 < int(found[2]) < 65536:
-        raise InputError("--listen", endpoint, ALLOWED)
-    host, port = found[1].strip("[]"), int(found[2])
+    host, port = parse_endpoint("--listen", endpoint, ALLOWED)
     try:
         family = socket.getaddrinfo(host, port, type=socket.SOCK_STREAM)[0][0]
         with socket.socket(family, socket.SOCK_STREAM) as probe:
@@ -30,6 +35,11 @@ def check_endpoint(endpoint: str) -> None:
             probe.bind((host, port))
     except OSError as error:
         raise InputError("--listen", endpoint, f"{ALLOWED} ({(error.strerror or str(error)).lower()})") from None
+
+
+def advertised_endpoint(listen: str) -> str:
+    """Where clients on other hosts find it, if they know this host by its name."""
+    return re.sub(r"^tcp/(0\.0\.0\.0|\[::\]):", f"tcp/{socket.gethostname()}:", listen)
 
 
 def connect_endpoint(listen: str) -> str:

@@ -3,8 +3,11 @@
 A star of clients around one router. Reliable and congestion DROP, so a slow subscriber never blocks
 a publisher; `express` stays off (with it 1-5 % of the bursts at a slot's start were lost, and it
 was no faster); no shared memory (it hides a frozen subscriber); many sessions may be accepted at
-once; a client tries for ever to get back to its router. One worker thread per Zenoh runtime: K
-processes share few cores.
+once; a client tries for ever to get back to its router.
+
+One worker thread per Zenoh runtime, since K processes share few cores; but Zenoh closes a link whose
+peer does not answer with ten seconds of SO_LINGER, which block a worker of `rx` all the while. So a client
+has two of them, and the router as many as links may be cut at once without stopping all others.
 """
 
 from __future__ import annotations
@@ -14,11 +17,13 @@ import os
 from collections.abc import Callable
 from typing import Any, TypeVar
 
-os.environ.setdefault("ZENOH_RUNTIME", "(rx: (worker_threads: 1), net: (worker_threads: 1), app: (worker_threads: 1))")
-
 import zenoh
 
 LEASE_MS = 1000
+TRY_MS = 1000
+RUNTIME = "ZENOH_RUNTIME"
+CLIENT_RX_WORKERS = 2
+ROUTER_RX_WORKERS = 64
 MAX_SESSIONS = 5000
 CONNECT_RETRY = {"period_init_ms": 100, "period_max_ms": 1000, "period_increase_factor": 2}
 OBSERVER_RETRY = {"period_init_ms": 20, "period_max_ms": 20, "period_increase_factor": 1}
@@ -46,7 +51,16 @@ def open_client(
             **(PATIENT if observer else {}),
         },
         lease_ms,
+        CLIENT_RX_WORKERS,
     )
+
+
+def try_client(endpoint: str, *, observer: bool = False) -> zenoh.Session | None:
+    """Connect to the router at `endpoint`; None when it does not answer within a second."""
+    try:
+        return open_client(endpoint, timeout_ms=TRY_MS, observer=observer)
+    except zenoh.ZError:
+        return None
 
 
 def open_router(endpoint: str, *, lease_ms: int = LEASE_MS) -> zenoh.Session:
@@ -61,6 +75,7 @@ def open_router(endpoint: str, *, lease_ms: int = LEASE_MS) -> zenoh.Session:
             **DEEP_QUEUE,
         },
         lease_ms,
+        ROUTER_RX_WORKERS,
     )
 
 
@@ -79,7 +94,8 @@ def is_connected(session: zenoh.Session) -> bool:
     return bool(session.info.routers_zid())
 
 
-def _open(settings: dict[str, Any], lease_ms: int) -> zenoh.Session:
+def _open(settings: dict[str, Any], lease_ms: int, rx_workers: int) -> zenoh.Session:
+    """Open a session; the first one of a process decides on its threads, and not on those of its children."""
     shared = {
         "scouting/multicast/enabled": False,
         "scouting/gossip/enabled": False,
@@ -89,4 +105,11 @@ def _open(settings: dict[str, Any], lease_ms: int) -> zenoh.Session:
     config = zenoh.Config()
     for name, value in {**shared, **settings}.items():
         config.insert_json5(name, json.dumps(value))
-    return zenoh.open(config)
+    workers = f"(rx: (worker_threads: {rx_workers}), net: (worker_threads: 1), app: (worker_threads: 1))"
+    if RUNTIME in os.environ:
+        return zenoh.open(config)
+    os.environ[RUNTIME] = workers
+    try:
+        return zenoh.open(config)
+    finally:
+        del os.environ[RUNTIME]

@@ -11,7 +11,7 @@ from cyclopts import App, CoercionError, CycloptsError, MissingArgumentError, Pa
 from cyclopts.exceptions import RepeatArgumentError, UnknownCommandError, UnusedCliTokensError
 
 from edc_swarm.errors import SwarmError
-from processes.console import complain
+from processes.console import FAILED, complain, note
 
 app = App(
     name="edc-swarm",
@@ -25,6 +25,7 @@ app = App(
     suppress_keyboard_interrupt=False,
 )
 app.command("processes.commands.run:run", help="Fly a mission: real processes over Zenoh, recorded.")
+app.command("processes.commands.join:join", help="Fly UAVs of a mission that another machine operates.")
 app.command("processes.commands.sim:sim", help="Simulate the same mission in one process, in virtual time.")
 app.command("processes.commands.metrics:metrics", help="Print every metric of a recording.")
 app.command("processes.commands.check:check", help="Check the guarantees of a recording; status 1 when one is broken.")
@@ -45,6 +46,9 @@ def main(arguments: Sequence[str] | None = None) -> int:
         return complain(_in_one_line(error))
     except SwarmError as error:
         return complain(error)
+    except KeyboardInterrupt:
+        note("interrupted")
+        return FAILED
     except BrokenPipeError:
         sys.stderr.close()
         return 1

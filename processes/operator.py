@@ -14,16 +14,15 @@ from edc_swarm.errors import MessageError
 from edc_swarm.faults import PROCESS_VERBS
 from edc_swarm.messages import Event, Fix, Keys, MissionMessage, Report, decode, encode
 from edc_swarm.progress import MissionMonitor
-from processes.bus import hand_over, open_client
+from processes.bus import hand_over
+from processes.desk import Desk
 from processes.ears import OPERATOR, Heard, Token
 from processes.inbox import Inbox
 from processes.outbox import Outbox
 
-OPEN_TIMEOUT_MS = 5000
-
 
 class Operator:
-    """Publishes mission and events, answers late joiners, and follows fixes, reports and events.
+    """Publishes mission and events, answers whoever joins, and follows fixes, reports and events.
 
     Attributes
     ----------
@@ -35,8 +34,9 @@ class Operator:
         First slot in which any UAV executed a command.
     """
 
-    def __init__(self, endpoint: str, mission_id: str, inbox: Inbox[object]) -> None:
-        self._keys = Keys(mission_id)
+    def __init__(self, session: zenoh.Session, desk: Desk, inbox: Inbox[object]) -> None:
+        self._keys = Keys(desk.mission.name)
+        self._desk = desk
         self._inbox = inbox
         self._instance = f"{os.getpid()}-{secrets.token_hex(4)}"
         self._event_seq = count()
@@ -48,9 +48,10 @@ class Operator:
         self.heard: set[str] = set()
         self.first_flown_slot = -1
         self.monitor: MissionMonitor | None = None
-        self._session = open_client(endpoint, timeout_ms=OPEN_TIMEOUT_MS, observer=True)
+        self._session = session
         self._outbox = Outbox(self._session)
         self._declare()
+        self._token = session.liveliness().declare_token(self._keys.alive(OPERATOR, self._instance))
 
     def _declare(self) -> None:
         keys, session = self._keys, self._session
@@ -58,13 +59,28 @@ class Operator:
             session.declare_subscriber(key, hand_over(self._take), allowed_origin=zenoh.Locality.REMOTE)
         for key in (keys.mission, keys.event(OPERATOR)):
             session.declare_queryable(key, hand_over(self._inbox.put_always))
+        self._desk.declare(session, self._inbox)
         session.liveliness().declare_subscriber(keys.all_alive, hand_over(self._take_token), history=True)
 
     def publish_mission(self, mission: MissionMessage) -> None:
-        """Start the mission."""
-        self._mission = msgspec.structs.replace(mission, instance=self._instance, sent_ns=time.time_ns())
+        """Start the mission; nobody else is let in."""
+        claims = self._desk.claims
+        claims.begin()
+        self._mission = msgspec.structs.replace(
+            mission,
+            claimants=claims.claimants([entry.uav for entry in mission.roster]),
+            instance=self._instance,
+            sent_ns=time.time_ns(),
+        )
         self.monitor = MissionMonitor(mission)
         self._say(self._keys.mission, encode(self._mission))
+
+    def take_over(self, mission: MissionMessage) -> None:
+        """Go on with a mission that an operator before this one has started."""
+        self._mission = mission
+        uavs = (entry.uav for entry in mission.roster)
+        self._desk.claims.resume(dict(zip(uavs, mission.claimants, strict=False)))
+        self.monitor = MissionMonitor(mission)
 
     def publish_event(self, kind: str, detail: str = "") -> None:
         """Tell the swarm and the record."""
@@ -85,7 +101,8 @@ class Operator:
 
     def close(self) -> None:
         """Say the last sequence numbers; the recorder ends with this."""
-        last = {self._keys.event(OPERATOR): self._last_event_seq, self._keys.mission: 0 if self._mission else -1}
+        started = self._mission is not None and self._mission.instance == self._instance
+        last = {self._keys.event(OPERATOR): self._last_event_seq, self._keys.mission: 0 if started else -1}
         known = {key: seq for key, seq in last.items() if seq >= 0}
         self.publish_event("closed", msgspec.json.encode(known).decode())
 
@@ -115,6 +132,7 @@ class Operator:
                 self._hear(key, payload)
             case Token(uav, instance, alive):
                 (self._tokens.add if alive else self._tokens.discard)((uav, instance))
+                self._desk.see(item)
             case zenoh.Query():
                 self._answer(item)
 
@@ -141,11 +159,16 @@ class Operator:
                 self.closed.add(message.source)
 
     def _answer(self, query: zenoh.Query) -> None:
-        """Give a late joiner the mission, or the faults in force."""
+        """Give whoever takes part what it asks for, a late joiner the mission or the faults in force."""
         key = str(query.key_expr)
-        if self._mission is not None:
-            for payload in [encode(self._mission)] if key == self._keys.mission else self._in_force:
-                query.reply(key, payload)
+        if key == self._keys.event(OPERATOR):
+            answers = self._in_force
+        elif key == self._keys.mission and self._mission is not None:
+            answers = [encode(self._mission)]
+        else:
+            answers = self._desk.answers(query)
+        for payload in answers:
+            query.reply(key, payload)
         query.drop()
 
     def _take(self, sample: zenoh.Sample) -> None:

@@ -2,18 +2,18 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Annotated, Any
+from typing import Any
 
-from cyclopts import Parameter, Token
+from cyclopts import Parameter
 from msgspec import to_builtins
 
 from edc_swarm.config import Criterion, GpsModel, Minimise, Mission, load_mission, with_options
 from edc_swarm.faults import parse_faults
 from edc_swarm.planner import check_planner
 from edc_swarm.roster import complete_mission
+from processes.whole import Whole
 
 MISSION_HELP = "Mission file (TOML); without one, a random mission."
 
@@ -32,15 +32,6 @@ FIELDS = {
     "max_slots": "max_slots",
 }
 """Field of the mission that an option sets."""
-
-
-def _whole(kind: object, tokens: Sequence[Token]) -> int:
-    """Convert without rounding: 10.5 UAVs are a mistake."""
-    del kind
-    return int(tokens[0].value)
-
-
-Whole = Annotated[int, Parameter(converter=_whole)]
 
 
 @Parameter(name="*")

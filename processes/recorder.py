@@ -1,4 +1,4 @@
-"""The recorder: `python -m processes.recorder` with its orders, a `RecorderSettings`, on standard input.
+"""The recorder: `python -m processes.recorder [tcp/HOST:PORT]`, with its orders, a `RecorderSettings`.
 
 It subscribes to everything of one mission, outside the link model, and writes the bytes it
 received. Zenoh's thread only queues; the main thread writes, and flushes every second, so a killed
@@ -22,12 +22,15 @@ import msgspec
 import zenoh
 from msgspec import Struct
 
-from edc_swarm.errors import MessageError
+from edc_swarm.errors import InputError, MessageError, SwarmError
 from edc_swarm.messages import Event, Keys, MissionMessage, decode, encode
 from edc_swarm.recording import RecordingWriter
 from edc_swarm.viz import channel_of, topic_of
 from processes.bus import hand_over, open_client, put
+from processes.console import complain
 from processes.inbox import Inbox
+from processes.operators import GIVE_UP_S, Operators
+from processes.orders import orders, outlast_operator
 from processes.parent import die_with_parent
 from processes.view import attach_layout
 
@@ -60,7 +63,7 @@ class Recorder:
         self._keys = Keys(settings.mission)
         self._stream = stream
         self._writer = RecordingWriter(stream, settings.run)
-        self._inbox: Inbox[Sample] = Inbox(QUEUE_LIMIT)
+        self._inbox: Inbox[Sample | zenoh.Query] = Inbox(QUEUE_LIMIT)
         self._instance = f"{os.getpid()}-{secrets.token_hex(4)}"
         self._seq = -1
         self._told_dropped = 0
@@ -68,9 +71,13 @@ class Recorder:
         self._last_word = self._keys.event("operator")
         self._stopping = False
         self._has_layout = False
-        self.has_mission = False
+        self._mission = settings.mission
         self._session = open_client(settings.endpoint, observer=True)
         self._session.declare_subscriber(self._keys.everything, hand_over(self._take))
+        self._known = {self._keys.orders(NAME): msgspec.json.encode(settings)}
+        for key in (self._keys.mission, *self._known):
+            self._session.declare_queryable(key, hand_over(self._inbox.put))
+        self._operators = None if settings.parent else Operators(self._session)
         self._token = self._session.liveliness().declare_token(self._keys.alive(NAME, self._instance))
 
     def stop(self) -> None:
@@ -81,10 +88,14 @@ class Recorder:
         """Write until the operator's last word, or until told to stop."""
         next_flush_s = time.monotonic() + FLUSH_S
         while not self._stopping:
-            for key, payload, received_ns in self._inbox.wait(next_flush_s - time.monotonic()):
-                self._write(key, payload, received_ns)
+            for item in self._inbox.wait(next_flush_s - time.monotonic()):
+                if isinstance(item, zenoh.Query):
+                    self._answer(item)
+                else:
+                    self._write(*item)
             if time.monotonic() >= next_flush_s:
                 self._flush()
+                self._stopping |= self._is_deserted()
                 next_flush_s = time.monotonic() + FLUSH_S
 
     def finish(self) -> None:
@@ -101,6 +112,17 @@ class Recorder:
             source=NAME, instance=self._instance, seq=self._seq, sent_ns=time.time_ns(), kind=kind, detail=detail
         )
         put(self._session, self._keys.event(NAME), encode(event))
+
+    def _is_deserted(self) -> bool:
+        """Whether the operator has gone for good without a last word."""
+        return self._operators is not None and self._operators.away_s(self._mission) > GIVE_UP_S
+
+    def _answer(self, query: zenoh.Query) -> None:
+        """Tell the next operator what this one has said, should it die: the mission, and the orders given here."""
+        key = str(query.key_expr)
+        if key in self._known:
+            query.reply(key, self._known[key])
+        query.drop()
 
     def _take(self, sample: zenoh.Sample) -> None:
         self._inbox.put((str(sample.key_expr), sample.payload.to_bytes(), time.time_ns()))
@@ -122,9 +144,15 @@ class Recorder:
             self._writer.write_as(channel, payload, received_ns)
             return
         self._writer.write(key, payload, received_ns)
-        if key == self._keys.mission and not self._has_layout:
-            self._attach_layout(payload)
-        self.has_mission |= key == self._keys.mission
+        if key == self._keys.mission:
+            self._known[key] = payload
+            if not self._has_layout:
+                self._attach_layout(payload)
+
+    @property
+    def has_mission(self) -> bool:
+        """Whether there was a mission to record."""
+        return self._keys.mission in self._known
 
     def _attach_layout(self, payload: bytes) -> None:
         with suppress(MessageError):
@@ -148,13 +176,15 @@ def reason_of(error: OSError) -> str:
 
 def main() -> int:
     """Record one mission."""
-    settings = msgspec.json.decode(sys.stdin.buffer.read(), type=RecorderSettings)
+    settings = orders(RecorderSettings, NAME)
     if settings.parent:
         die_with_parent(settings.parent)
         signal.signal(signal.SIGINT, signal.SIG_IGN)
     signal.signal(signal.SIGXFSZ, signal.SIG_IGN)
     with Path(settings.part).open("r+b") as stream:
         fcntl.flock(stream, fcntl.LOCK_EX)
+        if stream.read(1):
+            raise InputError("recording", settings.part, "empty (a recorder that died is not gone on with)")
         recorder = Recorder(settings, stream)
         signal.signal(signal.SIGTERM, lambda *_: recorder.stop())
         try:
@@ -168,8 +198,13 @@ def main() -> int:
             recorder.tell("recording-failed", reason_of(error))
             print(reason_of(error), file=sys.stderr, flush=True)
             os._exit(CANNOT_WRITE)
+    if not settings.parent:
+        outlast_operator(settings.endpoint, settings.mission)
     return 0
 
 
 if __name__ == "__main__":
-    sys.exit(main())
+    try:
+        sys.exit(main())
+    except SwarmError as error:
+        sys.exit(complain(error))

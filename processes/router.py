@@ -1,4 +1,8 @@
-"""The router: `python -m processes.router tcp/HOST:PORT`. Says `ready` when it listens."""
+"""The router: `python -m processes.router tcp/HOST:PORT [PARENT | mission]`. Says `ready` when it listens.
+
+It routes until SIGTERM. With a parent it dies with it; with the word `mission` it ends when a mission
+has been flown, its operator and all who took part have gone.
+"""
 
 from __future__ import annotations
 
@@ -7,24 +11,52 @@ import sys
 
 import zenoh
 
-from processes.bus import open_router
+from edc_swarm.messages import PREFIX
+from processes.bus import hand_over, open_router
+from processes.ears import OPERATOR
+from processes.operators import LINGER_S
 from processes.parent import die_with_parent
+
+ONE_MISSION = "mission"
 
 
 def main() -> int:
-    """Route until SIGTERM. The second argument, when given, is the parent to die with."""
-    signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGTERM, signal.SIGINT})
-    if len(sys.argv) > 2:
-        die_with_parent(int(sys.argv[2]))
+    """Route until it is time to end."""
+    signals = {signal.SIGTERM, signal.SIGINT}
+    signal.pthread_sigmask(signal.SIG_BLOCK, signals)
+    for_whom = sys.argv[2] if len(sys.argv) > 2 else ""
+    if for_whom.isdigit():
+        die_with_parent(int(for_whom))
+        signals = {signal.SIGTERM}
     try:
         session = open_router(sys.argv[1])
     except zenoh.ZError as error:
         print(f"router: {error}", file=sys.stderr)
         return 2
     print("ready", flush=True)
-    signal.sigwait({signal.SIGTERM} if len(sys.argv) > 2 else {signal.SIGTERM, signal.SIGINT})
+    if for_whom == ONE_MISSION:
+        _route_one_mission(session, signals)
+    else:
+        signal.sigwait(signals)
     session.close()
     return 0
+
+
+def _route_one_mission(session: zenoh.Session, signals: set[signal.Signals]) -> None:
+    """Wait until an operator has come and everybody has gone, or a signal comes."""
+    there: set[str] = set()
+    operators: set[str] = set()
+
+    def take(sample: zenoh.Sample) -> None:
+        key = str(sample.key_expr)
+        (there.add if sample.kind == zenoh.SampleKind.PUT else there.discard)(key)
+        if f"/alive/{OPERATOR}/" in key:
+            operators.add(key)
+
+    tokens = session.liveliness().declare_subscriber(f"{PREFIX}/*/alive/**", hand_over(take), history=True)
+    while signal.sigtimedwait(signals, LINGER_S) is None and (there or not operators):
+        pass
+    tokens.undeclare()
 
 
 if __name__ == "__main__":

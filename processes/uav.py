@@ -21,6 +21,7 @@ from pathlib import Path
 import msgspec
 from msgspec import Struct
 
+from edc_swarm.claims import LAUNCHED, instance_name
 from edc_swarm.config import NS_PER_S
 from edc_swarm.errors import InputError, MessageError, SwarmError
 from edc_swarm.links import DELAY_ERROR, LinkEmulator, have_range, mission_s
@@ -61,6 +62,7 @@ class UavSettings(Struct, frozen=True, kw_only=True):
     """What a UAV process must be told; all else is in the mission message.
 
     `measure_response`: measure the response time before connecting, not when the mission begins.
+    `claimant`: whom the id was issued to, "" under the launcher.
     """
 
     endpoint: str
@@ -68,6 +70,7 @@ class UavSettings(Struct, frozen=True, kw_only=True):
     uav: str
     state: str
     measure_response: bool = False
+    claimant: str = LAUNCHED
 
 
 @dataclass(frozen=True, slots=True)
@@ -82,7 +85,7 @@ class UavProcess:
         self._settings = settings
         self._keys = Keys(settings.mission)
         self._state = UavState(Path(settings.state), settings.uav)
-        self._instance = f"{os.getpid()}-{secrets.token_hex(4)}"
+        self._instance = instance_name(f"{os.getpid()}-{secrets.token_hex(4)}", settings.claimant)
         self._clock = WallClock()
         self._inbox: Inbox[Item] = Inbox()
         self._malformed = Malformed()
@@ -172,6 +175,8 @@ class UavProcess:
         entry = next((entry for entry in mission.roster if entry.uav == self._settings.uav), None)
         if entry is None:
             raise InputError("uav", self._settings.uav, f"in the roster of mission {mission.name}")
+        if mission.claimant_of(entry.uav) != self._settings.claimant:
+            raise InputError("uav", entry.uav, f"an id that mission {mission.name} has issued to nobody else")
         if mission.elect == "response-time" and not self._response_ms:
             self._response_ms = measured_response_ms()
         node = UavNode(

@@ -7,6 +7,7 @@ import sys
 from collections.abc import Iterator
 from pathlib import Path
 
+import msgspec
 import pytest
 import zenoh
 
@@ -120,6 +121,18 @@ def test_imports_numpy_only_when_it_is_a_standby(bench: Bench):
     bench.say(bench.report(standby=[bench.last]))
     await_true(bench.imports_numpy)
     bench.close()
+
+
+def test_a_uav_of_another_claimant_leaves(bench: Bench):
+    """Its id was issued to somebody else, while it was thought gone: it must not say a word."""
+    claimants = tuple("a" * 16 if entry.uav == bench.last else "" for entry in bench.mission.roster)
+    await_true(lambda: bool(bench.inbox.wait(0.05)))
+    bench.session.put(bench.keys.mission, encode(msgspec.structs.replace(bench.mission, claimants=claimants)))
+    _, said = bench.process.communicate(timeout=30)
+    assert bench.process.returncode == 2
+    assert f"uav = '{bench.last}'" in said.decode()
+    assert not [key for key, payload in bench.inbox.wait(0.05) if payload and bench.last in key]
+    bench.session.close()
 
 
 def test_bad_bytes_are_counted_told_now_and_then_and_dropped(bench: Bench):

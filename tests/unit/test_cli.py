@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import os
+import shlex
 import socket
 from pathlib import Path
 
@@ -157,6 +158,32 @@ def test_a_port_in_use(capsys):
     assert "--listen = 'nowhere'" in complaint(capsys, "run", "--listen", "nowhere")
 
 
+@pytest.mark.parametrize(
+    ("command", "named"),
+    [
+        ("run --remote 11", "--remote = 11"),
+        ("run --remote -1", "--remote = -1"),
+        ("run --operate nowhere", "--operate = 'nowhere'"),
+        ("run --operate tcp/a:1 --remote 2", "--remote = 2"),
+        ("run --operate tcp/a:1 --listen tcp/127.0.0.1:1", "--listen = "),
+        ("run --operate tcp/a:1 --fault 'kill router @3'", "fault = "),
+        ("join nowhere", "address = 'nowhere'"),
+        ("join tcp/a:99999", "address = 'tcp/a:99999'"),
+        ("join tcp/a:1 --uavs 0", "--uavs = 0"),
+        ("join tcp/a:1 --uavs 2.5", "--uavs = '2.5'"),
+        ("join tcp/a:1 --state file", "--state = 'file'"),
+        ("join", "ADDRESS = ''"),
+    ],
+)
+def test_bad_offers_to_share_a_mission(capsys, tmp_path: Path, command: str, named: str):
+    """Told before anybody is connected to."""
+    (tmp_path / "file").write_text("")
+    assert named in complaint(capsys, *shlex.split(command)).lower() or named in complaint(
+        capsys, *shlex.split(command)
+    )
+    assert [entry.name for entry in tmp_path.iterdir()] == ["file"]
+
+
 @pytest.mark.parametrize("command", ["metrics", "check"])
 @pytest.mark.parametrize("content", [None, b"", b"not MCAP", b"\x89MCAP0\r\n"])
 def test_files_that_are_no_recordings(capsys, tmp_path: Path, command: str, content: bytes | None):
@@ -178,7 +205,7 @@ def test_a_truncated_recording(capsys, tmp_path: Path):
 
 def test_an_unknown_command(capsys):
     """The known ones are named."""
-    assert "run, sim, metrics, check" in complaint(capsys, "fly")
+    assert "run, join, sim, metrics, check" in complaint(capsys, "fly")
 
 
 def test_json_stands_alone_and_equals_metrics(capsys, tmp_path: Path):
