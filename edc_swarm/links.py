@@ -15,12 +15,15 @@ from collections.abc import Collection
 from dataclasses import dataclass
 from random import Random
 
-from edc_swarm.config import NS_PER_S, Link, Mission
+from edc_swarm.config import MAX_FAULTS, MAX_LINKS, NS_PER_S, Link, Mission
 
 NS_PER_MS = 1_000_000
 ANYONE = "*"
 TRUNCATED_AT = 3.0
 """A normal jitter is at most this many standard deviations."""
+
+MAX_CHANGES = MAX_LINKS + MAX_FAULTS
+"""More than a mission's links and faults together are not kept."""
 
 REORDER_SLOTS = 3
 """A reordered message is delayed by up to this many slots more, so that later ones overtake it."""
@@ -66,12 +69,12 @@ class LinkEmulator:
 
     def add_rule(self, rule: Link) -> None:
         """Let `rule` hold from now on wherever it matches (a fault)."""
-        if rule.receiver in {ANYONE, self._receiver}:
+        if rule.receiver in {ANYONE, self._receiver} and len(self._rules) < MAX_CHANGES:
             self._rules.append(rule)
 
     def add_cut(self, cut: Cut) -> None:
         """Cut links off (a fault)."""
-        if self._receiver in cut.receivers:
+        if self._receiver in cut.receivers and len(self._cuts) < MAX_CHANGES:
             self._cuts.append(cut)
 
     def heal(self) -> None:

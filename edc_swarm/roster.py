@@ -8,8 +8,8 @@ import msgspec
 import numpy as np
 from numpy.typing import NDArray
 
-from edc_swarm.config import Mission, RosterEntry, default_max_slots, default_tau_s
-from edc_swarm.errors import MissionError, PlacementError
+from edc_swarm.config import Mission, RosterEntry, check_links, default_max_slots, default_tau_s
+from edc_swarm.errors import PlacementError
 
 TRIES = 10_000
 """Draws after which a UAV is said not to fit."""
@@ -30,7 +30,7 @@ def complete_mission(mission: Mission) -> Mission:
     """
     roster = mission.roster or random_roster(mission)
     whole = msgspec.structs.replace(mission, roster=roster, uavs=len(roster))
-    _check_links(whole)
+    check_links(whole)
     return msgspec.structs.replace(whole, tau_s=default_tau_s(whole), max_slots=default_max_slots(whole))
 
 
@@ -91,12 +91,3 @@ def _free_point(
         if not len(taken_m) or ((taken_m - point_m) ** 2).sum(axis=1).min() >= least_m**2:
             return point_m
     return None
-
-
-def _check_links(mission: Mission) -> None:
-    known = {"*", *(entry.uav for entry in mission.roster)}
-    for index, link in enumerate(mission.link):
-        for end in ("sender", "receiver"):
-            value = getattr(link, end)
-            if value not in known:
-                raise MissionError(f"link[{index}].{end}", value, 'the id of a UAV of the roster, or "*"')

@@ -5,17 +5,17 @@ from __future__ import annotations
 import os
 import secrets
 import time
+from functools import partial
 from itertools import count
 
 import msgspec
 import zenoh
 
-from edc_swarm.errors import MessageError
 from edc_swarm.faults import PROCESS_VERBS
-from edc_swarm.messages import Event, Fix, Keys, MissionMessage, Report, decode, encode
+from edc_swarm.messages import Event, Fix, Keys, MissionMessage, Report, encode
 from edc_swarm.progress import MissionMonitor
 from processes.bus import hand_over, open_client
-from processes.ears import OPERATOR, Heard, Token
+from processes.ears import MAX_TOKENS, OPERATOR, Gate, Heard, Token, heard_from
 from processes.inbox import Inbox
 from processes.outbox import Outbox
 
@@ -44,6 +44,7 @@ class Operator:
         self._mission: MissionMessage | None = None
         self._in_force: list[bytes] = []
         self._tokens: set[tuple[str, str]] = set()
+        self._gate = Gate(partial(self.publish_event, "malformed"))
         self.closed: set[str] = set()
         self.heard: set[str] = set()
         self.first_flown_slot = -1
@@ -57,13 +58,14 @@ class Operator:
         for key in (keys.all_fixes, keys.all_reports, keys.event("*")):
             session.declare_subscriber(key, hand_over(self._take), allowed_origin=zenoh.Locality.REMOTE)
         for key in (keys.mission, keys.event(OPERATOR)):
-            session.declare_queryable(key, hand_over(self._inbox.put_always))
+            session.declare_queryable(key, hand_over(self._inbox.put))
         session.liveliness().declare_subscriber(keys.all_alive, hand_over(self._take_token), history=True)
 
     def publish_mission(self, mission: MissionMessage) -> None:
         """Start the mission."""
         self._mission = msgspec.structs.replace(mission, instance=self._instance, sent_ns=time.time_ns())
         self.monitor = MissionMonitor(mission)
+        self._gate.know(mission)
         self._say(self._keys.mission, encode(self._mission))
 
     def publish_event(self, kind: str, detail: str = "") -> None:
@@ -114,7 +116,10 @@ class Operator:
             case Heard(key, payload):
                 self._hear(key, payload)
             case Token(uav, instance, alive):
-                (self._tokens.add if alive else self._tokens.discard)((uav, instance))
+                if not alive:
+                    self._tokens.discard((uav, instance))
+                elif len(self._tokens) < MAX_TOKENS:
+                    self._tokens.add((uav, instance))
             case zenoh.Query():
                 self._answer(item)
 
@@ -123,33 +128,31 @@ class Operator:
         self._outbox.flush()
 
     def _hear(self, key: str, payload: bytes) -> None:
-        try:
-            message = decode(key, payload)
-        except MessageError:
-            return
         if self.monitor is None:
             return
-        match message:
-            case Fix():
-                self.heard.add(message.uav)
-                self.monitor.hear_fix(message)
-                if message.executing and self.first_flown_slot < 0:
-                    self.first_flown_slot = message.slot
-            case Report():
-                self.monitor.hear_report(message)
-            case Event(kind="closed"):
-                self.closed.add(message.source)
+        match self._gate.admit(Heard(key, payload)):
+            case Fix() as fix:
+                self.heard.add(fix.uav)
+                self.monitor.hear_fix(fix)
+                if fix.executing and self.first_flown_slot < 0:
+                    self.first_flown_slot = fix.slot
+            case Report() as report:
+                self.monitor.hear_report(report)
+            case Event(kind="closed", source=source):
+                self.closed.add(source)
 
     def _answer(self, query: zenoh.Query) -> None:
         """Give a late joiner the mission, or the faults in force."""
         key = str(query.key_expr)
         if self._mission is not None:
-            for payload in [encode(self._mission)] if key == self._keys.mission else self._in_force:
+            answers = {self._keys.mission: [encode(self._mission)], self._keys.event(OPERATOR): self._in_force}
+            for payload in answers.get(key, []):
                 query.reply(key, payload)
         query.drop()
 
     def _take(self, sample: zenoh.Sample) -> None:
-        self._inbox.put(Heard(str(sample.key_expr), sample.payload.to_bytes()))
+        heard = heard_from(sample)
+        self._inbox.put(heard, len(heard.payload))
 
     def _take_token(self, sample: zenoh.Sample) -> None:
         uav, instance = str(sample.key_expr).split("/")[-2:]

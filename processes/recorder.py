@@ -22,11 +22,13 @@ import msgspec
 import zenoh
 from msgspec import Struct
 
+from edc_swarm.admission import ROLES
 from edc_swarm.errors import MessageError
-from edc_swarm.messages import Event, Keys, MissionMessage, decode, encode
-from edc_swarm.recording import RecordingWriter
-from edc_swarm.viz import channel_of, topic_of
+from edc_swarm.messages import Event, Keys, MissionMessage, decode, encode, kind_of
+from edc_swarm.recording import CLOSED, RecordingWriter, is_mission
+from edc_swarm.viz import TOPICS, channel_of, topic_of
 from processes.bus import hand_over, open_client, put
+from processes.ears import OPERATOR
 from processes.inbox import Inbox
 from processes.parent import die_with_parent
 from processes.view import attach_layout
@@ -36,6 +38,10 @@ FLUSH_S = 1.0
 CANNOT_WRITE = 3
 """Exit status when the file could not be written."""
 QUEUE_LIMIT = 200_000
+KEY_WORDS = frozenset({"mission", "uav", "fix", "truth", "head", "command", "report", "event", "viz", *TOPICS})
+"""What the keys of a mission are made of, beside the ids of its roster."""
+MAX_FOREIGN_KEYS = 1000
+"""Keys of nobody in the mission that are recorded all the same, one topic each."""
 
 Sample = tuple[str, bytes, int]
 STOP: Sample = ("", b"", 0)
@@ -65,9 +71,10 @@ class Recorder:
         self._seq = -1
         self._told_dropped = 0
         self._messages = 0
-        self._last_word = self._keys.event("operator")
+        self._known = {*KEY_WORDS, *ROLES}
+        self._foreign: set[str] = set()
+        self._left_out = 0
         self._stopping = False
-        self._has_layout = False
         self.has_mission = False
         self._session = open_client(settings.endpoint, observer=True)
         self._session.declare_subscriber(self._keys.everything, hand_over(self._take))
@@ -90,7 +97,11 @@ class Recorder:
     def finish(self) -> None:
         """Make the file whole."""
         self._session.close()
-        facts = {"messages": str(self._messages), "dropped": str(self._inbox.dropped)}
+        facts = {
+            "messages": str(self._messages),
+            "dropped": str(self._inbox.dropped),
+            "foreign_left_out": str(self._left_out),
+        }
         self._writer.finish(facts)
         self._stream.flush()
 
@@ -103,16 +114,41 @@ class Recorder:
         put(self._session, self._keys.event(NAME), encode(event))
 
     def _take(self, sample: zenoh.Sample) -> None:
-        self._inbox.put((str(sample.key_expr), sample.payload.to_bytes(), time.time_ns()))
+        payload = sample.payload.to_bytes()
+        self._inbox.put((str(sample.key_expr), payload, time.time_ns()), len(payload))
 
     def _write(self, key: str, payload: bytes, received_ns: int) -> None:
         if not key:
             self._stopping = True
             return
+        if not self._is_wanted(key):
+            self._left_out += 1
+            return
+        if not self._writer.has_room_for(key):
+            self._inbox.dropped += 1
+            return
         self._record(key, payload, received_ns)
         self._messages += 1
-        if key == self._last_word and b'"kind":"closed"' in payload:
-            self._stopping = True
+        self._stopping |= self._is_last_word(key, payload)
+
+    def _is_wanted(self, key: str) -> bool:
+        """Whether `key` is one of the mission's, or one of the first of all others.
+
+        A file holds so many topics and no more: whoever floods the bus with keys of nobody must not
+        take the room of those who fly.
+        """
+        if (kind_of(key) or topic_of(key)) and self._known.issuperset(key.split("/")[2:]):
+            return True
+        if len(self._foreign) < MAX_FOREIGN_KEYS:
+            self._foreign.add(key)
+        return key in self._foreign
+
+    def _is_last_word(self, key: str, payload: bytes) -> bool:
+        if key != self._keys.event(OPERATOR) or CLOSED.encode() not in payload:
+            return False
+        with suppress(MessageError):
+            return cast("Event", decode(key, payload)).kind == CLOSED
+        return False
 
     def _record(self, key: str, payload: bytes, received_ns: int) -> None:
         """Record a message of the swarm, or of the visualiser under the topic that viewers' layouts know."""
@@ -122,14 +158,13 @@ class Recorder:
             self._writer.write_as(channel, payload, received_ns)
             return
         self._writer.write(key, payload, received_ns)
-        if key == self._keys.mission and not self._has_layout:
-            self._attach_layout(payload)
-        self.has_mission |= key == self._keys.mission
+        if not self.has_mission and is_mission(key, payload):
+            self.has_mission = True
+            self._begin(cast("MissionMessage", decode(key, payload)))
 
-    def _attach_layout(self, payload: bytes) -> None:
-        with suppress(MessageError):
-            attach_layout(self._writer, cast("MissionMessage", decode(self._keys.mission, payload)))
-            self._has_layout = True
+    def _begin(self, mission: MissionMessage) -> None:
+        self._known.update(entry.uav for entry in mission.roster)
+        attach_layout(self._writer, mission)
 
     def _flush(self) -> None:
         self._writer.flush()

@@ -22,7 +22,7 @@ import msgspec
 from msgspec import Struct
 
 from edc_swarm.config import NS_PER_S
-from edc_swarm.errors import InputError, MessageError, SwarmError
+from edc_swarm.errors import InputError, SwarmError
 from edc_swarm.links import LinkEmulator, mission_s
 from edc_swarm.messages import Event, Keys, Message, MissionMessage, encode
 from edc_swarm.node import (
@@ -42,7 +42,7 @@ from edc_swarm.node import (
 from edc_swarm.planner.interface import Planner
 from processes.bus import is_connected, open_client
 from processes.clock import WallClock
-from processes.ears import OPERATOR, Ears, Heard, Item, Malformed, Postbox, Token, decoded, sender_of
+from processes.ears import OPERATOR, Ears, Gate, Heard, Item, Postbox, Token, sender_of
 from processes.faulty import Faulty
 from processes.inbox import Inbox
 from processes.outbox import Outbox
@@ -85,7 +85,7 @@ class UavProcess:
         self._instance = f"{os.getpid()}-{secrets.token_hex(4)}"
         self._clock = WallClock()
         self._inbox: Inbox[Item] = Inbox()
-        self._malformed = Malformed()
+        self._gate = Gate(self._tell_malformed)
         self._peers = Peers()
         self._flight: Flight | None = None
         self._leaving = False
@@ -140,12 +140,9 @@ class UavProcess:
                 self._leaving = True
 
     def _hear(self, heard: Heard) -> None:
-        try:
-            message = decoded(heard)
-        except MessageError as error:
-            self._tell_malformed(error)
-            return
-        match message:
+        match message := self._gate.admit(heard):
+            case None:
+                pass
             case MissionMessage():
                 self._begin(message)
             case Event(source="operator"):
@@ -153,9 +150,8 @@ class UavProcess:
             case _:
                 self._receive(message)
 
-    def _tell_malformed(self, error: MessageError) -> None:
-        detail = self._malformed.count(error)
-        if detail is not None and self._flight is not None:
+    def _tell_malformed(self, detail: str) -> None:
+        if self._flight is not None:
             self._carry_out([self._flight.node.event("malformed", detail)])
 
     def _begin(self, mission: MissionMessage) -> None:
@@ -176,6 +172,7 @@ class UavProcess:
             response_ms=self._response_ms * entry.compute_factor,
             cpu_s=time.process_time,
         )
+        self._gate.know(mission)
         postbox = Postbox(LinkEmulator(mission, entry.uav))
         self._flight = Flight(mission, node, postbox, Faulty(mission, entry.uav, postbox.links, self._clock))
 

@@ -12,16 +12,17 @@ import signal
 import sys
 import time
 from dataclasses import dataclass
+from functools import partial
+from itertools import count
 
 import msgspec
 import zenoh
 from msgspec import Struct
 
-from edc_swarm.errors import MessageError
-from edc_swarm.messages import Event, Keys, decode, encode
+from edc_swarm.messages import Event, Keys, MissionMessage, encode
 from edc_swarm.viz import ROOT, Scenery, Shown
 from processes.bus import hand_over, open_client
-from processes.ears import OPERATOR
+from processes.ears import OPERATOR, Gate, Heard, heard_from
 from processes.inbox import Inbox
 from processes.live import Live, Subscribed
 from processes.outbox import Outbox
@@ -70,6 +71,8 @@ class Visualiser:
         self._scenery = Scenery()
         self._last: dict[str, int] = {}
         self._instance = f"{os.getpid()}-{secrets.token_hex(4)}"
+        self._event_seq = count()
+        self._gate = Gate(partial(self._tell, "malformed"))
         self._over = False
         self._unsent = 0
         self._live = Live(settings.live_port, self._inbox.put_always) if settings.live_port else None
@@ -109,10 +112,11 @@ class Visualiser:
                 self._hear(key, payload, time_ns)
 
     def _hear(self, key: str, payload: bytes, time_ns: int) -> None:
-        try:
-            message = decode(key, payload)
-        except MessageError:
+        message = self._gate.admit(Heard(key, payload))
+        if message is None:
             return
+        if isinstance(message, MissionMessage):
+            self._gate.know(message)
         self._scenery.hear(message, time_ns)
         if isinstance(message, Event) and message.source == OPERATOR and message.kind == "end":
             self._over = True
@@ -137,16 +141,20 @@ class Visualiser:
     def _close(self) -> None:
         """Say how many messages of each topic there were; viewers' messages carry no numbers."""
         self._publish(self._scenery.advance(time.time_ns()))
-        detail = msgspec.json.encode(self._last).decode()
-        event = Event(source=NAME, instance=self._instance, sent_ns=time.time_ns(), kind="closed", detail=detail)
-        self._outbox.put(self._keys.event(NAME), encode(event))
+        self._tell("closed", msgspec.json.encode(self._last).decode())
         self._outbox.flush()
         self._session.close()
         if self._live is not None:
             self._live.stop()
 
+    def _tell(self, kind: str, detail: str) -> None:
+        seq, now_ns = next(self._event_seq), time.time_ns()
+        event = Event(source=NAME, instance=self._instance, seq=seq, sent_ns=now_ns, kind=kind, detail=detail)
+        self._outbox.put(self._keys.event(NAME), encode(event))
+
     def _take(self, sample: zenoh.Sample) -> None:
-        self._inbox.put(_Said(str(sample.key_expr), sample.payload.to_bytes(), time.time_ns()))
+        heard = heard_from(sample)
+        self._inbox.put(_Said(heard.key, heard.payload, time.time_ns()), len(heard.payload))
 
     def _take_reply(self, reply: zenoh.Reply) -> None:
         if reply.ok is not None:

@@ -7,6 +7,7 @@ import sys
 from collections.abc import Iterator
 from pathlib import Path
 
+import msgspec
 import pytest
 import zenoh
 
@@ -64,7 +65,8 @@ class Bench:
     def say(self, *messages: Event | Report | Fix) -> None:
         """Publish as whoever the message is from."""
         for message in messages:
-            self.session.put(self.keys.of(message), encode(message))
+            stamped = msgspec.structs.replace(message, sent_ns=WallClock().now_ns())
+            self.session.put(self.keys.of(stamped), encode(stamped))
 
     def await_heard(self, kind: type, count: int = 1) -> list[Fix | Event]:
         """Wait for messages of a kind from the UAV."""
