@@ -13,6 +13,7 @@ from collections.abc import Collection, Iterator
 
 import msgspec
 
+from edc_swarm.config import ROLES
 from edc_swarm.errors import MessageError, MissionError
 from edc_swarm.faults import parse_faults
 from edc_swarm.messages import NO_ONE, Command, Event, Fix, Message, MissionMessage, Report, Truth
@@ -21,8 +22,6 @@ SLACK_SLOTS = 1000
 """A clock may be so many slots ahead of the mission's last slot."""
 TERMS_PER_SLOT = 2000
 """More terms than this do not pass in a slot: whoever claims one is not believed, so terms cannot run out."""
-ROLES = frozenset({"operator", "recorder", "viz", "router"})
-"""Who may tell events beside the UAVs."""
 REACH_TOLERANCE = 1e-6
 
 
@@ -59,6 +58,8 @@ class Admission:
                 yield from self._of_report(message)
             case Event():
                 yield from self._unknown({message.source} - ROLES)
+                if message.sent_ns < self._mission.sent_ns:
+                    yield "sent before the mission"
                 if message.kind == "fault":
                     yield from self._of_fault(message.detail)
             case MissionMessage():

@@ -44,6 +44,12 @@ Fraction = Annotated[float, Meta(ge=0, le=1)]
 LinkEnd = Annotated[str, Meta(max_length=32)]
 FaultText = Annotated[str, Meta(max_length=65536)]
 
+OPERATOR, RECORDER, VISUALISER, ROUTER = "operator", "recorder", "viz", "router"
+ROLES = frozenset({OPERATOR, RECORDER, VISUALISER, ROUTER})
+"""Processes beside the UAVs, by the names under which they speak and are certified."""
+RESERVED_IDS = ROLES | {"ca"}
+"""No UAV may be named like a role or like the file of the authority that certifies them."""
+
 NS_PER_S = 1_000_000_000
 ARRIVED_M = 0.1
 """A UAV closer than this to its target has arrived."""
@@ -309,6 +315,8 @@ def _validate_roster(roster: list[RosterEntry]) -> None:
     for index, entry in enumerate(roster):
         if entry.uav in seen:
             raise MissionError(f"roster[{index}].uav", entry.uav, "an id that no other UAV has")
+        if entry.uav in RESERVED_IDS:
+            raise MissionError(f"roster[{index}].uav", entry.uav, f"none of {', '.join(sorted(RESERVED_IDS))}")
         if entry.body_m > entry.r_m:
             raise MissionError(f"roster[{index}].body_m", entry.body_m, f"at most r_m ({entry.r_m})")
         seen.add(entry.uav)

@@ -52,7 +52,7 @@ def random_roster(mission: Mission) -> list[RosterEntry]:
     energies_j = charge.uniform(model.initial_min_j, model.initial_max_j, mission.uavs)
     return [
         RosterEntry(
-            uav=f"u{index + 1:03d}",
+            uav=uav,
             start_x_m=float(starts_m[index, 0]),
             start_y_m=float(starts_m[index, 1]),
             target_x_m=float(targets_m[index, 0]),
@@ -61,8 +61,13 @@ def random_roster(mission: Mission) -> list[RosterEntry]:
             body_m=mission.body_m,
             energy_j=float(energies_j[index]),
         )
-        for index in range(mission.uavs)
+        for index, uav in enumerate(uav_ids(mission.uavs))
     ]
+
+
+def uav_ids(count: int) -> list[str]:
+    """Ids of a random mission: u001, u002, ..."""
+    return [f"u{number:03d}" for number in range(1, count + 1)]
 
 
 def _placed(rng: np.random.Generator, mission: Mission, what: str) -> NDArray[np.float64]:

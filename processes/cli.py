@@ -33,6 +33,7 @@ app.command("processes.commands.figures:figures", help="Make the paper's figures
 app.command("processes.commands.replay:replay", help="Put a recording back onto a bus, or plan it again and compare.")
 app.command("processes.commands.recover:recover", help="Make a whole recording of one that was cut off.")
 app.command("processes.commands.visualise:visualise", help="Add what Foxglove draws to a recording.")
+app.command("processes.commands.certs:certs", help="Make the certificates of a secured swarm.")
 app.command("processes.commands.report:report", help="Make a self-contained page of a recording.")
 
 

@@ -13,13 +13,13 @@ from itertools import count
 import zenoh
 
 from edc_swarm.admission import Admission
+from edc_swarm.config import OPERATOR
 from edc_swarm.errors import MessageError
 from edc_swarm.links import LinkEmulator
 from edc_swarm.messages import MAX_MESSAGE_BYTES, Command, Fix, Keys, Message, MissionMessage, Report, decode
 from processes.bus import hand_over
 from processes.inbox import Inbox
 
-OPERATOR = "operator"
 MAX_POSTPONED = 100_000
 MAX_COUNTED_KEYS = 1000
 MAX_TOKENS = 10_000

@@ -15,6 +15,7 @@ import threading
 import time
 from collections.abc import Callable
 from dataclasses import dataclass
+from pathlib import Path
 
 import msgspec
 import zenoh
@@ -24,7 +25,7 @@ from edc_swarm.errors import InputError, SwarmError
 from edc_swarm.messages import MissionMessage
 from edc_swarm.simulation import mission_message
 from processes import fork_source
-from processes.address import check_endpoint, connect_endpoint, free_endpoint
+from processes.address import check_endpoint, connect_endpoint, free_endpoint, host_of
 from processes.children import Child, ChildExited, ChildReady
 from processes.console import note
 from processes.ears import Heard, Token
@@ -36,6 +37,7 @@ from processes.progress_bar import ProgressBar
 from processes.recorder import CANNOT_WRITE, RecorderSettings
 from processes.recorder import NAME as RECORDER
 from processes.run_facts import run_facts
+from processes.security import OPEN, secure
 from processes.state import create_state, promise_path
 from processes.uav import UavSettings
 from processes.viz import NAME as VIZ
@@ -84,16 +86,33 @@ class View:
     live_port: int = 0
 
 
+@dataclass(frozen=True, slots=True)
+class Protection:
+    """A secured bus; `certs` is a folder made by `edc-swarm certs`, None for certificates of this run alone."""
+
+    certs: Path | None = None
+
+
 class Launcher:
     """One run: its processes, from the first to the last."""
 
     def __init__(
-        self, mission: Mission, output: Output, *, listen: str | None, view: View, show_progress: bool
+        self,
+        mission: Mission,
+        output: Output,
+        *,
+        listen: str | None,
+        view: View,
+        show_progress: bool,
+        protection: Protection | None = None,
     ) -> None:
         self._output = output
         self._listen = listen
         self._view = view
         self._show_progress = show_progress
+        self._protection = protection
+        self._protocol = "tcp" if protection is None else "tls"
+        self._security = OPEN
         name = f"{mission.name[:50]}-{secrets.token_hex(4)}"
         self._mission = msgspec.structs.replace(mission, name=name)
         self._roster = [entry.uav for entry in mission.roster]
@@ -133,8 +152,11 @@ class Launcher:
 
     def _start(self) -> None:
         self._start_fork_source()
+        self._secure()
         self._start_router()
-        self._operator = Operator(connect_endpoint(self._endpoint), self._mission.name, self._inbox)
+        self._operator = Operator(
+            connect_endpoint(self._endpoint), self._mission.name, self._inbox, certs=self._security.certs
+        )
         self._start_recorder()
         self._start_visualiser()
         self._wait(lambda: FORK_SOURCE in self._ready, "the planner to be imported, at the first run compiled")
@@ -145,12 +167,17 @@ class Launcher:
         self._wait(lambda: self.bus.alive >= everyone, "all to connect")
         self._connected_at_s = time.monotonic()
 
+    def _secure(self) -> None:
+        if self._protection is not None:
+            hosts = [host_of(self._listen)] if self._listen is not None else []
+            self._security = secure(self._protection.certs, self._output.state, self._mission.name, self._roster, hosts)
+
     def _start_router(self) -> None:
         """Start the router; a free port may be taken by another before it listens, then try again."""
         if self._listen is not None:
-            check_endpoint(self._listen)
+            check_endpoint(self._listen, self._protocol)
         for _ in range(PORT_TRIES):
-            self._endpoint = self._listen or free_endpoint()
+            self._endpoint = self._listen or free_endpoint(self._protocol)
             self._spawn_router()
             self._wait(lambda: ROUTER in self._ready or ROUTER not in self._children, "the router")
             if ROUTER in self._ready:
@@ -160,7 +187,8 @@ class Launcher:
     def _spawn_router(self) -> None:
         self._ready.discard(ROUTER)
         self._expected_deaths.add(ROUTER)
-        self._spawn(ROUTER, "processes.router", [self._endpoint, str(os.getpid())])
+        access = list(filter(None, [self._security.access]))
+        self._spawn(ROUTER, "processes.router", [self._endpoint, str(os.getpid()), *access])
 
     def _start_recorder(self) -> None:
         settings = RecorderSettings(
@@ -169,6 +197,7 @@ class Launcher:
             part=str(self._output.part),
             out=str(self._output.path),
             run=run_facts("wall"),
+            certs=self._security.certs,
             parent=os.getpid(),
         )
         self._spawn(RECORDER, "processes.recorder", [], orders=msgspec.json.encode(settings))
@@ -180,6 +209,7 @@ class Launcher:
             endpoint=connect_endpoint(self._endpoint),
             mission=self._mission.name,
             live_port=self._view.live_port,
+            certs=self._security.certs,
             parent=os.getpid(),
         )
         self._spawn(VIZ, "processes.viz", [], orders=msgspec.json.encode(settings))
@@ -222,6 +252,7 @@ class Launcher:
             mission=self._mission.name,
             uav=uav,
             state=str(self._output.state.resolve()),
+            certs=self._security.certs,
             measure_response=self._mission.elect == "response-time",
         )
         self._uavs[uav] = 0

@@ -11,11 +11,13 @@ from itertools import count
 import msgspec
 import zenoh
 
+from edc_swarm.config import OPERATOR
 from edc_swarm.faults import PROCESS_VERBS
 from edc_swarm.messages import Event, Fix, Keys, MissionMessage, Report, encode
 from edc_swarm.progress import MissionMonitor
 from processes.bus import hand_over, open_client
-from processes.ears import MAX_TOKENS, OPERATOR, Gate, Heard, Token, heard_from
+from processes.credentials import credentials
+from processes.ears import MAX_TOKENS, Gate, Heard, Token, heard_from
 from processes.inbox import Inbox
 from processes.outbox import Outbox
 
@@ -35,7 +37,7 @@ class Operator:
         First slot in which any UAV executed a command.
     """
 
-    def __init__(self, endpoint: str, mission_id: str, inbox: Inbox[object]) -> None:
+    def __init__(self, endpoint: str, mission_id: str, inbox: Inbox[object], *, certs: str = "") -> None:
         self._keys = Keys(mission_id)
         self._inbox = inbox
         self._instance = f"{os.getpid()}-{secrets.token_hex(4)}"
@@ -49,7 +51,7 @@ class Operator:
         self.heard: set[str] = set()
         self.first_flown_slot = -1
         self.monitor: MissionMonitor | None = None
-        self._session = open_client(endpoint, timeout_ms=OPEN_TIMEOUT_MS, observer=True)
+        self._session = open_client(endpoint, credentials(certs, OPERATOR), timeout_ms=OPEN_TIMEOUT_MS, observer=True)
         self._outbox = Outbox(self._session)
         self._declare()
 

@@ -14,7 +14,7 @@ import secrets
 import signal
 import sys
 import time
-from contextlib import suppress
+from functools import partial
 from pathlib import Path
 from typing import BinaryIO, cast
 
@@ -22,18 +22,18 @@ import msgspec
 import zenoh
 from msgspec import Struct
 
-from edc_swarm.admission import ROLES
-from edc_swarm.errors import MessageError
+from edc_swarm.config import OPERATOR, RECORDER, ROLES
 from edc_swarm.messages import Event, Keys, MissionMessage, decode, encode, kind_of
 from edc_swarm.recording import CLOSED, RecordingWriter, is_mission
 from edc_swarm.viz import TOPICS, channel_of, topic_of
 from processes.bus import hand_over, open_client, put
-from processes.ears import OPERATOR
+from processes.credentials import credentials
+from processes.ears import Gate, Heard
 from processes.inbox import Inbox
 from processes.parent import die_with_parent
 from processes.view import attach_layout
 
-NAME = "recorder"
+NAME = RECORDER
 FLUSH_S = 1.0
 CANNOT_WRITE = 3
 """Exit status when the file could not be written."""
@@ -56,6 +56,7 @@ class RecorderSettings(Struct, frozen=True, kw_only=True):
     part: str
     out: str
     run: dict[str, str]
+    certs: str = ""
     parent: int = 0
 
 
@@ -72,11 +73,12 @@ class Recorder:
         self._told_dropped = 0
         self._messages = 0
         self._known = {*KEY_WORDS, *ROLES}
+        self._gate = Gate(partial(self.tell, "malformed"))
         self._foreign: set[str] = set()
         self._left_out = 0
         self._stopping = False
         self.has_mission = False
-        self._session = open_client(settings.endpoint, observer=True)
+        self._session = open_client(settings.endpoint, credentials(settings.certs, NAME), observer=True)
         self._session.declare_subscriber(self._keys.everything, hand_over(self._take))
         self._token = self._session.liveliness().declare_token(self._keys.alive(NAME, self._instance))
 
@@ -146,9 +148,8 @@ class Recorder:
     def _is_last_word(self, key: str, payload: bytes) -> bool:
         if key != self._keys.event(OPERATOR) or CLOSED.encode() not in payload:
             return False
-        with suppress(MessageError):
-            return cast("Event", decode(key, payload)).kind == CLOSED
-        return False
+        message = self._gate.admit(Heard(key, payload))
+        return isinstance(message, Event) and message.kind == CLOSED
 
     def _record(self, key: str, payload: bytes, received_ns: int) -> None:
         """Record a message of the swarm, or of the visualiser under the topic that viewers' layouts know."""
@@ -163,6 +164,7 @@ class Recorder:
             self._begin(cast("MissionMessage", decode(key, payload)))
 
     def _begin(self, mission: MissionMessage) -> None:
+        self._gate.know(mission)
         self._known.update(entry.uav for entry in mission.roster)
         attach_layout(self._writer, mission)
 

@@ -42,7 +42,8 @@ from edc_swarm.node import (
 from edc_swarm.planner.interface import Planner
 from processes.bus import is_connected, open_client
 from processes.clock import WallClock
-from processes.ears import OPERATOR, Ears, Gate, Heard, Item, Postbox, Token, sender_of
+from processes.credentials import credentials
+from processes.ears import Ears, Gate, Heard, Item, Postbox, Token, sender_of
 from processes.faulty import Faulty
 from processes.inbox import Inbox
 from processes.outbox import Outbox
@@ -60,13 +61,15 @@ RETRY_S = 0.02
 class UavSettings(Struct, frozen=True, kw_only=True):
     """What a UAV process must be told; all else is in the mission message.
 
-    `measure_response`: measure the response time before connecting, not when the mission begins.
+    `certs`: folder with the own certificate on a secured bus. `measure_response`: measure the
+    response time before connecting, not when the mission begins.
     """
 
     endpoint: str
     mission: str
     uav: str
     state: str
+    certs: str = ""
     measure_response: bool = False
 
 
@@ -90,7 +93,7 @@ class UavProcess:
         self._flight: Flight | None = None
         self._leaving = False
         self._response_ms = measured_response_ms() if settings.measure_response else 0.0
-        self._session = open_client(settings.endpoint)
+        self._session = open_client(settings.endpoint, credentials(settings.certs, settings.uav))
         self._outbox = Outbox(self._session)
         self._ears = Ears(self._session, self._keys, settings.uav, self._inbox)
         self._token = self._session.liveliness().declare_token(self._keys.alive(settings.uav, self._instance))
@@ -293,10 +296,11 @@ def main() -> int:
         ("state", "folder with the files of promise and airframe"),
     ):
         parser.add_argument(f"--{name}", required=True, help=text)
+    parser.add_argument("--certs", default="", help="folder with the own certificate, on a secured bus")
     return fly(UavSettings(**vars(parser.parse_args())), obey_ctrl_c=True)
 
 
-__all__ = ["OPERATOR", "UavProcess", "UavSettings", "fly", "main"]
+__all__ = ["UavProcess", "UavSettings", "fly", "main"]
 
 if __name__ == "__main__":
     sys.exit(main())

@@ -19,16 +19,18 @@ import msgspec
 import zenoh
 from msgspec import Struct
 
+from edc_swarm.config import OPERATOR, VISUALISER
 from edc_swarm.messages import Event, Keys, MissionMessage, encode
 from edc_swarm.viz import ROOT, Scenery, Shown
 from processes.bus import hand_over, open_client
-from processes.ears import OPERATOR, Gate, Heard, heard_from
+from processes.credentials import credentials
+from processes.ears import Gate, Heard, heard_from
 from processes.inbox import Inbox
 from processes.live import Live, Subscribed
 from processes.outbox import Outbox
 from processes.parent import die_with_parent
 
-NAME = "viz"
+NAME = VISUALISER
 IDLE_S = 0.25
 BURST_BYTES = 32_768
 PAUSE_S = 0.004
@@ -42,6 +44,7 @@ class VizSettings(Struct, frozen=True, kw_only=True):
     endpoint: str
     mission: str
     live_port: int = 0
+    certs: str = ""
     parent: int = 0
 
 
@@ -76,7 +79,7 @@ class Visualiser:
         self._over = False
         self._unsent = 0
         self._live = Live(settings.live_port, self._inbox.put_always) if settings.live_port else None
-        self._session = open_client(settings.endpoint, observer=True)
+        self._session = open_client(settings.endpoint, credentials(settings.certs, NAME), observer=True)
         self._outbox = Outbox(self._session)
         keys, heard = self._keys, hand_over(self._take)
         for key in (keys.mission, f"{keys.root}/uav/**", f"{keys.root}/head/**", keys.event("*")):

@@ -12,7 +12,7 @@ import msgspec
 from msgspec import Struct
 
 from edc_swarm.errors import MessageError, RecordingError
-from edc_swarm.messages import Command, Fix, Message, MissionMessage, Truth, decode, kind_of
+from edc_swarm.messages import MAX_MESSAGE_BYTES, Command, Fix, Message, MissionMessage, Truth, decode, kind_of
 from edc_swarm.recording.mcap_file import Channel, McapFile
 from edc_swarm.recording.model import Garbage, Recording
 from edc_swarm.recording.sifting import sift
@@ -116,7 +116,7 @@ def _decoder(topic: str, kind: type[Struct]) -> Decode:
             message: Message = decode_json(payload)
         except (msgspec.DecodeError, UnicodeDecodeError, RecursionError) as error:
             raise MessageError(topic, str(error)) from None
-        if sender(message) != expected:
+        if sender(message) != expected or len(payload) > MAX_MESSAGE_BYTES:
             return decode(topic, payload)
         return message
 

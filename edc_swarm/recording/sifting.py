@@ -9,7 +9,7 @@ from __future__ import annotations
 from operator import attrgetter
 from typing import Any
 
-from edc_swarm.admission import ROLES
+from edc_swarm.config import ROLES
 from edc_swarm.messages import Event, MissionMessage
 from edc_swarm.recording.model import Garbage, Recording
 from edc_swarm.recording.sequences import KEY_FORMS

@@ -105,7 +105,14 @@ def test_garbage_and_unknown_topics_are_kept_verbatim(tmp_path: Path, messages: 
 
 @pytest.mark.parametrize(
     ("field", "value"),
-    [("x_m", b"1e999"), ("uav", b'"u1"'), ("slot", b"-7"), ("head", b'"not an id"'), ("term", b"0.5")],
+    [
+        ("x_m", b"1e999"),
+        ("uav", b'"u1"'),
+        ("slot", b"-7"),
+        ("head", b'"not an id"'),
+        ("term", b"0.5"),
+        ("term", b" " * (1 << 20) + b"1"),
+    ],
 )
 def test_the_fast_decoder_refuses_what_the_codec_refuses(
     tmp_path: Path, messages: list[Message], field: str, value: bytes
