@@ -95,7 +95,7 @@ class Admission:
             if len(set(uavs)) < len(uavs):
                 yield "a UAV is named twice"
         yield from self._unknown({report.successor} - {NO_ONE})
-        if report.status != "no-quorum" and not report.is_backed(self._roster, self._mission.quorum):
+        if report.status != "no-quorum" and not report.is_backed(self._roster.keys(), self._mission.quorum):
             yield "a plan or claim without a quorum"
         if len({len(report.hull_uav), *map(len, report.hull_columns)}) > 1:
             yield "its lists of hulls differ in length"

@@ -8,7 +8,7 @@ unknown fields are ignored. `seq` counts from 0 without holes per publisher `ins
 from __future__ import annotations
 
 import re
-from collections.abc import Collection
+from collections.abc import Set
 from typing import Annotated, Any, Literal, get_args
 
 import msgspec
@@ -174,12 +174,12 @@ class Report(Struct, frozen=True, kw_only=True, gc=False):
         """The lists beside `hull_uav`: both ends of the segment, then the radius."""
         return (self.hull_ax_m, self.hull_ay_m, self.hull_bx_m, self.hull_by_m, self.hull_r_m)
 
-    def is_backed(self, roster: Collection[str], quorum: int) -> bool:
+    def is_backed(self, roster: Set[str], quorum: int) -> bool:
         """Whether the UAVs that it names as its support are enough; a head's own word is not.
 
         `roster` and `quorum` are the mission's: nobody believes a report about how many it takes.
         """
-        return self.quorum == quorum and self.head in self.grants and len(set(self.grants) & {*roster}) >= quorum
+        return self.quorum == quorum and self.head in self.grants and len(roster & set(self.grants)) >= quorum
 
 
 class Event(Struct, frozen=True, kw_only=True, gc=False):

@@ -132,7 +132,10 @@ class Scenery:
             self._next_ns = now_ns
 
     def _hear_report(self, report: Report, now_ns: int) -> None:
+        assert self._mission is not None
         known = self._report
+        if not report.is_backed(self._uavs.keys(), self._mission.quorum):
+            return
         if not report.has_quorum or (known is not None and (report.term, report.slot) < (known.term, known.slot)):
             return
         self._report = report
