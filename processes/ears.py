@@ -117,8 +117,9 @@ class Gate:
         self._admission: Admission | None = None
 
     def know(self, mission: MissionMessage) -> None:
-        """Judge by this mission from now on."""
-        self._admission = Admission(mission)
+        """Judge by this mission from now on; it is never replaced by another."""
+        if self._admission is None:
+            self._admission = Admission(mission)
 
     def admit(self, heard: Heard) -> Message | None:
         """The message in `heard`, or None where there is none to be believed."""

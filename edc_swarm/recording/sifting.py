@@ -14,31 +14,33 @@ from edc_swarm.messages import Event, MissionMessage
 from edc_swarm.recording.model import Garbage, Recording
 from edc_swarm.recording.sequences import KEY_FORMS
 
+OLDER, STRANGE = "of an older run", "of nobody in the mission"
+
 
 def sift(recording: Recording) -> None:
     """Move what is not of this run from the lists of `recording` to its garbage."""
     running = _running(recording)
     roster = {entry.uav for entry in recording.mission.roster}
+    known = {**dict.fromkeys(KEY_FORMS, roster), Event: roster | ROLES, MissionMessage: {recording.mission.name}}
     for kind, (form, names) in KEY_FORMS.items():
         messages = recording.lists()[kind]
-        known = roster | ROLES if kind is Event else roster
         source = attrgetter("instance", *names)
         foreign = {
-            said: "of nobody in the mission" if known.isdisjoint(said[1:]) else "of an older run"
+            said: OLDER if known[kind].issuperset(said[1:]) else STRANGE
             for said in set(map(source, messages))
-            if kind is not MissionMessage and not (said[0] in running and known.issuperset(said[1:]))
+            if said[0] not in running or not known[kind].issuperset(said[1:])
         }
         if foreign:
-            refused = [message for message in messages if source(message) in foreign]
-            recording.garbage += [
-                Garbage(form.format(*source(message)[1:]), message.sent_ns, foreign[source(message)])
-                for message in refused
-            ]
+            refused = [(message, source(message)) for message in messages if source(message) in foreign]
+            recording.garbage += [Garbage(form.format(*of[1:]), m.sent_ns, foreign[of]) for m, of in refused]
             messages[:] = [message for message in messages if source(message) not in foreign]
 
 
 def _running(recording: Recording) -> set[str]:
-    """Instances that said anything since the mission's epoch (a clock may be set back now and then)."""
+    """The operator's instance, and all that said anything since the epoch (a clock may be set back now and then)."""
     lists: dict[type, list[Any]] = recording.lists()
-    epoch_ns = recording.mission.epoch_ns
-    return {message.instance for messages in lists.values() for message in messages if message.sent_ns >= epoch_ns}
+    mission = recording.mission
+    said = {
+        message.instance for messages in lists.values() for message in messages if message.sent_ns >= mission.epoch_ns
+    }
+    return said | {mission.instance}
