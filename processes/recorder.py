@@ -75,7 +75,7 @@ class Recorder:
         self._known = {*KEY_WORDS, *ROLES}
         self._gate = Gate(partial(self.tell, "malformed"))
         self._foreign: set[str] = set()
-        self._left_out = 0
+        self._left_out = self._told_left_out = 0
         self._stopping = False
         self.has_mission = False
         self._session = open_client(settings.endpoint, credentials(settings.certs, NAME), observer=True)
@@ -173,7 +173,10 @@ class Recorder:
         self._stream.flush()
         if self._inbox.dropped > self._told_dropped:
             self._told_dropped = self._inbox.dropped
-            self.tell("recorder-dropped", f"{self._told_dropped} messages in all, the queue was full")
+            self.tell("recorder-dropped", f"{self._told_dropped} messages in all, the queue or the file was full")
+        if self._left_out > self._told_left_out:
+            self._told_left_out = self._left_out
+            self.tell("malformed", f"{self._left_out} on more keys of nobody than are recorded")
 
 
 def reason_of(error: OSError) -> str:

@@ -45,6 +45,9 @@ def _garbage(recording: Recording) -> Iterator[str]:
     counts = Counter((garbage.topic, garbage.reason) for garbage in recording.garbage)
     for (topic, reason), count in counts.most_common(MAX_GARBAGE_NOTES):
         yield f"not a message: {topic} ({reason})" + (f", {count} times" if count > 1 else "")
+    left_out = (recording.run_end or {}).get("foreign_left_out", "0")
+    if left_out != "0":
+        yield f"left out: {left_out} messages on keys of nobody in the mission"
     if len(counts) > MAX_GARBAGE_NOTES:
         yield f"not messages: {len(recording.garbage)} in all, {len(counts)} kinds of them"
 

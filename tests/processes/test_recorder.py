@@ -16,7 +16,7 @@ from edc_swarm.messages import Event, Keys, encode
 from edc_swarm.recording import find_gaps, read_recording
 from edc_swarm.roster import complete_mission
 from edc_swarm.simulation import mission_message
-from processes.bus import open_client
+from processes.bus import hand_over, open_client
 from processes.inbox import Inbox
 from processes.recorder import MAX_FOREIGN_KEYS, RecorderSettings
 from tests.processes.conftest import await_true
@@ -69,9 +69,9 @@ def test_keys_of_nobody_take_no_room_and_no_look_alike_ends_the_recording(endpoi
     part.touch()
     settings = RecorderSettings(endpoint=endpoint, mission="m", part=str(part), out=str(out), run={})
     session, keys, inbox = open_client(endpoint), Keys("m"), Inbox[str]()
-    session.liveliness().declare_subscriber(
-        keys.all_alive, lambda sample: inbox.put(str(sample.key_expr)), history=True
-    )
+    take = hand_over(lambda sample: inbox.put(str(sample.key_expr)))
+    session.liveliness().declare_subscriber(keys.all_alive, take, history=True)
+    session.declare_subscriber(keys.event("recorder"), take)
     recorder = subprocess.Popen([sys.executable, "-m", "processes.recorder"], stdin=subprocess.PIPE)
     assert recorder.stdin is not None
     with recorder.stdin as orders:
@@ -89,6 +89,8 @@ def test_keys_of_nobody_take_no_room_and_no_look_alike_ends_the_recording(endpoi
     say(keys.mission, encode(msgspec.structs.replace(mission, **now)))
     say(keys.event("operator"), b'garbage "kind":"closed"')
     say(keys.event("operator"), encode(Event(source="operator", kind="closed", sent_ns=1)))
+    told: list[str] = []
+    await_true(lambda: told.extend(inbox.wait(0.05)) or len(told) >= 2)
     say(keys.event("u001"), encode(Event(source="u001", kind="told", **now)))
     say(keys.event("operator"), encode(Event(source="operator", kind="closed", **now)))
     assert recorder.wait(30) == 0
@@ -99,3 +101,5 @@ def test_keys_of_nobody_take_no_room_and_no_look_alike_ends_the_recording(endpoi
     assert len(foreign) == MAX_FOREIGN_KEYS
     assert recording.run_end is not None
     assert recording.run_end["foreign_left_out"] == str(FOREIGN_KEYS - MAX_FOREIGN_KEYS)
+    (complete,) = (result for result in check(recording) if result.guarantee == "G5")
+    assert f"left out: {FOREIGN_KEYS - MAX_FOREIGN_KEYS} messages on keys of nobody in the mission" in complete.notes

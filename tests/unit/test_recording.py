@@ -317,6 +317,8 @@ def test_a_flood_of_garbage_makes_few_notes(tmp_path: Path, messages: list[Messa
         writer.write(KEYS.fix(f"x{number % 50}"), b"{", 1)
     writer.finish({})
     recording = read_recording(saved(tmp_path / "a.mcap", stream.getvalue()))
+    attached = next(make_reader(io.BytesIO(stream.getvalue())).iter_attachments())
+    assert attached.data == encode(messages[0])
     (complete,) = (result for result in check(recording) if result.guarantee == "G5")
     notes = [note for note in complete.notes if note.startswith("not ")]
     assert len(notes) == 21
