@@ -13,15 +13,27 @@ from pathlib import Path
 from typing import Any
 
 import pytest
+import zenoh
 
 from edc_swarm.invariants import check
 from edc_swarm.messages import Command, Fix, MissionMessage, Truth
 from edc_swarm.recording import Recording, read_recording
 from processes.address import free_endpoint
+from processes.bus import open_client
+from processes.credentials import Credentials
 from tests.processes.conftest import start_command
 from tests.processes.rogue import INSTANCE, TERM
 
 ROGUE = "u002"
+POSE = """
+import pathlib, sys
+from processes.bus import open_router
+from processes.credentials import Credentials
+session = open_router(sys.argv[1], Credentials(pathlib.Path(sys.argv[2]), sys.argv[3]))
+print("ready", flush=True)
+sys.stdin.read()
+"""
+"""A router in somebody's name, until its standard input ends."""
 
 
 @dataclass
@@ -136,3 +148,24 @@ def _bare(folder: Path, certs: Path) -> Path:
 def _rogue(endpoint: str, folder: Path, mission: str) -> subprocess.Popen[str]:
     command = [sys.executable, "-m", "tests.processes.rogue", endpoint, str(folder), ROGUE, mission]
     return subprocess.Popen(command, stdout=subprocess.PIPE, text=True)
+
+
+def test_no_uav_can_pose_as_the_router(tmp_path: Path):
+    """Its certificate is for connecting, and for no host: whoever it invites does not come."""
+    certs = _certs(tmp_path / "certs")
+    for name, comes in (("u001", False), ("router", True)):
+        endpoint = free_endpoint("tls")
+        command = [sys.executable, "-c", POSE, endpoint, str(certs), name]
+        with subprocess.Popen(command, stdin=subprocess.PIPE, stdout=subprocess.PIPE, text=True) as router:
+            assert router.stdout is not None
+            router.stdout.readline()
+            assert _comes(endpoint, Credentials(certs, "u002")) is comes
+            router.communicate("")
+
+
+def _comes(endpoint: str, credentials: Credentials) -> bool:
+    try:
+        open_client(endpoint, credentials, timeout_ms=1500).close()
+    except zenoh.ZError:
+        return False
+    return True
