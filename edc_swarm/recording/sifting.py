@@ -6,6 +6,7 @@ of the mission said stays, however wrong it is: to judge that is what the guaran
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from operator import attrgetter
 from typing import Any
 
@@ -28,7 +29,7 @@ def sift(recording: Recording) -> None:
         foreign = {
             said: OLDER if known[kind].issuperset(said[1:]) else STRANGE
             for said in set(map(source, messages))
-            if said[0] not in running or not known[kind].issuperset(said[1:])
+            if said[:2] not in running or not known[kind].issuperset(said[1:])
         }
         if foreign:
             refused = [(message, source(message)) for message in messages if source(message) in foreign]
@@ -36,11 +37,15 @@ def sift(recording: Recording) -> None:
             messages[:] = [message for message in messages if source(message) not in foreign]
 
 
-def _running(recording: Recording) -> set[str]:
-    """The operator's instance, and all that said anything since the epoch (a clock may be set back now and then)."""
-    lists: dict[type, list[Any]] = recording.lists()
+def _running(recording: Recording) -> set[tuple[str, str]]:
+    """Instance and id of all that said anything since the epoch (a clock may be set back now and then).
+
+    By id: what a stranger says in the name of an old instance brings none back to life.
+    """
     mission = recording.mission
-    said = {
-        message.instance for messages in lists.values() for message in messages if message.sent_ns >= mission.epoch_ns
-    }
-    return said | {mission.instance}
+    running = {(mission.instance, mission.name)}
+    for kind, (_, names) in KEY_FORMS.items():
+        speaker: Callable[[Any], tuple[str, str]] = attrgetter("instance", names[0])
+        messages = recording.lists()[kind]
+        running |= {speaker(message) for message in messages if message.sent_ns >= mission.epoch_ns}
+    return running

@@ -293,6 +293,7 @@ def test_what_is_of_nobody_or_of_an_older_run_counts_for_nothing(tmp_path: Path,
     older = {"instance": "old", "sent_ns": fix.sent_ns - 10**12}
     strange = [
         msgspec.structs.replace(fix, uav="zz"),
+        msgspec.structs.replace(fix, uav="zz", instance="old"),
         msgspec.structs.replace(fix, **older),
         msgspec.structs.replace(messages[0], instance="old"),
         Event(source="zz", kind="closed", sent_ns=fix.sent_ns, detail='{"uav/u0/fix":99}'),
