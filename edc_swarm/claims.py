@@ -25,6 +25,9 @@ from edc_swarm.messages import UavIds
 LAUNCHED = ""
 """Stands for the claimant of the UAVs that the operator's own command has started."""
 
+MAX_CLAIMANTS = 10_000
+"""Claimants whose presence is remembered, more than can hold an id: a flood of tokens fills no memory."""
+
 Claimant = Annotated[str, Meta(pattern=r"^[0-9a-f]{16}$(?!\n)")]
 
 
@@ -63,7 +66,10 @@ class Claims:
 
     def see_claimant(self, claimant: str, there: bool) -> None:
         """Take in that a claimant is there, or has gone."""
-        (self._there.add if there else self._there.discard)(claimant)
+        if not there:
+            self._there.discard(claimant)
+        elif len(self._there) < MAX_CLAIMANTS:
+            self._there.add(claimant)
 
     def see_uav(self, uav: str, instance: str) -> None:
         """Take in that a UAV is there: its claimant holds the id, unless another one does."""

@@ -25,10 +25,10 @@ import math
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 
-from edc_swarm.config import Link, Mission, convert
+from edc_swarm.config import RECORDER, ROUTER, Link, Mission, convert
 from edc_swarm.errors import MissionError
 
-HEAD, STANDBY, RECORDER, ROUTER, REST, HALVES = "head", "standby", "recorder", "router", "rest", "halves"
+HEAD, STANDBY, REST, HALVES = "head", "standby", "rest", "halves"
 PROCESS_VERBS = frozenset({"kill", "restart", "freeze", "resume"})
 LINK_WORDS = ("delay", "jitter", "loss", "duplicate", "reorder", "range")
 TARGETS = frozenset({HEAD, STANDBY})

@@ -19,7 +19,7 @@ from random import Random
 
 from msgspec import Struct
 
-from edc_swarm.config import NS_PER_S, Link, Mission
+from edc_swarm.config import MAX_FAULTS, MAX_LINKS, NS_PER_S, Link, Mission
 from edc_swarm.faults import parse_faults
 
 NS_PER_MS = 1_000_000
@@ -28,6 +28,9 @@ DELAY_ERROR = "delay-error"
 """Kind of the event with which a UAV process tells its `DelayError` at its end."""
 TRUNCATED_AT = 3.0
 """A normal jitter is at most this many standard deviations."""
+
+MAX_CHANGES = MAX_LINKS + MAX_FAULTS
+"""More than a mission's links and faults together are not kept."""
 
 REORDER_SLOTS = 3
 """A reordered message is delayed by up to this many slots more, so that later ones overtake it."""
@@ -87,12 +90,12 @@ class LinkEmulator:
 
     def add_rule(self, rule: Link) -> None:
         """Let `rule` hold from now on wherever it matches (a fault)."""
-        if rule.receiver in {ANYONE, self._receiver}:
+        if rule.receiver in {ANYONE, self._receiver} and len(self._rules) < MAX_CHANGES:
             self._rules.append(rule)
 
     def add_cut(self, cut: Cut) -> None:
         """Cut links off (a fault)."""
-        if self._receiver in cut.receivers:
+        if self._receiver in cut.receivers and len(self._cuts) < MAX_CHANGES:
             self._cuts.append(cut)
 
     def heal(self) -> None:

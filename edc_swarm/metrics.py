@@ -187,7 +187,7 @@ def compute_metrics(recording: Recording, timings: Sequence[Timing] = ()) -> Met
     first = min(commanded, default=None)
     last = int(arrival[living].max()) if completed else tracks.slots - 1
     makespan_s = _makespan_s(mission, arrival[living], first) if completed else None
-    heads = _heads(recording.reports)
+    heads = _heads(recording)
     separation = _separation(mission, tracks)
     return Metrics(
         uavs=len(tracks.uavs),
@@ -374,10 +374,12 @@ def _ticks_late_pct(recording: Recording, ticks: int) -> float:
     return 100 * sum(late.values()) / ticks if ticks else 0.0
 
 
-def _heads(reports: Sequence[Report]) -> list[HeadTerm]:
-    """Heads that planned, by term."""
+def _heads(recording: Recording) -> list[HeadTerm]:
+    """Heads that planned, by term; a plan that only claims a quorum makes nobody head."""
+    mission = recording.mission
+    roster = {entry.uav for entry in mission.roster}
     slots: dict[tuple[int, str], list[int]] = {}
-    for report in reports:
-        if report.has_quorum:
+    for report in recording.reports:
+        if report.has_quorum and report.is_backed(roster, mission.quorum):
             slots.setdefault((report.term, report.head), []).append(report.slot)
     return [HeadTerm(term, head, min(led), max(led)) for (term, head), led in sorted(slots.items())]

@@ -19,8 +19,8 @@ from random import Random
 
 import msgspec
 
-from edc_swarm.config import NS_PER_S, Mission
-from edc_swarm.faults import ROUTER, Fault, parse_faults, resolve
+from edc_swarm.config import NS_PER_S, OPERATOR, ROUTER, Mission
+from edc_swarm.faults import Fault, parse_faults, resolve
 from edc_swarm.links import LinkEmulator, cut_pair, have_range, mission_s
 from edc_swarm.messages import Command, Event, Fix, Keys, Message, MissionMessage, Report, Truth
 from edc_swarm.node import (
@@ -55,7 +55,6 @@ EPOCH_NS = 1_700_000_000 * NS_PER_S
 MAX_BACKLOG = 100_000
 """Messages kept for a frozen process."""
 
-OPERATOR = "operator"
 
 Recorder = Callable[[str, Message, int], None]
 """Takes the key, the message and the time at which it was published."""

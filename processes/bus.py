@@ -14,10 +14,12 @@ from __future__ import annotations
 
 import json
 import os
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from typing import Any, TypeVar
 
 import zenoh
+
+from processes.credentials import Credentials
 
 LEASE_MS = 1000
 TRY_MS = 1000
@@ -25,6 +27,8 @@ RUNTIME = "ZENOH_RUNTIME"
 CLIENT_RX_WORKERS = 2
 ROUTER_RX_WORKERS = 64
 MAX_SESSIONS = 5000
+MAX_RECEIVED_BYTES = 16 << 20
+"""Whoever sends more at once is disconnected; scenes of thousands of UAVs are the largest that is said."""
 CONNECT_RETRY = {"period_init_ms": 100, "period_max_ms": 1000, "period_increase_factor": 2}
 OBSERVER_RETRY = {"period_init_ms": 20, "period_max_ms": 20, "period_increase_factor": 1}
 """Who only listens must be back at a restarted router before those who speak."""
@@ -38,11 +42,17 @@ Item = TypeVar("Item")
 
 
 def open_client(
-    endpoint: str, *, timeout_ms: int = -1, observer: bool = False, lease_ms: int = LEASE_MS
+    endpoint: str,
+    credentials: Credentials | None = None,
+    *,
+    timeout_ms: int = -1,
+    observer: bool = False,
+    lease_ms: int = LEASE_MS,
 ) -> zenoh.Session:
     """Connect to the router at `endpoint`; waits for ever unless `timeout_ms` is given."""
     return _open(
         {
+            **(credentials.connecting if credentials is not None else {}),
             "mode": "client",
             "connect/endpoints": [endpoint],
             "connect/timeout_ms": timeout_ms,
@@ -63,10 +73,21 @@ def try_client(endpoint: str, *, observer: bool = False) -> zenoh.Session | None
         return None
 
 
-def open_router(endpoint: str, *, lease_ms: int = LEASE_MS) -> zenoh.Session:
-    """Be the router that listens at `endpoint`; raises `zenoh.ZError` when it cannot."""
+def open_router(
+    endpoint: str,
+    credentials: Credentials | None = None,
+    access: Mapping[str, Any] | None = None,
+    *,
+    lease_ms: int = LEASE_MS,
+) -> zenoh.Session:
+    """Be the router that listens at `endpoint`; raises `zenoh.ZError` when it cannot.
+
+    `access` are the rules of a secured bus, `processes.access.access_control`.
+    """
     return _open(
         {
+            **(credentials.listening if credentials is not None else {}),
+            **({"access_control": access} if access is not None else {}),
             "mode": "router",
             "listen/endpoints": [endpoint],
             "listen/exit_on_failure": True,
@@ -100,6 +121,7 @@ def _open(settings: dict[str, Any], lease_ms: int, rx_workers: int) -> zenoh.Ses
         "scouting/multicast/enabled": False,
         "scouting/gossip/enabled": False,
         "transport/link/tx/lease": lease_ms,
+        "transport/link/rx/max_message_size": MAX_RECEIVED_BYTES,
         "transport/shared_memory/enabled": False,
     }
     config = zenoh.Config()

@@ -35,6 +35,7 @@ app.command("processes.commands.latency:latency", help="Fly a grid of delays, ji
 app.command("processes.commands.replay:replay", help="Put a recording back onto a bus, or plan it again and compare.")
 app.command("processes.commands.recover:recover", help="Make a whole recording of one that was cut off.")
 app.command("processes.commands.visualise:visualise", help="Add what Foxglove draws to a recording.")
+app.command("processes.commands.certs:certs", help="Make the certificates of a secured swarm.")
 app.command("processes.commands.report:report", help="Make a self-contained page of a recording.")
 
 

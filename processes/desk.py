@@ -8,14 +8,11 @@ import msgspec
 import zenoh
 
 from edc_swarm.claims import Claim, Claims, Issued
-from edc_swarm.config import Mission
+from edc_swarm.config import JOIN, Mission
 from edc_swarm.messages import Keys
 from processes.bus import hand_over
 from processes.ears import Token
 from processes.inbox import Inbox
-
-JOIN = "join"
-"""In the place of a UAV's id in the liveliness token of a claimant."""
 
 
 class Desk:
@@ -39,7 +36,7 @@ class Desk:
     def declare(self, session: zenoh.Session, inbox: Inbox[object]) -> None:
         """Open."""
         for key in (Keys(self.mission.name).claims, *self._orders):
-            session.declare_queryable(key, hand_over(inbox.put_always))
+            session.declare_queryable(key, hand_over(inbox.put))
 
     def see(self, token: Token) -> None:
         """Take in who has come and who has gone."""

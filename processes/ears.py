@@ -7,22 +7,26 @@ from __future__ import annotations
 
 import heapq
 import time
+from collections.abc import Callable
 from dataclasses import dataclass
 from itertools import count
 
 import zenoh
 
+from edc_swarm.admission import Admission
+from edc_swarm.config import OPERATOR
 from edc_swarm.errors import MessageError
 from edc_swarm.links import DelayError, LinkEmulator
-from edc_swarm.messages import Command, Fix, Keys, Message, Report, decode
+from edc_swarm.messages import MAX_MESSAGE_BYTES, Command, Fix, Keys, Message, MissionMessage, Report, decode
 from processes.bus import hand_over
 from processes.inbox import Inbox
 
-OPERATOR = "operator"
 MAX_POSTPONED = 100_000
 MAX_COUNTED_KEYS = 1000
 MAX_MEASURED = 100_000
 """Postponed messages whose lateness is kept."""
+MAX_TOKENS = 10_000
+"""Liveliness tokens that are remembered: a few lives of every UAV of the largest mission."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -81,7 +85,8 @@ class Ears:
         return self._session.declare_subscriber(key, handler, allowed_origin=zenoh.Locality.REMOTE)
 
     def _take_sample(self, sample: zenoh.Sample) -> None:
-        self._inbox.put(Heard(str(sample.key_expr), sample.payload.to_bytes(), time.monotonic_ns()))
+        heard = heard_from(sample)
+        self._inbox.put(heard, len(heard.payload))
 
     def _take_reply(self, reply: zenoh.Reply) -> None:
         if reply.ok is not None:
@@ -107,6 +112,36 @@ class Malformed:
         key = error.key if error.key in self._counts or len(self._counts) < MAX_COUNTED_KEYS else "others"
         number = self._counts[key] = self._counts.get(key, 0) + 1
         return f"{number} on {key[:200]}: {error.reason[:200]}" if number & (number - 1) == 0 else None
+
+
+class Gate:
+    """Lets in messages that decode and, once the mission is known, that can be true in it.
+
+    `tell` is told, now and then, of what is refused.
+    """
+
+    def __init__(self, tell: Callable[[str], None]) -> None:
+        self._tell = tell
+        self._malformed = Malformed()
+        self._admission: Admission | None = None
+
+    def know(self, mission: MissionMessage) -> None:
+        """Judge by this mission from now on; it is never replaced by another."""
+        if self._admission is None:
+            self._admission = Admission(mission)
+
+    def admit(self, heard: Heard) -> Message | None:
+        """The message in `heard`, or None where there is none to be believed."""
+        try:
+            message = decode(heard.key, heard.payload)
+            if self._admission is not None:
+                self._admission.check(heard.key, message)
+        except MessageError as error:
+            detail = self._malformed.count(error)
+            if detail is not None:
+                self._tell(detail)
+            return None
+        return message
 
 
 class Postbox:
@@ -163,6 +198,7 @@ def sender_of(message: Message) -> str:
             return ""
 
 
-def decoded(heard: Heard) -> Message:
-    """The message in bytes from the bus; raises `MessageError`."""
-    return decode(heard.key, heard.payload)
+def heard_from(sample: zenoh.Sample) -> Heard:
+    """The bytes of a sample; of what is too large only so much that it can be seen to be."""
+    payload = sample.payload.to_bytes()
+    return Heard(str(sample.key_expr), payload[: MAX_MESSAGE_BYTES + 1], time.monotonic_ns())

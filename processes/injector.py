@@ -11,8 +11,8 @@ from functools import partial
 from itertools import count
 from typing import Protocol
 
-from edc_swarm.config import NS_PER_S
-from edc_swarm.faults import PROCESS_VERBS, RECORDER, ROUTER, Fault, parse_faults, resolve
+from edc_swarm.config import NS_PER_S, RECORDER, ROUTER
+from edc_swarm.faults import PROCESS_VERBS, Fault, parse_faults, resolve
 from edc_swarm.links import mission_s
 from edc_swarm.messages import MissionMessage
 from processes.operator import Operator

@@ -12,6 +12,7 @@ import msgspec
 import zenoh
 
 from edc_swarm.claims import Claim, Issued
+from edc_swarm.config import JOIN, OPERATOR
 from edc_swarm.errors import InputError, MessageError, SwarmError
 from edc_swarm.messages import Event, Keys, decode
 from edc_swarm.node import startup_candidates
@@ -20,8 +21,7 @@ from processes.bus import hand_over, try_client
 from processes.children import Child, ChildExited
 from processes.claim_folder import ClaimFolder, make_state
 from processes.console import note
-from processes.desk import JOIN
-from processes.ears import OPERATOR, Heard
+from processes.ears import Heard, heard_from
 from processes.loop import Interrupted, Loop
 from processes.operators import GIVE_UP_S, LINGER_S, Operators
 from processes.orders import asked
@@ -177,7 +177,8 @@ class Joiner:
     # --- one loop ----------------------------------------------------------------------------
 
     def _hear(self, sample: zenoh.Sample) -> None:
-        self._loop.inbox.put(Heard(str(sample.key_expr), sample.payload.to_bytes()))
+        heard = heard_from(sample)
+        self._loop.inbox.put(heard, len(heard.payload))
 
     def _take(self, item: object) -> None:
         match item:

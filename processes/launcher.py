@@ -11,20 +11,28 @@ import signal
 import time
 from collections.abc import Mapping
 from dataclasses import dataclass
+from pathlib import Path
 
 import msgspec
 import zenoh
 
-from edc_swarm.config import Mission
+from edc_swarm.config import OPERATOR, ROUTER, Mission
 from edc_swarm.errors import InputError, SwarmError
 from edc_swarm.links import mission_s
 from edc_swarm.messages import MissionMessage
 from edc_swarm.simulation import mission_message
 from processes import deeds, fork_source
-from processes.address import advertised_endpoint, check_endpoint, connect_endpoint, free_endpoint
+from processes.address import (
+    advertised_endpoint,
+    check_endpoint,
+    connect_endpoint,
+    free_endpoint,
+    parse_endpoint,
+)
 from processes.bus import open_client
 from processes.children import Child, ChildExited, ChildReady
 from processes.console import note
+from processes.credentials import credentials
 from processes.desk import Desk
 from processes.ears import Heard, Token
 from processes.injector import Injector
@@ -39,13 +47,13 @@ from processes.recorder import CANNOT_WRITE, RecorderSettings
 from processes.recorder import NAME as RECORDER
 from processes.remote import Remote
 from processes.run_facts import run_facts
+from processes.security import OPEN, secure
 from processes.state import create_state
 from processes.takeover import Takeover, new_mission_id
 from processes.uav import UavSettings
 from processes.viz import LIVE, VizSettings
 from processes.viz import NAME as VIZ
 
-ROUTER = "router"
 OPEN_TIMEOUT_MS = 5000
 EPOCH_AHEAD_NS = 200_000_000
 """From the mission's publication to its slot 0."""
@@ -85,6 +93,13 @@ class Bus:
     takeover: Takeover | None = None
 
 
+@dataclass(frozen=True, slots=True)
+class Protection:
+    """A secured bus; `certs` is a folder made by `edc-swarm certs`, None for certificates of this run alone."""
+
+    certs: Path | None = None
+
+
 class Launcher:
     """One run: its processes, from the first to the last.
 
@@ -101,6 +116,7 @@ class Launcher:
         show_progress: bool,
         remote: int = 0,
         bus: Bus | None = None,
+        protection: Protection | None = None,
     ) -> None:
         self._output = output
         self._listen = listen
@@ -109,6 +125,9 @@ class Launcher:
         self._given = bus
         self._takeover = bus.takeover if bus is not None else None
         name = self._takeover.mission_id if self._takeover is not None else new_mission_id(mission)
+        self._protection = protection
+        self._protocol = "tcp" if protection is None else "tls"
+        self._security = OPEN
         self._mission = msgspec.structs.replace(mission, name=name)
         self._roster = [entry.uav for entry in mission.roster]
         self._local = [] if bus is not None else self._roster[: len(self._roster) - remote]
@@ -174,9 +193,9 @@ class Launcher:
     def _start_parts(self) -> None:
         if self._local:
             self._children[FORK_SOURCE] = self._pool.start_source(self._mission)
+        self._secure()
         self._start_router()
-        session = open_client(connect_endpoint(self._endpoint), timeout_ms=OPEN_TIMEOUT_MS, observer=True)
-        self._operator = self._operate(session)
+        self._operator = self._operate(self._connect())
         self._spawn(RECORDER, "processes.recorder", [], msgspec.json.encode(self._recorder_settings(os.getpid())))
         if self._view.viz:
             self._spawn(VIZ, "processes.viz", [], msgspec.json.encode(self._viz_settings(os.getpid())))
@@ -186,6 +205,10 @@ class Launcher:
         for entry in self._mission.roster[: len(self._local)]:
             create_state(self._output.state, entry)
             self._pool.fly(self._uav_settings(entry.uav))
+
+    def _connect(self) -> zenoh.Session:
+        own = credentials(self._security.certs, OPERATOR)
+        return open_client(connect_endpoint(self._endpoint), own, timeout_ms=OPEN_TIMEOUT_MS, observer=True)
 
     def _operate(self, session: zenoh.Session, orders: Mapping[str, bytes] | None = None) -> Operator:
         return Operator(session, Desk(self._mission, self._elsewhere, orders), self._loop.inbox)
@@ -210,12 +233,18 @@ class Launcher:
                 f"edc-swarm join {advertised_endpoint(self._endpoint)} --uavs {len(self._elsewhere)}"
             )
 
+    def _secure(self) -> None:
+        if self._protection is None:
+            return
+        hosts = [parse_endpoint("--listen", self._listen, self._protocol)[0]] if self._listen is not None else []
+        self._security = secure(self._protection.certs, self._output.state, self._mission.name, self._roster, hosts)
+
     def _start_router(self) -> None:
         """Start the router; a free port may be taken by another before it listens, then try again."""
         if self._listen is not None:
-            check_endpoint(self._listen)
+            check_endpoint(self._listen, self._protocol)
         for _ in range(PORT_TRIES):
-            self._endpoint = self._listen or free_endpoint()
+            self._endpoint = self._listen or free_endpoint(self._protocol)
             self._spawn_router()
             self._loop.wait(lambda: ROUTER in self._ready or ROUTER not in self._children, "the router")
             if ROUTER in self._ready:
@@ -225,7 +254,8 @@ class Launcher:
     def _spawn_router(self) -> None:
         self._ready.discard(ROUTER)
         self._expected_deaths.add(ROUTER)
-        self._spawn(ROUTER, "processes.router", [self._endpoint, str(os.getpid())])
+        access = list(filter(None, [self._security.access]))
+        self._spawn(ROUTER, "processes.router", [self._endpoint, str(os.getpid()), *access])
 
     def _recorder_settings(self, parent: int) -> RecorderSettings:
         return RecorderSettings(
@@ -234,6 +264,7 @@ class Launcher:
             part=str(self._output.part),
             out=str(self._output.path),
             run=run_facts("wall"),
+            certs=self._security.certs,
             parent=parent,
         )
 
@@ -243,6 +274,7 @@ class Launcher:
             mission=self._mission.name,
             live_port=self._view.live_port,
             records=self._view.viz,
+            certs=self._security.certs,
             parent=parent,
         )
 
@@ -252,6 +284,7 @@ class Launcher:
             mission=self._mission.name,
             uav=uav,
             state=str(self._output.state.resolve()),
+            certs=self._security.certs,
             measure_response=self._mission.elect == "response-time",
         )
 

@@ -6,10 +6,10 @@ import time
 
 import zenoh
 
+from edc_swarm.config import OPERATOR
 from edc_swarm.errors import InputError
 from edc_swarm.messages import PREFIX
 from processes.bus import hand_over
-from processes.ears import OPERATOR
 
 LINGER_S = 1.0
 """Who works for an operator leaves so long after it, so that the first to leave is the operator."""

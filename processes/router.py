@@ -1,23 +1,44 @@
-"""The router: `python -m processes.router tcp/HOST:PORT [PARENT | mission]`. Says `ready` when it listens.
+"""The router: `python -m processes.router ENDPOINT [PARENT | mission [ACCESS]]`. Says `ready` when it listens.
 
 It routes until SIGTERM. With a parent it dies with it; with the word `mission` it ends when a mission
-has been flown, its operator and all who took part have gone.
+has been flown, its operator and all who took part have gone. On a secured bus, ACCESS is the file of a
+`RouterAccess`.
 """
 
 from __future__ import annotations
 
 import signal
 import sys
+from pathlib import Path
 
+import msgspec
 import zenoh
+from msgspec import Struct
 
+from edc_swarm.config import OPERATOR, ROUTER
 from edc_swarm.messages import PREFIX
+from processes.access import access_control
 from processes.bus import hand_over, open_router
-from processes.ears import OPERATOR
+from processes.credentials import credentials
 from processes.operators import LINGER_S
 from processes.parent import die_with_parent
 
 ONE_MISSION = "mission"
+
+
+class RouterAccess(Struct, frozen=True, kw_only=True):
+    """Who may connect to a secured bus and for what: a file that the router reads."""
+
+    certs: str
+    mission: str
+    uavs: list[str]
+
+
+def open_secured(endpoint: str, file: Path) -> zenoh.Session:
+    """The router of a secured bus, whose rules follow from the roster in `file`."""
+    access = msgspec.json.decode(file.read_bytes(), type=RouterAccess)
+    rules = access_control(access.mission, access.uavs)
+    return open_router(endpoint, credentials(access.certs, ROUTER), rules)
 
 
 def main() -> int:
@@ -29,8 +50,8 @@ def main() -> int:
         die_with_parent(int(for_whom))
         signals = {signal.SIGTERM}
     try:
-        session = open_router(sys.argv[1])
-    except zenoh.ZError as error:
+        session = open_secured(sys.argv[1], Path(sys.argv[3])) if len(sys.argv) > 3 else open_router(sys.argv[1])
+    except (zenoh.ZError, OSError, msgspec.DecodeError) as error:
         print(f"router: {error}", file=sys.stderr)
         return 2
     print("ready", flush=True)

@@ -14,11 +14,9 @@ from typing import cast
 import msgspec
 import zenoh
 
-from edc_swarm.config import Mission
+from edc_swarm.config import OPERATOR, RECORDER, Mission
 from edc_swarm.messages import PREFIX, Keys, MissionMessage, decode
-from processes.ears import OPERATOR
 from processes.orders import ASK_TIMEOUT_S, asked
-from processes.recorder import NAME as RECORDER
 from processes.recorder import RecorderSettings
 
 
@@ -54,7 +52,7 @@ def _tokens(session: zenoh.Session) -> set[tuple[str, str]]:
     """Mission and id of every liveliness token."""
     replies = session.liveliness().get(f"{PREFIX}/*/alive/**", timeout=ASK_TIMEOUT_S)
     keys = [str(reply.ok.key_expr).split("/") for reply in replies if reply.ok is not None]
-    return {(parts[1], parts[3]) for parts in keys}
+    return {(parts[1], parts[3]) for parts in keys if len(parts) == 5}
 
 
 def _takeover(session: zenoh.Session, run: str) -> Takeover:

@@ -23,7 +23,7 @@ from msgspec import Struct
 
 from edc_swarm.claims import LAUNCHED, instance_name
 from edc_swarm.config import NS_PER_S
-from edc_swarm.errors import InputError, MessageError, SwarmError
+from edc_swarm.errors import InputError, SwarmError
 from edc_swarm.links import DELAY_ERROR, LinkEmulator, have_range, mission_s
 from edc_swarm.messages import Event, Keys, Message, MissionMessage, Truth, encode
 from edc_swarm.node import (
@@ -43,7 +43,8 @@ from edc_swarm.node import (
 from edc_swarm.planner.interface import Planner
 from processes.bus import is_connected, open_client
 from processes.clock import WallClock
-from processes.ears import OPERATOR, Ears, Heard, Item, Malformed, Postbox, Token, decoded, sender_of
+from processes.credentials import credentials
+from processes.ears import Ears, Gate, Heard, Item, Postbox, Token, sender_of
 from processes.faulty import Faulty
 from processes.inbox import Inbox
 from processes.outbox import Outbox
@@ -61,14 +62,16 @@ RETRY_S = 0.02
 class UavSettings(Struct, frozen=True, kw_only=True):
     """What a UAV process must be told; all else is in the mission message.
 
-    `measure_response`: measure the response time before connecting, not when the mission begins.
-    `claimant`: whom the id was issued to, "" under the launcher.
+    `certs`: folder with the own certificate on a secured bus. `measure_response`: measure the
+    response time before connecting, not when the mission begins. `claimant`: whom the id was issued
+    to, "" under the launcher.
     """
 
     endpoint: str
     mission: str
     uav: str
     state: str
+    certs: str = ""
     measure_response: bool = False
     claimant: str = LAUNCHED
 
@@ -88,12 +91,12 @@ class UavProcess:
         self._instance = instance_name(f"{os.getpid()}-{secrets.token_hex(4)}", settings.claimant)
         self._clock = WallClock()
         self._inbox: Inbox[Item] = Inbox()
-        self._malformed = Malformed()
+        self._gate = Gate(self._tell_malformed)
         self._peers = Peers()
         self._flight: Flight | None = None
         self._leaving = False
         self._response_ms = measured_response_ms() if settings.measure_response else 0.0
-        self._session = open_client(settings.endpoint)
+        self._session = open_client(settings.endpoint, credentials(settings.certs, settings.uav))
         self._outbox = Outbox(self._session)
         self._ears = Ears(self._session, self._keys, settings.uav, self._inbox)
         self._token = self._session.liveliness().declare_token(self._keys.alive(settings.uav, self._instance))
@@ -143,12 +146,9 @@ class UavProcess:
                 self._leaving = True
 
     def _hear(self, heard: Heard) -> None:
-        try:
-            message = decoded(heard)
-        except MessageError as error:
-            self._tell_malformed(error)
-            return
-        match message:
+        match message := self._gate.admit(heard):
+            case None:
+                pass
             case MissionMessage():
                 self._begin(message)
             case Event(source="operator"):
@@ -163,9 +163,8 @@ class UavProcess:
         if self._flight is not None:
             self._flight.postbox.links.place(truth.uav, truth.to_x_m, truth.to_y_m)
 
-    def _tell_malformed(self, error: MessageError) -> None:
-        detail = self._malformed.count(error)
-        if detail is not None and self._flight is not None:
+    def _tell_malformed(self, detail: str) -> None:
+        if self._flight is not None:
             self._carry_out([self._flight.node.event("malformed", detail)])
 
     def _begin(self, mission: MissionMessage) -> None:
@@ -188,6 +187,7 @@ class UavProcess:
             response_ms=self._response_ms * entry.compute_factor,
             cpu_s=time.process_time,
         )
+        self._gate.know(mission)
         postbox = Postbox(LinkEmulator(mission, entry.uav))
         if have_range(mission):
             self._ears.listen_to_truths()
@@ -319,10 +319,11 @@ def main() -> int:
         ("state", "folder with the files of promise and airframe"),
     ):
         parser.add_argument(f"--{name}", required=True, help=text)
+    parser.add_argument("--certs", default="", help="folder with the own certificate, on a secured bus")
     return fly(UavSettings(**vars(parser.parse_args())), obey_ctrl_c=True)
 
 
-__all__ = ["OPERATOR", "UavProcess", "UavSettings", "fly", "main"]
+__all__ = ["UavProcess", "UavSettings", "fly", "main"]
 
 if __name__ == "__main__":
     sys.exit(main())

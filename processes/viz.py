@@ -12,17 +12,21 @@ import signal
 import sys
 import time
 from dataclasses import dataclass
+from functools import partial
+from itertools import count
 
 import msgspec
 import zenoh
 from msgspec import Struct
 
-from edc_swarm.errors import MessageError, SwarmError
-from edc_swarm.messages import Event, Keys, decode, encode
+from edc_swarm.config import OPERATOR, VISUALISER
+from edc_swarm.errors import SwarmError
+from edc_swarm.messages import Event, Keys, MissionMessage, encode
 from edc_swarm.viz import ROOT, Scenery, Shown
 from processes.bus import hand_over, open_client
 from processes.console import complain
-from processes.ears import OPERATOR
+from processes.credentials import credentials
+from processes.ears import Gate, Heard, heard_from
 from processes.inbox import Inbox
 from processes.live import HOST, Live, Subscribed
 from processes.operators import GIVE_UP_S, Operators
@@ -30,7 +34,7 @@ from processes.orders import orders, outlast_operator
 from processes.outbox import Outbox
 from processes.parent import die_with_parent
 
-NAME, LIVE = "viz", "live"
+NAME, LIVE = VISUALISER, "live"
 IDLE_S = 0.25
 BURST_BYTES = 32_768
 PAUSE_S = 0.004
@@ -46,6 +50,7 @@ class VizSettings(Struct, frozen=True, kw_only=True):
     live_port: int = 0
     live_host: str = HOST
     records: bool = True
+    certs: str = ""
     parent: int = 0
 
 
@@ -75,13 +80,15 @@ class Visualiser:
         self._scenery = Scenery()
         self._last: dict[str, int] = {}
         self._instance = f"{os.getpid()}-{secrets.token_hex(4)}"
+        self._event_seq = count()
+        self._gate = Gate(partial(self._tell, "malformed"))
         self._over = False
         self._unsent = 0
         self._records = settings.records
         self._live = None
         if settings.live_port:
             self._live = Live(settings.live_host, settings.live_port, self._inbox.put_always)
-        self._session = open_client(settings.endpoint, observer=True)
+        self._session = open_client(settings.endpoint, credentials(settings.certs, NAME), observer=True)
         self._outbox = Outbox(self._session)
         keys, heard = self._keys, hand_over(self._take)
         for key in (keys.mission, f"{keys.root}/uav/**", f"{keys.root}/head/**", keys.event("*")):
@@ -125,10 +132,11 @@ class Visualiser:
                 self._hear(key, payload, time_ns)
 
     def _hear(self, key: str, payload: bytes, time_ns: int) -> None:
-        try:
-            message = decode(key, payload)
-        except MessageError:
+        message = self._gate.admit(Heard(key, payload))
+        if message is None:
             return
+        if isinstance(message, MissionMessage):
+            self._gate.know(message)
         self._scenery.hear(message, time_ns)
         if isinstance(message, Event) and message.source == OPERATOR and message.kind == "end":
             self._over = True
@@ -157,17 +165,23 @@ class Visualiser:
     def _close(self) -> None:
         """Say how many messages of each topic there were; viewers' messages carry no numbers."""
         self._publish(self._scenery.advance(time.time_ns()))
-        if self._records:
-            detail = msgspec.json.encode(self._last).decode()
-            event = Event(source=NAME, instance=self._instance, sent_ns=time.time_ns(), kind="closed", detail=detail)
-            self._outbox.put(self._keys.event(NAME), encode(event))
-            self._outbox.flush()
+        self._tell("closed", msgspec.json.encode(self._last).decode())
+        self._outbox.flush()
         self._session.close()
         if self._live is not None:
             self._live.stop()
 
+    def _tell(self, kind: str, detail: str) -> None:
+        """Publish an event; who only shows live says nothing on the bus."""
+        if not self._records:
+            return
+        seq, now_ns = next(self._event_seq), time.time_ns()
+        event = Event(source=NAME, instance=self._instance, seq=seq, sent_ns=now_ns, kind=kind, detail=detail)
+        self._outbox.put(self._keys.event(NAME), encode(event))
+
     def _take(self, sample: zenoh.Sample) -> None:
-        self._inbox.put(_Said(str(sample.key_expr), sample.payload.to_bytes(), time.time_ns()))
+        heard = heard_from(sample)
+        self._inbox.put(_Said(heard.key, heard.payload, time.time_ns()), len(heard.payload))
 
     def _take_reply(self, reply: zenoh.Reply) -> None:
         if reply.ok is not None:

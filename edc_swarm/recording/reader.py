@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Callable
 from functools import cache
 from operator import attrgetter
@@ -13,9 +12,10 @@ import msgspec
 from msgspec import Struct
 
 from edc_swarm.errors import MessageError, RecordingError
-from edc_swarm.messages import Command, Fix, Message, MissionMessage, Truth, decode, kind_of
+from edc_swarm.messages import MAX_MESSAGE_BYTES, Command, Fix, Message, MissionMessage, Truth, decode, kind_of
 from edc_swarm.recording.mcap_file import Channel, McapFile
 from edc_swarm.recording.model import Garbage, Recording
+from edc_swarm.recording.sifting import sift
 from edc_swarm.recording.writer import FORMAT, MISSION_ATTACHMENT, RecordingWriter
 
 Decode = Callable[[bytes], Message]
@@ -49,6 +49,7 @@ def read_recording(path: str | Path, *, salvage: bool = False) -> Recording:
     _read_metadata(file, recording)
     if not recording.missions:
         recording.missions.append(_attached_mission(file))
+    sift(recording)
     return recording
 
 
@@ -107,7 +108,7 @@ def _decoder(topic: str, kind: type[Struct]) -> Decode:
     """
     if kind not in {Fix, Truth, Command}:
         return lambda payload: decode(topic, payload)
-    decode_json, floats = _fast(kind)
+    decode_json = _json_decoder(kind)
     ends = ("head", "uav") if kind is Command else ("uav",)
     sender = attrgetter(*ends)
     parts = topic.split("/")
@@ -118,7 +119,7 @@ def _decoder(topic: str, kind: type[Struct]) -> Decode:
             message: Message = decode_json(payload)
         except (msgspec.DecodeError, UnicodeDecodeError, RecursionError) as error:
             raise MessageError(topic, str(error)) from None
-        if sender(message) != expected or not math.isfinite(sum(floats(message))):
+        if sender(message) != expected or len(payload) > MAX_MESSAGE_BYTES:
             return decode(topic, payload)
         return message
 
@@ -126,10 +127,9 @@ def _decoder(topic: str, kind: type[Struct]) -> Decode:
 
 
 @cache
-def _fast(kind: type[Struct]) -> tuple[Callable[[bytes], Any], Callable[[Any], tuple[float, ...]]]:
-    """Decoder of a kind, and all its floats; made once, since a recording has hundreds of topics."""
-    floats = attrgetter(*(field.name for field in msgspec.structs.fields(kind) if field.type is float))
-    return msgspec.json.Decoder(kind).decode, floats
+def _json_decoder(kind: type[Struct]) -> Callable[[bytes], Any]:
+    """Made once, since a recording has hundreds of topics."""
+    return msgspec.json.Decoder(kind).decode
 
 
 def _read_metadata(file: McapFile, recording: Recording) -> None:

@@ -108,7 +108,11 @@ def _leader(recording: Recording, columns: Columns) -> NDArray[np.int64]:
     index = {uav: k for k, uav in enumerate(columns.uavs)}
     leader = np.full(len(columns.time_s), -1, np.int64)
     for report in sorted(recording.reports, key=lambda report: report.term):
-        if report.has_quorum and 0 <= report.slot < len(leader):
+        if (
+            report.has_quorum
+            and report.is_backed(index.keys(), recording.mission.quorum)
+            and 0 <= report.slot < len(leader)
+        ):
             leader[report.slot] = index.get(report.head, -1)
     return leader
 

@@ -135,7 +135,10 @@ class Scenery:
             self._next_ns = now_ns
 
     def _hear_report(self, report: Report, now_ns: int) -> None:
+        assert self._mission is not None
         known = self._report
+        if not report.is_backed(self._uavs.keys(), self._mission.quorum):
+            return
         if not report.has_quorum or (known is not None and (report.term, report.slot) < (known.term, known.slot)):
             return
         self._report = report
@@ -206,8 +209,7 @@ class Scenery:
         report, shown = self._report, []
         if report is None:
             return []
-        ends_m = (report.hull_ax_m, report.hull_ay_m, report.hull_bx_m, report.hull_by_m, report.hull_r_m)
-        for name, ax_m, ay_m, bx_m, by_m, radius_m in zip(report.hull_uav, *ends_m, strict=False):
+        for name, ax_m, ay_m, bx_m, by_m, radius_m in zip(report.hull_uav, *report.hull_columns, strict=False):
             if name in self._uavs:
                 outline = stadium((ax_m, ay_m), (bx_m, by_m), radius_m + self._uavs[name].entry.r_m)
                 shown.append(entity(name, now_ns))

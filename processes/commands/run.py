@@ -9,18 +9,21 @@ from typing import Annotated
 
 from cyclopts import Parameter
 
-from edc_swarm.config import Mission
+from edc_swarm.config import RECORDER, ROUTER, Mission
 from edc_swarm.errors import InputError
-from edc_swarm.faults import RECORDER, ROUTER, parse_faults
+from edc_swarm.faults import parse_faults
+from edc_swarm.links import have_range
 from processes.address import check_endpoint, parse_endpoint
 from processes.bus import try_client
 from processes.conclusion import conclude
 from processes.console import FAILED, note
-from processes.launcher import Bus, Launcher, RunReport, View
+from processes.credentials import TLS
+from processes.launcher import Bus, Launcher, Protection, RunReport, View
 from processes.live import live_port
 from processes.options import MISSION_HELP, MissionOptions
 from processes.orders import await_found
 from processes.output import Output, default_output, timestamp
+from processes.security import check_security
 from processes.takeover import find_takeover
 from processes.whole import Whole
 
@@ -34,6 +37,8 @@ def run(
     live: bool = False,
     remote: Whole = 0,
     operate: str | None = None,
+    secure: bool = False,
+    certs: Path | None = None,
 ) -> int:
     """Fly a mission: a process for every UAV, a router, a recorder.
 
@@ -47,13 +52,19 @@ def run(
         Leave so many UAVs, the last of the roster, to be flown by others: edc-swarm join.
     operate
         Start nothing: at this router, tcp/HOST:PORT, recorder, visualiser and all UAVs are run by others.
+    secure
+        TLS on every link, a certificate for every process, and a router that lets each say only what is its own.
+    certs
+        Folder with the certificates, made by `edc-swarm certs` (new ones, for this run alone).
     """
     options = options or MissionOptions()
     mission = options.mission(mission_file)
     if not 0 <= remote <= len(mission.roster):
         raise InputError("--remote", remote, f"from 0 to the number of UAVs, {len(mission.roster)}")
+    protection = _protection(secure, certs, mission, {"--remote": remote, "--operate": operate})
     if listen is not None:
-        check_endpoint(listen)
+        listen = listen if protection is None else f"{TLS}{listen.removeprefix(TLS).removeprefix('tcp/')}"
+        check_endpoint(listen, "tcp" if protection is None else "tls")
     if live and options.no_viz:
         raise InputError("--live", live, "absent where --no-viz is given")
     alone = {"--listen": listen, "--live": live, "--remote": remote}
@@ -63,7 +74,14 @@ def run(
         note(f"live: open the Foxglove WebSocket connection ws://localhost:{view.live_port}")
     with _output(mission, options, bus) as output:
         launcher = Launcher(
-            mission, output, listen=listen, view=view, show_progress=not options.json, remote=remote, bus=bus
+            mission,
+            output,
+            listen=listen,
+            view=view,
+            show_progress=not options.json,
+            remote=remote,
+            bus=bus,
+            protection=protection,
         )
         report = launcher.run()
         if output.part.exists():
@@ -98,6 +116,23 @@ def _output(mission: Mission, options: MissionOptions, bus: Bus | None) -> Outpu
     for found in output.salvaged:
         note(f"recovered {found} from a run that was killed")
     return output
+
+
+def _protection(
+    secure: bool, certs: Path | None, mission: Mission, elsewhere: Mapping[str, object]
+) -> Protection | None:
+    """What `--secure` asks for: all processes on this host, and no UAV that hears the truth."""
+    if not secure:
+        if certs is not None:
+            raise InputError("--certs", str(certs), "given together with --secure")
+        return None
+    for field, value in elsewhere.items():
+        if value:
+            raise InputError(field, value, "absent where --secure is given")
+    if have_range(mission):
+        raise InputError("--secure", secure, "absent where links have range_m: emulating it takes hearing the truth")
+    check_security("--secure")
+    return Protection(certs)
 
 
 def _tell(report: RunReport, uavs: int) -> None:

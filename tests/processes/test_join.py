@@ -11,11 +11,11 @@ from pathlib import Path
 
 import pytest
 
+from edc_swarm.config import JOIN
 from edc_swarm.messages import PREFIX
 from edc_swarm.recording import find_gaps
 from processes.address import free_endpoint
 from processes.bus import open_client
-from processes.desk import JOIN
 from tests.processes.conftest import Ended, Started, await_true
 
 SAFE = {"G1", "G2", "G3", "G4", "G7"}

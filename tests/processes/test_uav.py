@@ -15,25 +15,11 @@ from edc_swarm.config import Mission
 from edc_swarm.messages import Event, Fix, Keys, Report, decode, encode
 from edc_swarm.roster import complete_mission
 from edc_swarm.simulation import mission_message
-from processes.address import free_endpoint
 from processes.bus import hand_over, open_client
 from processes.clock import WallClock
 from processes.inbox import Inbox
 from processes.state import create_state
 from tests.processes.conftest import await_true
-
-
-@pytest.fixture
-def endpoint() -> Iterator[str]:
-    """A router of its own process."""
-    address = free_endpoint()
-    router = subprocess.Popen([sys.executable, "-m", "processes.router", address], stdout=subprocess.PIPE)
-    assert router.stdout is not None
-    assert router.stdout.readline() == b"ready\n"
-    yield address
-    router.terminate()
-    assert router.wait() == 0
-    router.stdout.close()
 
 
 class Bench:
@@ -65,7 +51,8 @@ class Bench:
     def say(self, *messages: Event | Report | Fix) -> None:
         """Publish as whoever the message is from."""
         for message in messages:
-            self.session.put(self.keys.of(message), encode(message))
+            stamped = msgspec.structs.replace(message, sent_ns=WallClock().now_ns())
+            self.session.put(self.keys.of(stamped), encode(stamped))
 
     def await_heard(self, kind: type, count: int = 1) -> list[Fix | Event]:
         """Wait for messages of a kind from the UAV."""

@@ -215,7 +215,7 @@ def test_replay_leaves_out_what_no_bus_takes(tmp_path: Path, capsys: pytest.Capt
     path = tmp_path / "odd.mcap"
     with path.open("wb") as stream:
         writer = RecordingWriter(stream, {})
-        writer.write("swarm/m/mission", encode(MISSION_MESSAGE), 1)
+        writer.write(Keys(MISSION_MESSAGE.name).mission, encode(MISSION_MESSAGE), 1)
         for topic in ("a//b", "swarm/m/*"):
             writer.write_as(Channel(topic, "raw"), b"?", 2)
         writer.finish({})
