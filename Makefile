@@ -1,4 +1,5 @@
 # `make run` flies the default mission, `make test` runs every test, `make check` the linters.
+# `make latency-figures` makes the figures of docs/latency.md again, in about an hour.
 # All that is needed is git, make and Python >= 3.11 with venv; the first call sets everything up.
 
 PYTHON ?= python3
@@ -7,15 +8,15 @@ BIN := $(VENV)/bin
 READY := $(VENV)/.ready
 RUN ?=
 
-.PHONY: run test check format clean
+.PHONY: run test check format clean latency-figures
 
 run: $(READY)
 	$(BIN)/edc-swarm run $(RUN)
 
 # Tests of real processes are about time, so they run one after the other; all others in parallel.
 test: $(READY)
-	$(BIN)/pytest -n auto --ignore tests/processes
-	$(BIN)/pytest tests/processes
+	$(BIN)/pytest -n auto --ignore tests/processes --ignore tests/docker
+	$(BIN)/pytest tests/processes tests/docker
 
 check: $(READY)
 	$(BIN)/ruff check
@@ -26,6 +27,19 @@ check: $(READY)
 format: $(READY)
 	$(BIN)/ruff check --fix
 	$(BIN)/ruff format
+
+# Both sweeps go on where they were; a figure is a quantity against an axis, of the simulator or of both engines.
+latency-figures: $(READY)
+	$(BIN)/edc-swarm latency --out build/latency
+	$(BIN)/edc-swarm latency --engine processes --out build/latency-processes
+	mkdir -p docs/latency
+	for figure in held_pct makespan_s command_age_ms; do \
+		cp build/latency/$$figure-by-delay.svg docs/latency/; \
+	done
+	cp build/latency/completed_pct-by-loss.svg docs/latency/
+	for figure in held_pct fix_to_command_ms; do \
+		cp build/latency-processes/$$figure-by-delay.svg docs/latency/$$figure-both-engines.svg; \
+	done
 
 clean:
 	rm -rf $(VENV) build dist .mypy_cache .ruff_cache .pytest_cache .hypothesis .import_linter_cache

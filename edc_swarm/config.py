@@ -31,9 +31,26 @@ GpsModel = Literal["none", "bias", "white", "gauss-markov"]
 Distribution = Literal["constant", "uniform", "normal", "lognormal"]
 
 UavId = Annotated[str, Meta(pattern=r"^[A-Za-z0-9_-]{1,32}$(?!\n)")]
-Positive = Annotated[float, Meta(gt=0)]
-NonNegative = Annotated[float, Meta(ge=0)]
+MissionId = Annotated[str, Meta(pattern=r"^[A-Za-z0-9_-]{1,64}$(?!\n)")]
+MOST_M = 1e7
+MOST = 1e12
+"""Largest quantity of any kind: products of a few of them are still finite."""
+Metres = Annotated[float, Meta(ge=-MOST_M, le=MOST_M)]
+"""A coordinate in the local frame."""
+Speed = Annotated[float, Meta(gt=0, le=1e4)]
+Positive = Annotated[float, Meta(gt=0, le=MOST)]
+NonNegative = Annotated[float, Meta(ge=0, le=MOST)]
 Fraction = Annotated[float, Meta(ge=0, le=1)]
+LinkEnd = Annotated[str, Meta(max_length=32)]
+FaultText = Annotated[str, Meta(max_length=65536)]
+
+OPERATOR, RECORDER, VISUALISER, ROUTER = "operator", "recorder", "viz", "router"
+ROLES = frozenset({OPERATOR, RECORDER, VISUALISER, ROUTER})
+"""Processes beside the UAVs, by the names under which they speak and are certified."""
+JOIN = "join"
+"""In the place of a UAV's id in the liveliness token of a claimant (`edc-swarm join`)."""
+RESERVED_IDS = ROLES | {JOIN, "ca"}
+"""No UAV may be named like a role, a claimant, or the file of the authority that certifies them."""
 
 NS_PER_S = 1_000_000_000
 ARRIVED_M = 0.1
@@ -71,10 +88,10 @@ class RosterEntry(Struct, frozen=True, kw_only=True):
     """One UAV of the mission: where it starts, where it must go, its radii and its battery."""
 
     uav: UavId
-    start_x_m: float
-    start_y_m: float
-    target_x_m: float
-    target_y_m: float
+    start_x_m: Metres
+    start_y_m: Metres
+    target_x_m: Metres
+    target_y_m: Metres
     r_m: Positive
     body_m: Positive
     energy_j: Positive
@@ -95,10 +112,12 @@ class Link(Struct, frozen=True, kw_only=True):
     `loss`, or bursty (Gilbert-Elliott) when `burst_enter` > 0: the link enters its bad state with
     that probability per message, leaves it with `burst_leave`, and loses `burst_loss` there. A message
     is delayed by up to three slots more with probability `reorder`, so that later ones overtake it.
+    Where `range_m` > 0, messages are also lost to distance: half of them at `range_m`, more beyond it,
+    fewer within (`links.fading_loss`; `shadowing_db` 0 is a sharp edge).
     """
 
-    sender: str = "*"
-    receiver: str = "*"
+    sender: LinkEnd = "*"
+    receiver: LinkEnd = "*"
     delay_ms: NonNegative = 0.0
     jitter_ms: NonNegative = 0.0
     distribution: Distribution = "uniform"
@@ -108,6 +127,9 @@ class Link(Struct, frozen=True, kw_only=True):
     burst_loss: Fraction = 1.0
     duplicate: Fraction = 0.0
     reorder: Fraction = 0.0
+    range_m: NonNegative = 0.0
+    path_loss_exponent: Positive = 2.0
+    shadowing_db: NonNegative = 4.0
     start_s: NonNegative = 0.0
     end_s: NonNegative = 1e9
 
@@ -119,18 +141,18 @@ class Mission(Struct, frozen=True, kw_only=True):
     drawn at random from `seed`.
     """
 
-    name: Annotated[str, Meta(pattern=r"^[A-Za-z0-9_-]{1,64}$(?!\n)")] = "mission"
+    name: MissionId = "mission"
     seed: Annotated[int, Meta(ge=0, le=(1 << 63) - 1)] = 0
     uavs: Annotated[int, Meta(ge=1, le=MAX_UAVS)] = 10
     area_m2: Positive = 10_000.0
     r_m: Positive = 5.0
     body_m: Positive = 0.25
-    v_max_mps: Positive = 5.0
+    v_max_mps: Speed = 5.0
     dt_s: Annotated[float, Meta(ge=0.02, le=60)] = 0.5
     tau_s: NonNegative = 0.0
     guard_s: NonNegative = 0.0
     max_slots: Annotated[int, Meta(ge=0, le=MOST_SLOTS)] = 0
-    time_scale: Annotated[float, Meta(gt=0, le=1000)] = 1.0
+    time_scale: Annotated[float, Meta(ge=1e-3, le=1000)] = 1.0
     planner: PlannerName = "edc"
     minimise: Minimise = "distance"
     elect: Criterion = "energy"
@@ -142,7 +164,7 @@ class Mission(Struct, frozen=True, kw_only=True):
     origin_lat_deg: Annotated[float, Meta(ge=-89, le=89)] = 60.1841
     origin_lon_deg: Annotated[float, Meta(ge=-180, le=180)] = 24.8301
     link: Annotated[list[Link], Meta(max_length=MAX_LINKS)] = []
-    fault: Annotated[list[str], Meta(max_length=MAX_FAULTS)] = []
+    fault: Annotated[list[FaultText], Meta(max_length=MAX_FAULTS)] = []
     roster: Annotated[list[RosterEntry], Meta(max_length=MAX_UAVS)] = []
     energy: EnergyModel = EnergyModel()
     head: HeadModel = HeadModel()
@@ -201,7 +223,7 @@ def mission_from_dict(raw: Mapping[str, Any]) -> Mission:
     if isinstance(roster, list) and roster:
         raw = {"uavs": len(roster), **raw}
     mission = convert(raw, Mission)
-    _validate(mission)
+    validate_mission(mission)
     return mission
 
 
@@ -270,7 +292,8 @@ def default_max_slots(mission: Mission) -> int:
     return math.ceil(20 * longest_m / step_m) + 200
 
 
-def _validate(mission: Mission) -> None:
+def validate_mission(mission: Mission) -> None:
+    """Raise `MissionError` unless the fields fit together."""
     if mission.roster and mission.uavs != len(mission.roster):
         raise MissionError("uavs", mission.uavs, f"the length of the roster ({len(mission.roster)})")
     if 2 * mission.guard_s >= mission.dt_s:
@@ -284,11 +307,23 @@ def _validate(mission: Mission) -> None:
     _validate_roster(mission.roster)
 
 
+def check_links(mission: Mission) -> None:
+    """Raise `MissionError` for a link that names a UAV which is not in the roster."""
+    known = {"*", *(entry.uav for entry in mission.roster)}
+    for index, link in enumerate(mission.link):
+        for end in ("sender", "receiver"):
+            value = getattr(link, end)
+            if value not in known:
+                raise MissionError(f"link[{index}].{end}", value, 'the id of a UAV of the roster, or "*"')
+
+
 def _validate_roster(roster: list[RosterEntry]) -> None:
     seen: set[str] = set()
     for index, entry in enumerate(roster):
         if entry.uav in seen:
             raise MissionError(f"roster[{index}].uav", entry.uav, "an id that no other UAV has")
+        if entry.uav in RESERVED_IDS:
+            raise MissionError(f"roster[{index}].uav", entry.uav, f"none of {', '.join(sorted(RESERVED_IDS))}")
         if entry.body_m > entry.r_m:
             raise MissionError(f"roster[{index}].body_m", entry.body_m, f"at most r_m ({entry.r_m})")
         seen.add(entry.uav)

@@ -7,7 +7,7 @@
     partition LEFT|RIGHT @WHEN [for D]      nothing passes between two groups
     partition LEFT>RIGHT @WHEN [for D]      nothing passes from the first to the second
     heal @WHEN                              every partition ends
-    link A>B [delay MS] [jitter MS] [loss P] [duplicate P] [reorder P] @WHEN [for D]
+    link A>B [delay MS] [jitter MS] [loss P] [duplicate P] [reorder P] [range M] @WHEN [for D]
     clock TARGET [offset MS] [drift PPM] @WHEN
     gps TARGET MODEL @WHEN
     slow TARGET MS @WHEN [for D]            the solver takes MS longer
@@ -25,12 +25,12 @@ import math
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 
-from edc_swarm.config import Link, Mission, convert
+from edc_swarm.config import RECORDER, ROUTER, Link, Mission, convert
 from edc_swarm.errors import MissionError
 
-HEAD, STANDBY, RECORDER, ROUTER, REST, HALVES = "head", "standby", "recorder", "router", "rest", "halves"
+HEAD, STANDBY, REST, HALVES = "head", "standby", "rest", "halves"
 PROCESS_VERBS = frozenset({"kill", "restart", "freeze", "resume"})
-LINK_WORDS = ("delay", "jitter", "loss", "duplicate", "reorder")
+LINK_WORDS = ("delay", "jitter", "loss", "duplicate", "reorder", "range")
 TARGETS = frozenset({HEAD, STANDBY})
 """Words that stand for one UAV."""
 WORDS = {
@@ -206,7 +206,7 @@ def _read_heal(verb: str, words: list[str]) -> Fault:
 
 def _read_link(verb: str, words: list[str]) -> Fault:
     sender, receiver = words[0].split(">")
-    fields = {"delay": "delay_ms", "jitter": "jitter_ms"}
+    fields = {"delay": "delay_ms", "jitter": "jitter_ms", "range": "range_m"}
     pairs = list(zip(words[1::2], words[2::2], strict=True))
     if any(name not in LINK_WORDS for name, _ in pairs):
         raise ValueError(f"a link takes {', '.join(LINK_WORDS)}")

@@ -70,8 +70,7 @@ class Knowledge:
 
     def hear_report(self, report: Report) -> None:
         """Take in the hulls of a report of slot s: each serves like a fix of slot s."""
-        columns = (report.hull_ax_m, report.hull_ay_m, report.hull_bx_m, report.hull_by_m, report.hull_r_m)
-        for uav, *shape in zip(report.hull_uav, *columns, strict=False):
+        for uav, *shape in zip(report.hull_uav, *report.hull_columns, strict=False):
             known = self._relayed.get(uav)
             if uav in self._roster and (known is None or report.slot > known[0]):
                 self._relayed[uav] = (report.slot, Stadium(*shape))
@@ -165,8 +164,11 @@ def _distance_to_segment_m(x_m: float, y_m: float, path: Stadium) -> float:
 
 
 def _age(fix: Fix, known: Fix) -> int:
-    """Positive when `fix` is newer than `known`: by slot, then term, then order of sending."""
+    """Positive when `fix` is newer than `known`: by slot, then term, then order of sending.
+
+    No two lives of a UAV speak in one slot and term: the second begins with what the first has on disk.
+    """
     left, right = (fix.slot, fix.term), (known.slot, known.term)
-    if left == right and fix.instance == known.instance:
-        return fix.seq - known.seq
-    return 1 if left >= right else -1
+    if left == right:
+        return fix.seq - known.seq if fix.instance == known.instance else 0
+    return 1 if left > right else -1

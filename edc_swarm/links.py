@@ -1,11 +1,13 @@
 """The emulated network: what each directed link does to a message, seeded and clockless.
 
 The model sits in the receiving agent, above the real transport: the same object delays and drops
-messages in the simulator and in the processes. The recorder is an observer outside it.
+messages in the simulator and in the processes. The recorder is an observer outside it. Radio range is
+about true positions, the emulator's ground truth, which the agents never see (`LinkEmulator.place`).
 
 Gilbert-Elliott bursts follow E. N. Gilbert, "Capacity of a Burst-Noise Channel", Bell Syst. Tech. J.
 39(5), 1960, and E. O. Elliott, "Estimates of Error Rates for Codes on Burst-Noise Channels", ibid.
-42(5), 1963.
+42(5), 1963. Loss over distance is the outage of log-distance path loss with log-normal shadowing:
+T. S. Rappaport, "Wireless Communications", 2nd ed., 2002, sections 4.9.1-4.9.3.
 """
 
 from __future__ import annotations
@@ -15,15 +17,32 @@ from collections.abc import Collection
 from dataclasses import dataclass
 from random import Random
 
-from edc_swarm.config import NS_PER_S, Link, Mission
+from msgspec import Struct
+
+from edc_swarm.config import MAX_FAULTS, MAX_LINKS, NS_PER_S, Link, Mission
+from edc_swarm.faults import parse_faults
 
 NS_PER_MS = 1_000_000
 ANYONE = "*"
+DELAY_ERROR = "delay-error"
+"""Kind of the event with which a UAV process tells its `DelayError` at its end."""
 TRUNCATED_AT = 3.0
 """A normal jitter is at most this many standard deviations."""
 
+MAX_CHANGES = MAX_LINKS + MAX_FAULTS
+"""More than a mission's links and faults together are not kept."""
+
 REORDER_SLOTS = 3
 """A reordered message is delayed by up to this many slots more, so that later ones overtake it."""
+
+
+class DelayError(Struct, frozen=True):
+    """How much later than this model said messages were handed over by a process, in milliseconds."""
+
+    messages: int
+    p50_ms: float
+    p99_ms: float
+    max_ms: float
 
 
 @dataclass(frozen=True, slots=True)
@@ -63,15 +82,20 @@ class LinkEmulator:
         self._cuts: list[Cut] = []
         self._random: dict[str, Random] = {}
         self._in_burst: dict[str, bool] = {}
+        self._place_m = {entry.uav: (entry.start_x_m, entry.start_y_m) for entry in mission.roster}
+
+    def place(self, uav: str, x_m: float, y_m: float) -> None:
+        """Note where `uav` truly is, for links with a radio range; until then it is at its start."""
+        self._place_m[uav] = (x_m, y_m)
 
     def add_rule(self, rule: Link) -> None:
         """Let `rule` hold from now on wherever it matches (a fault)."""
-        if rule.receiver in {ANYONE, self._receiver}:
+        if rule.receiver in {ANYONE, self._receiver} and len(self._rules) < MAX_CHANGES:
             self._rules.append(rule)
 
     def add_cut(self, cut: Cut) -> None:
         """Cut links off (a fault)."""
-        if self._receiver in cut.receivers:
+        if self._receiver in cut.receivers and len(self._cuts) < MAX_CHANGES:
             self._cuts.append(cut)
 
     def heal(self) -> None:
@@ -110,15 +134,39 @@ class LinkEmulator:
             change = rule.burst_leave if burst else rule.burst_enter
             burst = burst != (random.random() < change)
             self._in_burst[sender] = burst
-        if burst and rule.burst_enter:
-            return random.random() < rule.burst_loss
-        return rule.loss > 0 and random.random() < rule.loss
+        loss = rule.burst_loss if burst and rule.burst_enter else rule.loss
+        if loss and random.random() < loss:
+            return True
+        return rule.range_m > 0 and random.random() < fading_loss(self._distance_m(sender), rule)
+
+    def _distance_m(self, sender: str) -> float:
+        return math.dist(self._place_m[sender], self._place_m[self._receiver])
 
     def _delay_ns(self, rule: Link, random: Random) -> int:
         delay_ns = (rule.delay_ms + _jitter_ms(rule, random)) * NS_PER_MS
         if rule.reorder and random.random() < rule.reorder:
             delay_ns += random.random() * REORDER_SLOTS * self._slot_ns
         return round(delay_ns)
+
+
+def fading_loss(distance_m: float, rule: Link) -> float:
+    """Probability that a message is lost to distance.
+
+    The received power falls as distance to the power `path_loss_exponent`, and varies from message to
+    message, in decibels normally with deviation `shadowing_db`; at `range_m` its median is just enough.
+    """
+    if distance_m <= 0.0:
+        return 0.0
+    margin_db = 10.0 * rule.path_loss_exponent * math.log10(rule.range_m / distance_m)
+    if not rule.shadowing_db:
+        return float(margin_db < 0.0)
+    return 0.5 * math.erfc(margin_db / (math.sqrt(2.0) * rule.shadowing_db))
+
+
+def have_range(mission: Mission) -> bool:
+    """Whether a link of the mission has a radio range, now or by a fault to come: then true positions matter."""
+    by_fault = (fault.link() for fault in parse_faults(mission) if fault.verb == "link")
+    return any(rule.range_m > 0 for rule in (*mission.link, *by_fault))
 
 
 def _jitter_ms(rule: Link, random: Random) -> float:

@@ -7,14 +7,28 @@ unknown fields are ignored. `seq` counts from 0 without holes per publisher `ins
 
 from __future__ import annotations
 
-import math
-from typing import Annotated, Any, Literal
+import re
+from collections.abc import Set
+from typing import Annotated, Any, Literal, get_args
 
 import msgspec
 from msgspec import Meta, Struct
 
-from edc_swarm.config import MAX_UAVS, Mission, RosterEntry, UavId
-from edc_swarm.errors import MessageError
+from edc_swarm.config import (
+    MAX_UAVS,
+    MOST,
+    Metres,
+    Mission,
+    MissionId,
+    NonNegative,
+    Positive,
+    RosterEntry,
+    UavId,
+    check_links,
+    validate_mission,
+)
+from edc_swarm.errors import MessageError, MissionError
+from edc_swarm.faults import parse_faults
 
 MAX_MESSAGE_BYTES = 1 << 20
 PREFIX = "swarm"
@@ -26,8 +40,16 @@ Slot = Annotated[int, Meta(ge=-1, lt=1 << 40)]
 Term = Annotated[int, Meta(ge=0, lt=1 << 40)]
 Ns = Annotated[int, Meta(ge=0, le=(1 << 63) - 1)]
 HeadId = Annotated[str, Meta(pattern=r"^[A-Za-z0-9_-]{0,32}$(?!\n)")]
+Latitude = Annotated[float, Meta(ge=-90, le=90)]
+Longitude = Annotated[float, Meta(ge=-180, le=180)]
 UavIds = Annotated[list[UavId], Meta(max_length=MAX_UAVS)]
-Floats = Annotated[list[float], Meta(max_length=MAX_UAVS)]
+Claimants = Annotated[tuple[Annotated[str, Meta(pattern=r"^([0-9a-f]{16})?$(?!\n)")], ...], Meta(max_length=MAX_UAVS)]
+Coordinates = Annotated[list[Metres], Meta(max_length=MAX_UAVS)]
+Radii = Annotated[list[NonNegative], Meta(max_length=MAX_UAVS)]
+Quantity = Annotated[float, Meta(ge=-MOST, le=MOST)]
+"""A number of any sign; like all others it is finite, which is what its limits are for."""
+Count = Annotated[int, Meta(ge=0, lt=1 << 53)]
+CountOrNone = Annotated[int, Meta(ge=-1, lt=1 << 53)]
 Status = Literal["planned", "no-qp-needed", "failed", "no-quorum", "claim"]
 
 
@@ -44,28 +66,28 @@ class Fix(Struct, frozen=True, kw_only=True, gc=False):
     seq: Seq = 0
     sent_ns: Ns = 0
     slot: Slot
-    x_m: float
-    y_m: float
-    lat_deg: float = 0.0
-    lon_deg: float = 0.0
-    r_m: float
-    waypoint_x_m: float
-    waypoint_y_m: float
+    x_m: Metres
+    y_m: Metres
+    lat_deg: Latitude = 0.0
+    lon_deg: Longitude = 0.0
+    r_m: Positive
+    waypoint_x_m: Metres
+    waypoint_y_m: Metres
     executing: bool = False
-    command_term: int = -1
-    command_seq: int = -1
+    command_term: CountOrNone = -1
+    command_seq: CountOrNone = -1
     arrived: bool = False
     term: Term = 0
     head: HeadId = NO_ONE
     suspects: bool = False
     voter: bool = True
-    from_x_m: float = 0.0
-    from_y_m: float = 0.0
-    energy_j: float = 0.0
-    response_ms: float = 0.0
-    held_slots: int = 0
-    late_ticks: int = 0
-    cpu_s: float = 0.0
+    from_x_m: Metres = 0.0
+    from_y_m: Metres = 0.0
+    energy_j: NonNegative = 0.0
+    response_ms: NonNegative = 0.0
+    held_slots: Count = 0
+    late_ticks: Count = 0
+    cpu_s: NonNegative = 0.0
 
 
 class Truth(Struct, frozen=True, kw_only=True, gc=False):
@@ -76,10 +98,10 @@ class Truth(Struct, frozen=True, kw_only=True, gc=False):
     seq: Seq = 0
     sent_ns: Ns = 0
     slot: Slot
-    from_x_m: float
-    from_y_m: float
-    to_x_m: float
-    to_y_m: float
+    from_x_m: Metres
+    from_y_m: Metres
+    to_x_m: Metres
+    to_y_m: Metres
 
 
 class Command(Struct, frozen=True, kw_only=True, gc=False):
@@ -96,15 +118,15 @@ class Command(Struct, frozen=True, kw_only=True, gc=False):
     sent_ns: Ns = 0
     slot: Slot
     term: Term
-    start_x_m: float
-    start_y_m: float
-    target_x_m: float
-    target_y_m: float
-    vx_mps: float = 0.0
-    vy_mps: float = 0.0
-    speed_mps: float = 0.0
-    heading_rad: float = 0.0
-    deviation_rad: float = 0.0
+    start_x_m: Metres
+    start_y_m: Metres
+    target_x_m: Metres
+    target_y_m: Metres
+    vx_mps: Quantity = 0.0
+    vy_mps: Quantity = 0.0
+    speed_mps: NonNegative = 0.0
+    heading_rad: Quantity = 0.0
+    deviation_rad: Quantity = 0.0
 
 
 class Report(Struct, frozen=True, kw_only=True, gc=False):
@@ -121,32 +143,44 @@ class Report(Struct, frozen=True, kw_only=True, gc=False):
     sent_ns: Ns = 0
     slot: Slot
     term: Term
-    planner: str = ""
+    planner: Annotated[str, Meta(max_length=200)] = ""
     status: Status
     heard: UavIds = []
     unheard: UavIds = []
     grants: UavIds = []
-    quorum: int
-    plan_ms: float = 0.0
-    guidance_ms: float = 0.0
-    assemble_ms: float = 0.0
-    solve_ms: float = 0.0
-    iterations: int = 0
-    min_gap_m: float = 0.0
+    quorum: Annotated[int, Meta(ge=0, le=MAX_UAVS)]
+    plan_ms: NonNegative = 0.0
+    guidance_ms: NonNegative = 0.0
+    assemble_ms: NonNegative = 0.0
+    solve_ms: NonNegative = 0.0
+    iterations: Count = 0
+    min_gap_m: Quantity = 0.0
     standby: UavIds = []
     successor: HeadId = NO_ONE
     next_term: Term = 0
     hull_uav: UavIds = []
-    hull_ax_m: Floats = []
-    hull_ay_m: Floats = []
-    hull_bx_m: Floats = []
-    hull_by_m: Floats = []
-    hull_r_m: Floats = []
+    hull_ax_m: Coordinates = []
+    hull_ay_m: Coordinates = []
+    hull_bx_m: Coordinates = []
+    hull_by_m: Coordinates = []
+    hull_r_m: Radii = []
 
     @property
     def has_quorum(self) -> bool:
         """Whether this report proves that a quorum granted (term, head) in its slot."""
         return self.status in {"planned", "no-qp-needed", "failed"} and len(self.grants) >= self.quorum
+
+    @property
+    def hull_columns(self) -> tuple[list[float], ...]:
+        """The lists beside `hull_uav`: both ends of the segment, then the radius."""
+        return (self.hull_ax_m, self.hull_ay_m, self.hull_bx_m, self.hull_by_m, self.hull_r_m)
+
+    def is_backed(self, roster: Set[str], quorum: int) -> bool:
+        """Whether the UAVs that it names as its support are enough; a head's own word is not.
+
+        `roster` and `quorum` are the mission's: nobody believes a report about how many it takes.
+        """
+        return self.quorum == quorum and self.head in self.grants and len(roster & set(self.grants)) >= quorum
 
 
 class Event(Struct, frozen=True, kw_only=True, gc=False):
@@ -162,12 +196,22 @@ class Event(Struct, frozen=True, kw_only=True, gc=False):
 
 
 class MissionMessage(Mission, frozen=True, kw_only=True):
-    """The mission as run: the mission file's fields with the roster filled in, plus the epoch."""
+    """The mission as run: the mission file's fields with the roster filled in, plus the epoch.
+
+    `claimants`, in the order of the roster, say who may fly each UAV ("": whoever launched the
+    mission); a process of another claimant leaves. Empty when nobody but the launcher flies.
+    """
 
     epoch_ns: Ns
+    claimants: Claimants = ()
     instance: Instance = ""
     seq: Seq = 0
     sent_ns: Ns = 0
+
+    def claimant_of(self, uav: str) -> str:
+        """Who may fly `uav`: a claimant, or "" for whoever launched the mission."""
+        claimants = zip(self.roster, self.claimants, strict=False)
+        return next((claimant for entry, claimant in claimants if entry.uav == uav), "")
 
 
 Message = Fix | Truth | Command | Report | Event | MissionMessage
@@ -184,6 +228,7 @@ _DECODERS: dict[type[Struct], msgspec.json.Decoder[Any]] = {
     kind: msgspec.json.Decoder(kind) for kind in _KINDS.values()
 }
 _ENCODER = msgspec.json.Encoder()
+_is_mission_id = re.compile(get_args(MissionId)[1].pattern).search
 
 
 class Keys:
@@ -193,6 +238,7 @@ class Keys:
         self.root = f"{PREFIX}/{mission_id}"
         self.mission = f"{self.root}/mission"
         self.all_fixes = f"{self.root}/uav/*/fix"
+        self.all_truths = f"{self.root}/uav/*/truth"
         self.all_reports = f"{self.root}/head/*/report"
         self.all_alive = f"{self.root}/alive/**"
         self.everything = f"{self.root}/**"
@@ -221,6 +267,15 @@ class Keys:
         """Key of a publisher's events."""
         return f"{self.root}/event/{source}"
 
+    @property
+    def claims(self) -> str:
+        """Key on which the operator answers claims to fly a UAV."""
+        return f"{self.root}/claims"
+
+    def orders(self, name: str) -> str:
+        """Key on which a part that nobody launched, such as the recorder, is told what to do."""
+        return f"{self.root}/orders/{name}"
+
     def alive(self, uav: str, instance: str) -> str:
         """Key of a process's liveliness token."""
         return f"{self.root}/alive/{uav}/{instance}"
@@ -243,9 +298,14 @@ class Keys:
 
 
 def kind_of(key: str) -> type[Struct] | None:
-    """Type of the messages on `key` (with or without the `swarm/{mission}` prefix), or None."""
+    """Type of the messages on `key` (with or without the `swarm/{mission}` prefix), or None.
+
+    A key that stands for many, such as `swarm/*/mission`, is no mission's.
+    """
     parts = key.split("/")
     if parts[0] == PREFIX:
+        if not _is_mission_id(parts[1] if len(parts) > 1 else ""):
+            return None
         parts = parts[2:]
     if not parts:
         return None
@@ -266,8 +326,8 @@ def decode(key: str, payload: bytes) -> Message:
     Raises
     ------
     MessageError
-        Unknown key, too large, malformed, a non-finite number, or a sender or receiver that is not
-        the one in the key.
+        Unknown key, too large, malformed, a number beyond its limits (which no infinity is within), a
+        sender or receiver that is not the one in the key, or a mission that no file could describe.
     """
     kind = kind_of(key)
     if kind is None:
@@ -278,8 +338,9 @@ def decode(key: str, payload: bytes) -> Message:
         message: Message = _DECODERS[kind].decode(payload)
     except (msgspec.DecodeError, UnicodeDecodeError, RecursionError) as error:
         raise MessageError(key, str(error)) from None
-    _check_finite(key, message)
     _check_key(key, message)
+    if isinstance(message, MissionMessage):
+        _check_mission(key, message)
     return message
 
 
@@ -288,22 +349,28 @@ def roster_index(roster: list[RosterEntry]) -> dict[str, int]:
     return {entry.uav: index for index, entry in enumerate(roster)}
 
 
-def _check_finite(key: str, message: Message) -> None:
-    """JSON has no NaN, but 1e999 decodes to infinity."""
-    for name in message.__struct_fields__:
-        value = getattr(message, name)
-        if isinstance(value, float) and not math.isfinite(value):
-            raise MessageError(key, f"{name} is not finite")
-        if isinstance(value, list) and any(isinstance(v, float) and not math.isfinite(v) for v in value):
-            raise MessageError(key, f"{name} holds a number that is not finite")
-
-
 def _check_key(key: str, message: Message) -> None:
     parts = key.split("/")
     if parts[0] != PREFIX:
         return
     if Keys(parts[1]).of(message) != key:
         raise MessageError(key, "sender or receiver is not the one in the key")
+    if isinstance(message, MissionMessage) and message.name != parts[1]:
+        raise MessageError(key, "another mission's")
+
+
+def _check_mission(key: str, mission: MissionMessage) -> None:
+    """What is refused as a file is refused from the bus."""
+    try:
+        validate_mission(mission)
+        check_links(mission)
+        parse_faults(mission)
+    except MissionError as error:
+        raise MessageError(key, str(error)) from None
+    if not (mission.roster and mission.max_slots and mission.tau_s):
+        raise MessageError(key, "a mission without roster, max_slots or tau_s")
+    if len(mission.claimants) not in {0, len(mission.roster)}:
+        raise MessageError(key, "claimants must be none, or one for every UAV of the roster")
 
 
 __all__ = [

@@ -34,6 +34,8 @@ _CELL, _SENT = attrgetter("uav", "slot"), attrgetter("sent_ns")
 
 OVERLAP_TOLERANCE_M = 1e-9
 BODY_TOLERANCE_M = 1e-6
+OVERLOADED_PCT = 1.0
+"""With more late ticks than this it was the machine, not the network, that was slow."""
 PLANNED = frozenset({"planned", "no-qp-needed", "failed"})
 
 
@@ -122,8 +124,8 @@ class Columns:
         (S + 1, K) distance of each centre from its UAV's target.
     true_from_m, true_to_m
         (S, K, 2) true motion, NaN where unknown.
-    executed
-        (S, K) whether a command was executed.
+    executed, lost
+        (S, K) whether a command was executed; whether the record lacks what was flown.
     energy_j
         (S, K) battery, NaN where not heard.
     plan_slot, plan_ms
@@ -140,6 +142,7 @@ class Columns:
     true_from_m: Floats
     true_to_m: Floats
     executed: NDArray[np.bool_]
+    lost: NDArray[np.bool_]
     energy_j: Floats
     plan_slot: NDArray[np.int64]
     plan_ms: Floats
@@ -184,7 +187,7 @@ def compute_metrics(recording: Recording, timings: Sequence[Timing] = ()) -> Met
     first = min(commanded, default=None)
     last = int(arrival[living].max()) if completed else tracks.slots - 1
     makespan_s = _makespan_s(mission, arrival[living], first) if completed else None
-    heads = _heads(recording.reports)
+    heads = _heads(recording)
     separation = _separation(mission, tracks)
     return Metrics(
         uavs=len(tracks.uavs),
@@ -232,6 +235,7 @@ def _columns(recording: Recording, tracks: Tracks, timings: Sequence[Timing]) ->
         true_from_m=tracks.true_from_m,
         true_to_m=tracks.true_to_m,
         executed=tracks.executed,
+        lost=tracks.lost,
         energy_j=tracks.energy_j,
         plan_slot=np.array([plan.slot for plan in planned], np.int64),
         plan_ms=np.array([plan.plan_ms for plan in planned], np.float64),
@@ -278,7 +282,7 @@ class _Separation(NamedTuple):
 def _separation(mission: Mission, tracks: Tracks) -> _Separation:
     radius_m = np.array([entry.r_m for entry in mission.roster])
     body_m = np.array([entry.body_m for entry in mission.roster])
-    from_m, to_m = tracks.centre_m[:-1], tracks.centre_m[1:]
+    from_m, to_m = tracks.seen_m
     true_m = (tracks.true_from_m, tracks.true_to_m)
     return _Separation(
         _pairs(from_m, to_m, radius_m, -OVERLAP_TOLERANCE_M),
@@ -370,10 +374,12 @@ def _ticks_late_pct(recording: Recording, ticks: int) -> float:
     return 100 * sum(late.values()) / ticks if ticks else 0.0
 
 
-def _heads(reports: Sequence[Report]) -> list[HeadTerm]:
-    """Heads that planned, by term."""
+def _heads(recording: Recording) -> list[HeadTerm]:
+    """Heads that planned, by term; a plan that only claims a quorum makes nobody head."""
+    mission = recording.mission
+    roster = {entry.uav for entry in mission.roster}
     slots: dict[tuple[int, str], list[int]] = {}
-    for report in reports:
-        if report.has_quorum:
+    for report in recording.reports:
+        if report.has_quorum and report.is_backed(roster, mission.quorum):
             slots.setdefault((report.term, report.head), []).append(report.slot)
     return [HeadTerm(term, head, min(led), max(led)) for (term, head), led in sorted(slots.items())]

@@ -155,6 +155,7 @@ class UavNode:
         cpu_s: Callable[[], float] = lambda: 0.0,
     ) -> None:
         self._mission = mission
+        self._roster = frozenset(entry.uav for entry in mission.roster)
         self._epoch_ns, self._slot_ns = mission.epoch_ns, mission.slot_ns
         self._tau_ns = round(mission.tau_s * 1e9 / mission.time_scale)
         self._keys = Keys(mission.name)
@@ -221,7 +222,7 @@ class UavNode:
         match event:
             case Received(message):
                 self._receive(message, now_ns)
-            case PeerGone(uav):
+            case PeerGone(uav) if uav in self._roster:
                 self._gone.add(uav)
                 self._election.peer_gone(uav)
             case PlannerReady(planner):
@@ -298,7 +299,7 @@ class UavNode:
 
     def _receive(self, message: Message, now_ns: int) -> None:
         match message:
-            case Fix() if message.uav != self.uav:
+            case Fix() if message.uav != self.uav and message.uav in self._roster:
                 self._gone.discard(message.uav)
                 self._compare_clocks(message, now_ns)
                 self._knowledge.hear_fix(message, self.slot)
@@ -311,13 +312,16 @@ class UavNode:
                 pass
 
     def _take_command(self, command: Command) -> None:
-        """Keep a command of the head granted for a slot to come; anything else is nothing to us."""
+        """Keep a command of the head granted for a slot to come; anything else is nothing to us.
+
+        There is one plan per term and slot: whatever comes after its command is not from that plan.
+        """
         if command.uav != self.uav or (command.term, command.head) != self.grant:
             return
         if command.slot >= self.slot:
             self._election.hear_command()
         if command.slot > self.slot and len(self._pending) < MAX_PENDING:
-            self._pending[command.slot] = command
+            self._pending.setdefault(command.slot, command)
 
     def _take_own_command(self, now_ns: int) -> None:
         """Receive what this head commanded itself: in the step after planning, which may have taken too long."""
@@ -326,6 +330,9 @@ class UavNode:
             self._take_command(own)
 
     def _take_report(self, report: Report) -> None:
+        """Believe a plan or a claim only with a quorum behind it, counted by the mission's own measure."""
+        if report.status != "no-quorum" and not report.is_backed(self._roster, self._mission.quorum):
+            return
         if report.has_quorum:
             self._knowledge.hear_report(report)
         if report.slot >= self.slot - 1 or report.term > self.grant[0]:

@@ -17,6 +17,7 @@ class MissionMonitor:
 
     def __init__(self, mission: Mission) -> None:
         self._mission = mission
+        self._roster = frozenset(entry.uav for entry in mission.roster)
         self._newest: dict[str, Fix] = {}
         self._ended: set[str] = set()
         self.report: Report | None = None
@@ -30,6 +31,8 @@ class MissionMonitor:
     def hear_report(self, report: Report) -> None:
         """Take in a report; the newest of the highest term tells who leads."""
         known = self.report
+        if not report.is_backed(self._roster, self._mission.quorum):
+            return
         if report.has_quorum and (known is None or (report.term, report.slot) >= (known.term, known.slot)):
             self.report = report
 

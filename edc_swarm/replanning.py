@@ -108,7 +108,6 @@ def _request(recording: Recording, report: Report, fixes: list[Fix], index: dict
 
 
 def _hulls(recording: Recording, report: Report, index: dict[str, int]) -> Iterator[Hull]:
-    shapes = (report.hull_ax_m, report.hull_ay_m, report.hull_bx_m, report.hull_by_m, report.hull_r_m)
-    for uav, ax_m, ay_m, bx_m, by_m, radius_m in zip(report.hull_uav, *shapes, strict=False):
+    for uav, ax_m, ay_m, bx_m, by_m, radius_m in zip(report.hull_uav, *report.hull_columns, strict=False):
         if uav in index:
             yield Hull(index[uav], ax_m, ay_m, bx_m, by_m, radius_m, recording.mission.roster[index[uav]].r_m)

@@ -8,8 +8,8 @@ import msgspec
 import numpy as np
 from numpy.typing import NDArray
 
-from edc_swarm.config import Mission, RosterEntry, default_max_slots, default_tau_s
-from edc_swarm.errors import MissionError, PlacementError
+from edc_swarm.config import Mission, RosterEntry, check_links, default_max_slots, default_tau_s
+from edc_swarm.errors import PlacementError
 
 TRIES = 10_000
 """Draws after which a UAV is said not to fit."""
@@ -30,7 +30,7 @@ def complete_mission(mission: Mission) -> Mission:
     """
     roster = mission.roster or random_roster(mission)
     whole = msgspec.structs.replace(mission, roster=roster, uavs=len(roster))
-    _check_links(whole)
+    check_links(whole)
     return msgspec.structs.replace(whole, tau_s=default_tau_s(whole), max_slots=default_max_slots(whole))
 
 
@@ -52,7 +52,7 @@ def random_roster(mission: Mission) -> list[RosterEntry]:
     energies_j = charge.uniform(model.initial_min_j, model.initial_max_j, mission.uavs)
     return [
         RosterEntry(
-            uav=f"u{index + 1:03d}",
+            uav=uav,
             start_x_m=float(starts_m[index, 0]),
             start_y_m=float(starts_m[index, 1]),
             target_x_m=float(targets_m[index, 0]),
@@ -61,8 +61,13 @@ def random_roster(mission: Mission) -> list[RosterEntry]:
             body_m=mission.body_m,
             energy_j=float(energies_j[index]),
         )
-        for index in range(mission.uavs)
+        for index, uav in enumerate(uav_ids(mission.uavs))
     ]
+
+
+def uav_ids(count: int) -> list[str]:
+    """Ids of a random mission: u001, u002, ..."""
+    return [f"u{number:03d}" for number in range(1, count + 1)]
 
 
 def _placed(rng: np.random.Generator, mission: Mission, what: str) -> NDArray[np.float64]:
@@ -91,12 +96,3 @@ def _free_point(
         if not len(taken_m) or ((taken_m - point_m) ** 2).sum(axis=1).min() >= least_m**2:
             return point_m
     return None
-
-
-def _check_links(mission: Mission) -> None:
-    known = {"*", *(entry.uav for entry in mission.roster)}
-    for index, link in enumerate(mission.link):
-        for end in ("sender", "receiver"):
-            value = getattr(link, end)
-            if value not in known:
-                raise MissionError(f"link[{index}].{end}", value, 'the id of a UAV of the roster, or "*"')

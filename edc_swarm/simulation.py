@@ -19,10 +19,10 @@ from random import Random
 
 import msgspec
 
-from edc_swarm.config import NS_PER_S, Mission
-from edc_swarm.faults import ROUTER, Fault, parse_faults, resolve
-from edc_swarm.links import LinkEmulator, cut_pair, mission_s
-from edc_swarm.messages import Command, Event, Fix, Keys, Message, MissionMessage, Report
+from edc_swarm.config import NS_PER_S, OPERATOR, ROUTER, Mission
+from edc_swarm.faults import Fault, parse_faults, resolve
+from edc_swarm.links import LinkEmulator, cut_pair, have_range, mission_s
+from edc_swarm.messages import Command, Event, Fix, Keys, Message, MissionMessage, Report, Truth
 from edc_swarm.node import (
     Effect,
     GpsChanged,
@@ -55,7 +55,6 @@ EPOCH_NS = 1_700_000_000 * NS_PER_S
 MAX_BACKLOG = 100_000
 """Messages kept for a frozen process."""
 
-OPERATOR = "operator"
 
 Recorder = Callable[[str, Message, int], None]
 """Takes the key, the message and the time at which it was published."""
@@ -153,6 +152,7 @@ class Simulation:
         self._guard_ns = round(mission.guard_s * NS_PER_S / mission.time_scale)
         self._computers = {entry.uav: self._computer(index) for index, entry in enumerate(mission.roster)}
         self._faults = parse_faults(mission)
+        self._have_range = have_range(mission)
         self._to_restart = [fault for fault in self._faults if fault.verb == "restart"]
 
     @property
@@ -280,7 +280,7 @@ class Simulation:
 
     def _hint(self, gone: Computer, lives: int) -> None:
         """Tell the peers that the token of one life vanished, unless it was the router that did."""
-        if gone.lives == lives and gone.node is not None and not gone.frozen:
+        if gone.lives == lives and gone.node is not None and not gone.frozen and not gone.ended:
             return
         for computer in self._computers.values():
             if computer is not gone and self._router_up and not computer.links.is_cut(gone.uav, self._mission_s):
@@ -371,6 +371,7 @@ class Simulation:
             case Stop():
                 computer.ended = True
                 self.monitor.end(computer.uav)
+                self._at(self._now_ns + HINT_NS, partial(self._hint, computer, computer.lives))
 
     def _persist(self, computer: Computer, promise: Promise | None, airframe: Airframe) -> None:
         """The write is the acceptance of a step: from here on it is flown, whatever happens."""
@@ -395,6 +396,9 @@ class Simulation:
             case Report():
                 self.monitor.hear_report(message)
                 self._send(computer.uav, message, list(self._computers.values()))
+            case Truth() if self._have_range:
+                for other in self._computers.values():
+                    other.links.place(message.uav, message.to_x_m, message.to_y_m)
             case _:
                 pass
 

@@ -1,4 +1,4 @@
-"""Declared sweeps: many simulated runs, each a mission and what is measured on it.
+"""Declared sweeps: many runs, each a mission and what is measured on it.
 
 A run is pure data, so that it can be made in any process or on any machine of a cluster, be found
 again in a file of results by its key, and be flown again by a printed command.
@@ -27,14 +27,15 @@ OPTIONS = {
     "minimise": "--minimise",
     "elect": "--elect",
     "time_scale": "--time-scale",
+    "max_slots": "--max-slots",
 }
-"""Option of `edc-swarm sim` that sets a field of the mission."""
+"""Option of `edc-swarm sim` and `run` that sets a field of the mission."""
 LINK_OPTIONS = {"delay_ms": "--delay-ms", "jitter_ms": "--jitter-ms", "loss": "--loss"}
 
 
 @dataclass(frozen=True, slots=True)
 class Run:
-    """One simulated run of a sweep.
+    """One run of a sweep.
 
     Attributes
     ----------
@@ -46,12 +47,15 @@ class Run:
         Whether its result is a time, so that nothing else may run meanwhile.
     file
         A mission file that says the same, for missions that options cannot say.
+    verb
+        The command that flies it, `sim` or `run`.
     """
 
     measure: str
     mission: Mission
     alone: bool = False
     file: str = ""
+    verb: str = "sim"
 
     @property
     def key(self) -> str:
@@ -67,7 +71,9 @@ class Run:
         InputError
             A field of the mission has no option, and there is no mission file.
         """
-        return f"edc-swarm sim {self.file}" if self.file else command_of(self.mission)
+        if self.file:
+            return shlex.join(["edc-swarm", self.verb, self.file])
+        return command_of(self.mission, self.verb)
 
 
 def changed_fields(mission: Mission) -> dict[str, Any]:
@@ -76,15 +82,33 @@ def changed_fields(mission: Mission) -> dict[str, Any]:
     return {name: value for name, value in msgspec.to_builtins(mission).items() if value != default[name]}
 
 
-def command_of(mission: Mission) -> str:
-    """`edc-swarm sim` with the options that say this mission.
+def mission_toml(mission: Mission) -> str:
+    """The mission file that says `mission`: what is not at its default."""
+    scalars, tables = [], []
+    for name, value in changed_fields(mission).items():
+        if isinstance(value, dict):
+            tables.append(f"\n[{name}]\n{_lines(value)}")
+        elif isinstance(value, list) and isinstance(value[0], dict):
+            tables += [f"\n[[{name}]]\n{_lines(entry)}" for entry in value]
+        else:
+            scalars.append(_lines({name: value}))
+    return "".join([*scalars, *tables])
+
+
+def _lines(values: dict[str, Any]) -> str:
+    """Numbers, texts and lists of texts, which TOML writes as JSON does."""
+    return "".join(f"{name} = {msgspec.json.encode(value).decode()}\n" for name, value in values.items())
+
+
+def command_of(mission: Mission, verb: str = "sim") -> str:
+    """`edc-swarm sim` or `run` with the options that say this mission.
 
     Raises
     ------
     InputError
         A field has no option.
     """
-    words = ["edc-swarm", "sim"]
+    words = ["edc-swarm", verb]
     for name, value in changed_fields(mission).items():
         if name in OPTIONS:
             words += [
@@ -96,7 +120,7 @@ def command_of(mission: Mission) -> str:
         elif name == "link" and len(value) == 1:
             words += _link_words(mission)
         elif name != "name":
-            raise InputError(name, value, "a field that an option of edc-swarm sim sets, or in a mission file")
+            raise InputError(name, value, f"a field that an option of edc-swarm {verb} sets, or in a mission file")
     return shlex.join(words)
 
 

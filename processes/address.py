@@ -7,31 +7,42 @@ import socket
 
 from edc_swarm.errors import InputError
 
-ALLOWED = "tcp/HOST:PORT with a port that is free"
+FREE = " with a port that is free"
 
 
-def free_endpoint() -> str:
+def free_endpoint(protocol: str = "tcp") -> str:
     """An address on this host that nobody listens on."""
     with socket.socket() as probe:
         probe.bind(("127.0.0.1", 0))
-        return f"tcp/127.0.0.1:{probe.getsockname()[1]}"
+        return f"{protocol}/127.0.0.1:{probe.getsockname()[1]}"
 
 
-def check_endpoint(endpoint: str) -> None:
-    """Raise `InputError` unless `endpoint` is an address that can be listened on."""
-    found = re.fullmatch(r"tcp/(\[[0-9a-fA-F:]+\]|[A-Za-z0-9.-]+):(\d{1,5})", endpoint)
+def parse_endpoint(field: str, endpoint: str, protocol: str = "tcp", which: str = "") -> tuple[str, int]:
+    """Host and port of an address; raises `InputError` that names `field`, and says `which` addresses are allowed."""
+    found = re.fullmatch(protocol + r"/(\[[0-9a-fA-F:]+\]|[A-Za-z0-9._-]+):(\d{1,5})", endpoint)
     if found is None or not 0 < int(found[2]) < 65536:
-        raise InputError("--listen", endpoint, ALLOWED)
-    host, port = found[1].strip("[]"), int(found[2])
+        raise InputError(field, endpoint, f"{protocol}/HOST:PORT{which}")
+    return found[1].strip("[]"), int(found[2])
+
+
+def check_endpoint(endpoint: str, protocol: str = "tcp") -> None:
+    """Raise `InputError` unless `endpoint` is an address that can be listened on."""
+    host, port = parse_endpoint("--listen", endpoint, protocol, FREE)
     try:
         family = socket.getaddrinfo(host, port, type=socket.SOCK_STREAM)[0][0]
         with socket.socket(family, socket.SOCK_STREAM) as probe:
             probe.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
             probe.bind((host, port))
     except OSError as error:
-        raise InputError("--listen", endpoint, f"{ALLOWED} ({(error.strerror or str(error)).lower()})") from None
+        allowed = f"{protocol}/HOST:PORT{FREE} ({(error.strerror or str(error)).lower()})"
+        raise InputError("--listen", endpoint, allowed) from None
+
+
+def advertised_endpoint(listen: str) -> str:
+    """Where clients on other hosts find it, if they know this host by its name."""
+    return re.sub(r"^tcp/(0\.0\.0\.0|\[::\]):", f"tcp/{socket.gethostname()}:", listen)
 
 
 def connect_endpoint(listen: str) -> str:
     """Where clients on this host find a router that listens at `listen`."""
-    return listen.replace("tcp/0.0.0.0:", "tcp/127.0.0.1:").replace("tcp/[::]:", "tcp/[::1]:")
+    return listen.replace("/0.0.0.0:", "/127.0.0.1:").replace("/[::]:", "/[::1]:")

@@ -11,7 +11,7 @@ from cyclopts import App, CoercionError, CycloptsError, MissingArgumentError, Pa
 from cyclopts.exceptions import RepeatArgumentError, UnknownCommandError, UnusedCliTokensError
 
 from edc_swarm.errors import SwarmError
-from processes.console import complain
+from processes.console import FAILED, complain, note
 
 app = App(
     name="edc-swarm",
@@ -25,14 +25,17 @@ app = App(
     suppress_keyboard_interrupt=False,
 )
 app.command("processes.commands.run:run", help="Fly a mission: real processes over Zenoh, recorded.")
+app.command("processes.commands.join:join", help="Fly UAVs of a mission that another machine operates.")
 app.command("processes.commands.sim:sim", help="Simulate the same mission in one process, in virtual time.")
 app.command("processes.commands.metrics:metrics", help="Print every metric of a recording.")
 app.command("processes.commands.check:check", help="Check the guarantees of a recording; status 1 when one is broken.")
 app.command("processes.commands.fuzz:fuzz", help="Search random fault schedules for a broken guarantee.")
 app.command("processes.commands.figures:figures", help="Make the paper's figures and the energy bill.")
+app.command("processes.commands.latency:latency", help="Fly a grid of delays, jitters and losses.")
 app.command("processes.commands.replay:replay", help="Put a recording back onto a bus, or plan it again and compare.")
 app.command("processes.commands.recover:recover", help="Make a whole recording of one that was cut off.")
 app.command("processes.commands.visualise:visualise", help="Add what Foxglove draws to a recording.")
+app.command("processes.commands.certs:certs", help="Make the certificates of a secured swarm.")
 app.command("processes.commands.report:report", help="Make a self-contained page of a recording.")
 
 
@@ -44,6 +47,9 @@ def main(arguments: Sequence[str] | None = None) -> int:
         return complain(_in_one_line(error))
     except SwarmError as error:
         return complain(error)
+    except KeyboardInterrupt:
+        note("interrupted")
+        return FAILED
     except BrokenPipeError:
         sys.stderr.close()
         return 1

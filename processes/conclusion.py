@@ -7,13 +7,10 @@ from pathlib import Path
 import msgspec
 
 from edc_swarm.invariants import check
-from edc_swarm.metrics import compute_metrics, load_timings
+from edc_swarm.metrics import OVERLOADED_PCT, compute_metrics, load_timings
 from edc_swarm.recording import read_recording
 from processes.console import FAILED, note, print_json, stdout_console
 from processes.summary import print_guarantees, print_metrics
-
-OVERLOADED_PCT = 1.0
-"""With more late ticks than this it was the machine, not the network, that was slow."""
 
 
 def conclude(path: Path, *, as_json: bool) -> int:

@@ -6,20 +6,27 @@ Callbacks only hand bytes over to the inbox; decoding, loss and delay happen in 
 from __future__ import annotations
 
 import heapq
+import time
+from collections.abc import Callable
 from dataclasses import dataclass
 from itertools import count
 
 import zenoh
 
+from edc_swarm.admission import Admission
+from edc_swarm.config import OPERATOR
 from edc_swarm.errors import MessageError
-from edc_swarm.links import LinkEmulator
-from edc_swarm.messages import Command, Fix, Keys, Message, Report, decode
+from edc_swarm.links import DelayError, LinkEmulator
+from edc_swarm.messages import MAX_MESSAGE_BYTES, Command, Fix, Keys, Message, MissionMessage, Report, decode
 from processes.bus import hand_over
 from processes.inbox import Inbox
 
-OPERATOR = "operator"
 MAX_POSTPONED = 100_000
 MAX_COUNTED_KEYS = 1000
+MAX_MEASURED = 100_000
+"""Postponed messages whose lateness is kept."""
+MAX_TOKENS = 10_000
+"""Liveliness tokens that are remembered: a few lives of every UAV of the largest mission."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -28,6 +35,8 @@ class Heard:
 
     key: str
     payload: bytes
+    at_ns: int = 0
+    """When, on the monotonic clock."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -67,12 +76,17 @@ class Ears:
             self._fixes.undeclare()
             self._fixes = None
 
+    def listen_to_truths(self) -> None:
+        """Hear where every UAV truly is: for the emulated radio, never for the agent."""
+        self._subscribe(self._keys.all_truths)
+
     def _subscribe(self, key: str) -> zenoh.Subscriber[None]:
         handler = hand_over(self._take_sample)
         return self._session.declare_subscriber(key, handler, allowed_origin=zenoh.Locality.REMOTE)
 
     def _take_sample(self, sample: zenoh.Sample) -> None:
-        self._inbox.put(Heard(str(sample.key_expr), sample.payload.to_bytes()))
+        heard = heard_from(sample)
+        self._inbox.put(heard, len(heard.payload))
 
     def _take_reply(self, reply: zenoh.Reply) -> None:
         if reply.ok is not None:
@@ -100,6 +114,36 @@ class Malformed:
         return f"{number} on {key[:200]}: {error.reason[:200]}" if number & (number - 1) == 0 else None
 
 
+class Gate:
+    """Lets in messages that decode and, once the mission is known, that can be true in it.
+
+    `tell` is told, now and then, of what is refused.
+    """
+
+    def __init__(self, tell: Callable[[str], None]) -> None:
+        self._tell = tell
+        self._malformed = Malformed()
+        self._admission: Admission | None = None
+
+    def know(self, mission: MissionMessage) -> None:
+        """Judge by this mission from now on; it is never replaced by another."""
+        if self._admission is None:
+            self._admission = Admission(mission)
+
+    def admit(self, heard: Heard) -> Message | None:
+        """The message in `heard`, or None where there is none to be believed."""
+        try:
+            message = decode(heard.key, heard.payload)
+            if self._admission is not None:
+                self._admission.check(heard.key, message)
+        except MessageError as error:
+            detail = self._malformed.count(error)
+            if detail is not None:
+                self._tell(detail)
+            return None
+        return message
+
+
 class Postbox:
     """Messages that the link model lets through now or later."""
 
@@ -107,9 +151,10 @@ class Postbox:
         self.links = links
         self._later: list[tuple[int, int, Message]] = []
         self._order = count()
+        self._late_ns: list[int] = []
 
     def arrive(self, message: Message, now_ns: int, at_s: float) -> bool:
-        """Take in a swarm message at mission time `at_s`; whether it is to be delivered right now."""
+        """Take in a swarm message that came at `now_ns`, mission time `at_s`; whether it has no delay at all."""
         at_once = False
         for delay_ns in self.links.arrivals_ns(sender_of(message), at_s):
             if delay_ns == 0 and not at_once:
@@ -125,9 +170,21 @@ class Postbox:
 
     def take_due(self, now_ns: int) -> Message | None:
         """Hand out one postponed message that is due."""
-        if self._later and self._later[0][0] <= now_ns:
-            return heapq.heappop(self._later)[2]
-        return None
+        if not self._later or self._later[0][0] > now_ns:
+            return None
+        due_ns, _, message = heapq.heappop(self._later)
+        if len(self._late_ns) < MAX_MEASURED:
+            self._late_ns.append(now_ns - due_ns)
+        return message
+
+    @property
+    def delay_error(self) -> DelayError | None:
+        """How late postponed messages were handed out; None where there were none."""
+        if not self._late_ns:
+            return None
+        late_ms = [late_ns / 1e6 for late_ns in sorted(self._late_ns)]
+        at = [late_ms[round(share * (len(late_ms) - 1))] for share in (0.5, 0.99, 1.0)]
+        return DelayError(len(late_ms), *at)
 
 
 def sender_of(message: Message) -> str:
@@ -141,6 +198,7 @@ def sender_of(message: Message) -> str:
             return ""
 
 
-def decoded(heard: Heard) -> Message:
-    """The message in bytes from the bus; raises `MessageError`."""
-    return decode(heard.key, heard.payload)
+def heard_from(sample: zenoh.Sample) -> Heard:
+    """The bytes of a sample; of what is too large only so much that it can be seen to be."""
+    payload = sample.payload.to_bytes()
+    return Heard(str(sample.key_expr), payload[: MAX_MESSAGE_BYTES + 1], time.monotonic_ns())

@@ -6,6 +6,7 @@ since a fork after that silently breaks. It is commanded over a socket of whole 
 command, whose death is its own, and whose UAVs die with it.
 
 `python -m processes.fork_source FD PARENT`: FD is the socket; the mission comes on standard input.
+Without a mission it stays cold, and small: a UAV then loads the planner itself, if it may have to lead.
 """
 
 from __future__ import annotations
@@ -172,7 +173,8 @@ def _warm(source: ForkSource) -> bool:
     """Warm everything up; garbage collection then leaves what is shared alone."""
     start_s = time.monotonic()
     try:
-        warm_planner(msgspec.json.decode(sys.stdin.buffer.read(), type=Mission))
+        if mission := sys.stdin.buffer.read():
+            warm_planner(msgspec.json.decode(mission, type=Mission))
     except SwarmError as error:
         source.tell(Failed(reason=str(error)))
         return False

@@ -8,6 +8,7 @@ from typing import Generic, TypeVar
 Item = TypeVar("Item")
 
 LIMIT = 100_000
+LIMIT_BYTES = 256 << 20
 BATCH = 256
 
 
@@ -15,32 +16,41 @@ class Inbox(Generic[Item]):
     """Takes items from callbacks, threads and signal handlers; never blocks them.
 
     A `SimpleQueue` underneath: its `put` may interrupt itself, which a signal handler does. The
-    bound is checked before the put, so it can be exceeded by as many items as there are threads.
+    bounds are checked before the put, so they can be exceeded by as many items as there are threads.
     """
 
-    def __init__(self, limit: int = LIMIT) -> None:
-        self._queue: queue.SimpleQueue[Item] = queue.SimpleQueue()
+    def __init__(self, limit: int = LIMIT, limit_bytes: int = LIMIT_BYTES) -> None:
+        self._queue: queue.SimpleQueue[tuple[Item, int]] = queue.SimpleQueue()
         self._limit = limit
+        self._limit_bytes = limit_bytes
+        self._taken_in_bytes = self._handed_out_bytes = 0
         self.dropped = 0
 
-    def put(self, item: Item) -> None:
+    def put(self, item: Item, size_bytes: int = 0) -> None:
         """Hand over `item`; counted and dropped when full."""
-        if self._queue.qsize() >= self._limit:
+        held_bytes = self._taken_in_bytes - self._handed_out_bytes
+        if self._queue.qsize() >= self._limit or held_bytes + size_bytes > self._limit_bytes:
             self.dropped += 1
         else:
-            self._queue.put(item)
+            self._taken_in_bytes += size_bytes
+            self._queue.put((item, size_bytes))
 
     def put_always(self, item: Item) -> None:
         """Hand over one of the few items that must not be lost, such as the order to stop."""
-        self._queue.put(item)
+        self._queue.put((item, 0))
 
     def wait(self, timeout_s: float | None) -> list[Item]:
         """Wait for the next items, at most `BATCH`; none when the time is over."""
         items: list[Item] = []
         try:
-            items.append(self._queue.get(timeout=None if timeout_s is None else max(0.0, timeout_s)))
+            items.append(self._next(block=True, timeout_s=timeout_s))
             while len(items) < BATCH:
-                items.append(self._queue.get_nowait())
+                items.append(self._next(block=False))
         except queue.Empty:
             pass
         return items
+
+    def _next(self, *, block: bool, timeout_s: float | None = None) -> Item:
+        item, size_bytes = self._queue.get(block, None if timeout_s is None else max(0.0, timeout_s))
+        self._handed_out_bytes += size_bytes
+        return item

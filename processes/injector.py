@@ -11,8 +11,8 @@ from functools import partial
 from itertools import count
 from typing import Protocol
 
-from edc_swarm.config import NS_PER_S
-from edc_swarm.faults import PROCESS_VERBS, RECORDER, ROUTER, Fault, parse_faults, resolve
+from edc_swarm.config import NS_PER_S, RECORDER, ROUTER
+from edc_swarm.faults import PROCESS_VERBS, Fault, parse_faults, resolve
 from edc_swarm.links import mission_s
 from edc_swarm.messages import MissionMessage
 from processes.operator import Operator
@@ -42,15 +42,18 @@ class Processes(Protocol):
 
 
 class Injector:
-    """A heap of what is to be done when, filled from the mission's `fault` list."""
+    """A heap of what is to be done when, filled from the mission's `fault` list.
 
-    def __init__(self, mission: MissionMessage, processes: Processes) -> None:
+    Faults before `from_s` of the mission are not injected: an operator before this one did.
+    """
+
+    def __init__(self, mission: MissionMessage, processes: Processes, from_s: float = 0.0) -> None:
         self._mission = mission
         self._processes = processes
         self._order = count()
         self._due: list[tuple[int, int, Callable[[], None]]] = []
         self._faults = parse_faults(mission)
-        for fault in self._faults:
+        for fault in (fault for fault in self._faults if fault.at_s >= from_s):
             self._at(fault.at_s, partial(self._inject, fault))
 
     def next_in_s(self) -> float:

@@ -1,66 +1,66 @@
 """`edc-swarm run`: starts everything, waits until it is there, flies the mission, ends everything.
 
-Everything that happens comes through one inbox: what the bus says, what children do, Ctrl-C. The
-loop never sleeps for something to be ready; it waits for the message that says so.
+Others may fly some of the UAVs (`edc-swarm join`). With a bus that is there already, everything is run
+by others, and this command is the operator alone.
 """
 
 from __future__ import annotations
 
-import contextlib
 import os
-import secrets
 import signal
-import socket
-import threading
 import time
-from collections.abc import Callable
+from collections.abc import Mapping
 from dataclasses import dataclass
+from pathlib import Path
 
 import msgspec
 import zenoh
 
-from edc_swarm.config import Mission
+from edc_swarm.config import OPERATOR, ROUTER, Mission
 from edc_swarm.errors import InputError, SwarmError
+from edc_swarm.links import mission_s
 from edc_swarm.messages import MissionMessage
 from edc_swarm.simulation import mission_message
-from processes import fork_source
-from processes.address import check_endpoint, connect_endpoint, free_endpoint
+from processes import deeds, fork_source
+from processes.address import (
+    advertised_endpoint,
+    check_endpoint,
+    connect_endpoint,
+    free_endpoint,
+    parse_endpoint,
+)
+from processes.bus import open_client
 from processes.children import Child, ChildExited, ChildReady
 from processes.console import note
+from processes.credentials import credentials
+from processes.desk import Desk
 from processes.ears import Heard, Token
-from processes.inbox import Inbox
 from processes.injector import Injector
+from processes.live import ANY_HOST
+from processes.live import PORT as LIVE_PORT
+from processes.loop import Interrupted, Loop
 from processes.operator import Operator
 from processes.output import Output
+from processes.pool import FORK_SOURCE, UavPool
 from processes.progress_bar import ProgressBar
 from processes.recorder import CANNOT_WRITE, RecorderSettings
 from processes.recorder import NAME as RECORDER
+from processes.remote import Remote
 from processes.run_facts import run_facts
-from processes.state import create_state, promise_path
+from processes.security import OPEN, secure
+from processes.state import create_state
+from processes.takeover import Takeover, new_mission_id
 from processes.uav import UavSettings
+from processes.viz import LIVE, VizSettings
 from processes.viz import NAME as VIZ
-from processes.viz import VizSettings
 
-ROUTER, FORK_SOURCE = "router", "fork-source"
-START_TIMEOUT_S = 600.0
-"""Longest wait at the start: on a new machine the planner is compiled first, which takes a minute."""
-PATIENCE_S = 4.0
-"""After this long the user is told what is waited for."""
+OPEN_TIMEOUT_MS = 5000
 EPOCH_AHEAD_NS = 200_000_000
 """From the mission's publication to its slot 0."""
 LOOK_EVERY_S = 0.1
 CLOSE_TIMEOUT_S = 1.2
 RECORDER_TIMEOUT_S = 30.0
 PORT_TRIES = 5
-
-
-class Interrupted(Exception):  # noqa: N818  (nothing is wrong)
-    """Ctrl-C, SIGTERM or SIGHUP."""
-
-
-@dataclass(frozen=True, slots=True)
-class Interrupt:
-    """A signal asks the command to end."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -84,42 +84,73 @@ class View:
     live_port: int = 0
 
 
+@dataclass(frozen=True, slots=True)
+class Bus:
+    """A bus where router, recorder, visualiser and UAVs are run by others, and a mission to go on with."""
+
+    endpoint: str
+    session: zenoh.Session
+    takeover: Takeover | None = None
+
+
+@dataclass(frozen=True, slots=True)
+class Protection:
+    """A secured bus; `certs` is a folder made by `edc-swarm certs`, None for certificates of this run alone."""
+
+    certs: Path | None = None
+
+
 class Launcher:
-    """One run: its processes, from the first to the last."""
+    """One run: its processes, from the first to the last.
+
+    `remote` UAVs, the last of the roster, are flown by others; on a `bus`, everything is run by others.
+    """
 
     def __init__(
-        self, mission: Mission, output: Output, *, listen: str | None, view: View, show_progress: bool
+        self,
+        mission: Mission,
+        output: Output,
+        *,
+        listen: str | None,
+        view: View,
+        show_progress: bool,
+        remote: int = 0,
+        bus: Bus | None = None,
+        protection: Protection | None = None,
     ) -> None:
         self._output = output
         self._listen = listen
         self._view = view
         self._show_progress = show_progress
-        name = f"{mission.name[:50]}-{secrets.token_hex(4)}"
+        self._given = bus
+        self._takeover = bus.takeover if bus is not None else None
+        name = self._takeover.mission_id if self._takeover is not None else new_mission_id(mission)
+        self._protection = protection
+        self._protocol = "tcp" if protection is None else "tls"
+        self._security = OPEN
         self._mission = msgspec.structs.replace(mission, name=name)
         self._roster = [entry.uav for entry in mission.roster]
-        self._inbox: Inbox[object] = Inbox()
+        self._local = [] if bus is not None else self._roster[: len(self._roster) - remote]
+        self._elsewhere = [uav for uav in self._roster if uav not in self._local]
+        self._remote = Remote([*self._elsewhere, *((RECORDER,) if bus is not None else ())])
+        self._loop = Loop(self._take, self._flush)
+        self._pool = UavPool(self._loop.inbox, output.log)
         self._children: dict[str, Child] = {}
         self._ready: set[str] = set()
-        self._uavs: dict[str, int] = {}
         self._expected_deaths: set[str] = set()
-        self._to_restart: set[str] = set()
+        self._restart_router = False
         self._notes: list[str] = []
         self._operator: Operator | None = None
         self._injector: Injector | None = None
-        self._source: socket.socket | None = None
         self._endpoint = ""
-        self._ending = False
         self._end_told = False
-        self._interrupted = False
-        self._failure: SwarmError | None = None
         self._warm_s = 0.0
         self._ready_at_s = self._connected_at_s = 0.0
         self._publishing_at_s: float | None = None
 
     def run(self) -> RunReport:
         """Fly the mission; afterwards no process is left and the recording is whole."""
-        for number in (signal.SIGINT, signal.SIGTERM, signal.SIGHUP):
-            signal.signal(number, lambda *_: self._inbox.put_always(Interrupt()))
+        self._loop.obey_signals()
         try:
             self._start()
             self._fly()
@@ -129,30 +160,93 @@ class Launcher:
             self._end()
         return self._report()
 
+    def leave(self) -> None:
+        """Leave the bus, last of all: who works for an operator on a given bus stays until it has gone."""
+        if self._operator is not None:
+            self._operator.disconnect()
+
     # --- start -------------------------------------------------------------------------------
 
     def _start(self) -> None:
-        self._start_fork_source()
-        self._start_router()
-        self._operator = Operator(connect_endpoint(self._endpoint), self._mission.name, self._inbox)
-        self._start_recorder()
-        self._start_visualiser()
-        self._wait(lambda: FORK_SOURCE in self._ready, "the planner to be imported, at the first run compiled")
-        for entry in self._mission.roster:
-            create_state(self._output.state, entry)
-            self._fork(entry.uav)
-        everyone = {*self._roster, RECORDER, *({VIZ} & self._children.keys())}
-        self._wait(lambda: self.bus.alive >= everyone, "all to connect")
+        if self._given is not None:
+            self._start_operator(self._given)
+        else:
+            self._start_parts()
+        self._tell_others()
+        self._loop.wait(lambda: self.bus.alive >= self._everyone(), "all to connect")
         self._connected_at_s = time.monotonic()
+
+    def _start_operator(self, given: Bus) -> None:
+        """Be the operator alone: tell the others what to do when they ask."""
+        self._ready_at_s = time.monotonic()
+        self._endpoint = given.endpoint
+        viz = self._viz_settings(0)
+        live = msgspec.structs.replace(viz, live_port=LIVE_PORT, live_host=ANY_HOST, records=False)
+        orders: dict[str, RecorderSettings | VizSettings] = {
+            RECORDER: self._recorder_settings(0),
+            VIZ: viz,
+            LIVE: live,
+        }
+        told = {name: msgspec.json.encode(settings) for name, settings in orders.items()}
+        self._operator = self._operate(given.session, told)
+
+    def _start_parts(self) -> None:
+        if self._local:
+            self._children[FORK_SOURCE] = self._pool.start_source(self._mission)
+        self._secure()
+        self._start_router()
+        self._operator = self._operate(self._connect())
+        self._spawn(RECORDER, "processes.recorder", [], msgspec.json.encode(self._recorder_settings(os.getpid())))
+        if self._view.viz:
+            self._spawn(VIZ, "processes.viz", [], msgspec.json.encode(self._viz_settings(os.getpid())))
+        if self._local:
+            self._loop.wait(lambda: FORK_SOURCE in self._ready, "the planner to be imported, at the first run compiled")
+        self._ready_at_s = self._ready_at_s or time.monotonic()
+        for entry in self._mission.roster[: len(self._local)]:
+            create_state(self._output.state, entry)
+            self._pool.fly(self._uav_settings(entry.uav))
+
+    def _connect(self) -> zenoh.Session:
+        own = credentials(self._security.certs, OPERATOR)
+        return open_client(connect_endpoint(self._endpoint), own, timeout_ms=OPEN_TIMEOUT_MS, observer=True)
+
+    def _operate(self, session: zenoh.Session, orders: Mapping[str, bytes] | None = None) -> Operator:
+        return Operator(session, Desk(self._mission, self._elsewhere, orders), self._loop.inbox)
+
+    def _everyone(self) -> set[str]:
+        """Who must be on the bus before the mission begins, or goes on."""
+        if self._takeover is not None and self._takeover.mission is not None:
+            return {RECORDER}
+        parts = {RECORDER, VIZ} if self._given is not None and self._view.viz else {RECORDER, *self._viz()}
+        return {*self._roster, *parts}
+
+    def _viz(self) -> set[str]:
+        """The visualiser, while it lives."""
+        if self._given is not None:
+            return {VIZ} & self.bus.alive
+        return {VIZ} & self._children.keys()
+
+    def _tell_others(self) -> None:
+        if self._elsewhere and self._given is None:
+            note(
+                f"{len(self._elsewhere)} of {len(self._roster)} UAVs are to be flown by others: "
+                f"edc-swarm join {advertised_endpoint(self._endpoint)} --uavs {len(self._elsewhere)}"
+            )
+
+    def _secure(self) -> None:
+        if self._protection is None:
+            return
+        hosts = [parse_endpoint("--listen", self._listen, self._protocol)[0]] if self._listen is not None else []
+        self._security = secure(self._protection.certs, self._output.state, self._mission.name, self._roster, hosts)
 
     def _start_router(self) -> None:
         """Start the router; a free port may be taken by another before it listens, then try again."""
         if self._listen is not None:
-            check_endpoint(self._listen)
+            check_endpoint(self._listen, self._protocol)
         for _ in range(PORT_TRIES):
-            self._endpoint = self._listen or free_endpoint()
+            self._endpoint = self._listen or free_endpoint(self._protocol)
             self._spawn_router()
-            self._wait(lambda: ROUTER in self._ready or ROUTER not in self._children, "the router")
+            self._loop.wait(lambda: ROUTER in self._ready or ROUTER not in self._children, "the router")
             if ROUTER in self._ready:
                 return
         raise InputError("--listen", self._endpoint, f"an address to listen on ({self._output.tail(ROUTER, 1)})")
@@ -160,96 +254,93 @@ class Launcher:
     def _spawn_router(self) -> None:
         self._ready.discard(ROUTER)
         self._expected_deaths.add(ROUTER)
-        self._spawn(ROUTER, "processes.router", [self._endpoint, str(os.getpid())])
+        access = list(filter(None, [self._security.access]))
+        self._spawn(ROUTER, "processes.router", [self._endpoint, str(os.getpid()), *access])
 
-    def _start_recorder(self) -> None:
-        settings = RecorderSettings(
+    def _recorder_settings(self, parent: int) -> RecorderSettings:
+        return RecorderSettings(
             endpoint=connect_endpoint(self._endpoint),
             mission=self._mission.name,
             part=str(self._output.part),
             out=str(self._output.path),
             run=run_facts("wall"),
-            parent=os.getpid(),
+            certs=self._security.certs,
+            parent=parent,
         )
-        self._spawn(RECORDER, "processes.recorder", [], orders=msgspec.json.encode(settings))
 
-    def _start_visualiser(self) -> None:
-        if not self._view.viz:
-            return
-        settings = VizSettings(
+    def _viz_settings(self, parent: int) -> VizSettings:
+        return VizSettings(
             endpoint=connect_endpoint(self._endpoint),
             mission=self._mission.name,
             live_port=self._view.live_port,
-            parent=os.getpid(),
-        )
-        self._spawn(VIZ, "processes.viz", [], orders=msgspec.json.encode(settings))
-
-    def _start_fork_source(self) -> None:
-        ours, theirs = socket.socketpair(socket.AF_UNIX, socket.SOCK_SEQPACKET)
-        with theirs:
-            arguments = [str(theirs.fileno()), str(os.getpid())]
-            orders = msgspec.json.encode(self._mission)
-            self._spawn(FORK_SOURCE, "processes.fork_source", arguments, orders=orders, pass_fds=[theirs.fileno()])
-        self._source = ours
-        threading.Thread(target=self._read_source, args=(ours,), name="fork-source", daemon=True).start()
-
-    def _spawn(
-        self,
-        name: str,
-        module: str,
-        arguments: list[str],
-        *,
-        orders: bytes | None = None,
-        pass_fds: tuple[int, ...] | list[int] = (),
-    ) -> None:
-        log = self._output.log(name)
-        self._children[name] = Child(
-            name, module, arguments, log, self._inbox.put_always, orders=orders, pass_fds=pass_fds
+            records=self._view.viz,
+            certs=self._security.certs,
+            parent=parent,
         )
 
-    def _read_source(self, source: socket.socket) -> None:
-        """Hand over what the fork source tells (a thread of its own)."""
-        while packet := _received(source):
-            self._inbox.put_always(msgspec.json.decode(packet, type=fork_source.News))
-
-    def _order(self, order: fork_source.Order) -> None:
-        assert self._source is not None
-        self._source.send(msgspec.json.encode(order))
-
-    def _fork(self, uav: str) -> None:
-        settings = UavSettings(
+    def _uav_settings(self, uav: str) -> UavSettings:
+        return UavSettings(
             endpoint=connect_endpoint(self._endpoint),
             mission=self._mission.name,
             uav=uav,
             state=str(self._output.state.resolve()),
+            certs=self._security.certs,
             measure_response=self._mission.elect == "response-time",
         )
-        self._uavs[uav] = 0
-        self._order(fork_source.Fork(settings=settings, log=str(self._output.log(uav).resolve())))
+
+    def _spawn(self, name: str, module: str, arguments: list[str], orders: bytes | None = None) -> None:
+        log = self._output.log(name)
+        self._children[name] = Child(name, module, arguments, log, self._loop.inbox.put_always, orders=orders)
 
     # --- flight ------------------------------------------------------------------------------
 
     def _fly(self) -> None:
-        mission = mission_message(self._mission, time.time_ns() + EPOCH_AHEAD_NS)
-        self.bus.publish_mission(mission)
-        injector, monitor = Injector(mission, self), self.bus.monitor
+        mission = self._begin()
+        from_s = mission_s(time.time_ns() - mission.epoch_ns, mission.time_scale) if self._takeover else 0.0
+        injector, monitor = Injector(mission, self, from_s), self.bus.monitor
         self._injector = injector
         assert monitor is not None
         with ProgressBar(mission, shown=self._show_progress) as bar:
             while not self._over(mission):
                 injector.inject_due()
+                self._look_at_others()
                 bar.show(monitor)
-                self._pump(min(LOOK_EVERY_S, injector.next_in_s()))
+                self._loop.pump(min(LOOK_EVERY_S, injector.next_in_s()))
                 if self._publishing_at_s is None and len(self.bus.heard) == len(self._roster):
                     self._publishing_at_s = time.monotonic()
         self._tell_end("max_slots" if self.bus.slot_now() > mission.max_slots else "completed")
+
+    def _begin(self) -> MissionMessage:
+        """Start the mission, or go on with one that has begun."""
+        if self._takeover is not None and self._takeover.mission is not None:
+            note(f"taking over mission {self._mission.name}")
+            self.bus.take_over(self._takeover.mission)
+            return self._takeover.mission
+        mission = mission_message(self._mission, time.time_ns() + EPOCH_AHEAD_NS)
+        self.bus.publish_mission(mission)
+        return mission
 
     def _over(self, mission: MissionMessage) -> bool:
         """Whether all that still fly have arrived, time is over, or nobody is left."""
         slot = self.bus.slot_now()
         assert self.bus.monitor is not None
-        nobody_left = not self._uavs and not self._to_restart and not any(map(self._comes_back, self._roster))
+        flying = {*self._pool.living, *self._pool.to_restart, *(self._remote.expected - {RECORDER})}
+        nobody_left = not flying and not any(map(self._comes_back, self._roster))
         return nobody_left or slot > mission.max_slots or (slot > 0 and self.bus.monitor.complete(slot - 1))
+
+    def _look_at_others(self) -> None:
+        """Stop waiting for whoever has been away for long, and wait again for whoever has come back."""
+        dead = {uav for uav in self._expected_deaths if not self._comes_back(uav)}
+        gone, back = self._remote.look(self.bus.alive, dead, time.monotonic())
+        assert self.bus.monitor is not None
+        for part in gone:
+            if part == RECORDER:
+                self._loop.failure = SwarmError("the recorder has gone from the bus")
+            self.bus.monitor.end(part)
+            if part not in dead:
+                self._tell_exit(f"{part} has gone from the bus")
+        for uav in back:
+            self.bus.monitor.revive(uav)
 
     def _tell_end(self, why: str) -> None:
         """Tell everybody, once, that it is over."""
@@ -265,31 +356,40 @@ class Launcher:
             self._expected_deaths.add(name)
         if name in self._children:
             self._children[name].signal(number)
+        elif name in self._elsewhere:
+            self._ask_for(deeds.Send(uav=name, number=number))
         else:
-            self._order(fork_source.Signal(uav=name, number=number))
+            self._pool.signal(name, number)
 
     def restart(self, name: str, *, lose_memory: bool) -> None:
         """Kill a process if it lives, and start it again when it is dead."""
-        if lose_memory:
-            promise_path(self._output.state, name).unlink(missing_ok=True)
-        self._to_restart.add(name)
-        if name in self._children or name in self._uavs:
-            self.signal(name, signal.SIGKILL)
+        if name == ROUTER:
+            self._restart_the_router()
+        elif name in self._elsewhere:
+            self._expected_deaths.discard(name)
+            self._ask_for(deeds.Restart(uav=name, lose_memory=lose_memory))
         else:
-            self._revive(name)
+            if name in self._pool.living:
+                self._expected_deaths.add(name)
+            self._revived(name, self._pool.restart(name, lose_memory=lose_memory))
+
+    def _ask_for(self, deed: deeds.Deed) -> None:
+        self.bus.publish_event(deeds.KIND, deeds.told(deed))
+
+    def _restart_the_router(self) -> None:
+        if ROUTER in self._children:
+            self._restart_router = True
+            self.signal(ROUTER, signal.SIGKILL)
+        else:
+            self._spawn_router()
 
     def _comes_back(self, uav: str) -> bool:
         """Whether a fault that is still to come starts it again."""
         return self._injector is not None and self._injector.will_restart(uav)
 
-    def _revive(self, name: str) -> None:
-        self._to_restart.discard(name)
-        if name == ROUTER:
-            self._spawn_router()
-            return
-        self._fork(name)
-        if self.bus.monitor is not None:
-            self.bus.monitor.revive(name)
+    def _revived(self, uav: str, again: bool) -> None:
+        if again and self._operator is not None and self._operator.monitor is not None:
+            self._operator.monitor.revive(uav)
 
     # --- one loop ----------------------------------------------------------------------------
 
@@ -299,35 +399,14 @@ class Launcher:
         assert self._operator is not None
         return self._operator
 
-    def _wait(self, done: Callable[[], bool], what: str, timeout_s: float = START_TIMEOUT_S) -> None:
-        start_s, told = time.monotonic(), not what
-        while not done():
-            waited_s = time.monotonic() - start_s
-            if waited_s >= timeout_s:
-                raise SwarmError(f"waited {timeout_s:g} s for {what}")
-            if waited_s >= PATIENCE_S and not told:
-                note(f"waiting for {what}")
-                told = True
-            self._pump((timeout_s if told else PATIENCE_S) - waited_s)
-
-    def _pump(self, timeout_s: float) -> None:
-        for item in self._inbox.wait(timeout_s):
-            self._take(item)
+    def _flush(self) -> None:
         if self._operator is not None:
             self._operator.flush()
-        if self._ending:
-            return
-        if self._interrupted:
-            raise Interrupted
-        if self._failure is not None:
-            raise self._failure
 
     def _take(self, item: object) -> None:
         match item:
             case Heard() | Token() | zenoh.Query():
                 self.bus.take(item)
-            case Interrupt():
-                self._interrupted = True
             case ChildReady(name):
                 self._ready.add(name)
                 self._expected_deaths.discard(name)
@@ -342,59 +421,63 @@ class Launcher:
                 self._warm_s, self._ready_at_s = warm_s, time.monotonic()
                 self._ready.add(FORK_SOURCE)
             case fork_source.Failed(reason=reason):
-                self._failure = SwarmError(reason)
-            case fork_source.Forked(uav=uav, pid=pid):
-                self._uavs[uav] = pid
-            case fork_source.Exited(uav=uav, status=status):
-                self._take_uav_exit(uav, status)
+                self._loop.failure = SwarmError(reason)
+            case fork_source.Forked():
+                self._pool.take(news)
+            case fork_source.Exited():
+                self._take_uav_exit(news)
 
-    def _take_uav_exit(self, uav: str, status: int) -> None:
-        self._uavs.pop(uav, None)
-        if self._operator is not None and self._operator.monitor is not None and not self._comes_back(uav):
-            self._operator.monitor.end(uav)
-        self._note_crash(uav, status)
-        if uav in self._to_restart:
-            self._revive(uav)
+    def _take_uav_exit(self, news: fork_source.Exited) -> None:
+        if self._operator is not None and self._operator.monitor is not None and not self._comes_back(news.uav):
+            self._operator.monitor.end(news.uav)
+        self._note_crash(news.uav, news.status)
+        self._revived(news.uav, self._pool.take(news))
 
     def _take_exit(self, name: str, status: int) -> None:
         del self._children[name]
-        if name in self._to_restart:
-            self._revive(name)
-        elif self._ending or name in self._expected_deaths:
+        if name == ROUTER and self._restart_router:
+            self._restart_router = False
+            self._spawn_router()
+        elif self._loop.ending or name in self._expected_deaths:
             return
         elif name == VIZ:
             self._note_crash(name, status)
         elif name == RECORDER and status == CANNOT_WRITE:
-            self._failure = InputError(
+            self._loop.failure = InputError(
                 "--out", str(self._output.path), f"where it can be written: {self._output.tail(RECORDER, 1)}"
             )
+        elif name == RECORDER and self._publishing_at_s is not None:
+            self._note_crash(name, status)  # Nothing more would be recorded: end in order, and keep what there is.
+            self._loop.interrupted = True
         else:
-            self._failure = SwarmError(f"the {name} {_ended(status)}: {self._output.tail(name) or 'it said nothing'}")
+            said = self._output.tail(name) or "it said nothing"
+            self._loop.failure = SwarmError(f"the {name} {_ended(status)}: {said}")
 
     def _note_crash(self, name: str, status: int) -> None:
         """A process that nobody asked to die is told of, with the last that it said."""
-        expected = name in self._expected_deaths or self._ending
+        expected = name in self._expected_deaths or self._loop.ending
         self._expected_deaths.discard(name)
-        if expected or status == 0:
-            return
-        ended = f"{name} {_ended(status)}"
-        self._notes.append("\n".join(filter(None, [ended, self._output.tail(name)])))
+        if not expected and status != 0:
+            self._tell_exit(f"{name} {_ended(status)}", self._output.tail(name))
+
+    def _tell_exit(self, what: str, said: str = "") -> None:
+        self._notes.append("\n".join(filter(None, [what, said])))
         if self._operator is not None:
-            self._operator.publish_event("exited", ended)
+            self._operator.publish_event("exited", what)
 
     # --- end ---------------------------------------------------------------------------------
 
     def _end(self) -> None:
         """Let everybody say the last word, then see to it that nobody is left."""
-        self._ending = True
-        self._to_restart.clear()
+        self._loop.ending = True
+        self._pool.to_restart.clear()
+        self._restart_router = False
         if self._operator is not None:
             self._close_bus(self._operator)
         for name in (VIZ, RECORDER, ROUTER):
             if name in self._children:
                 self._children[name].end(CLOSE_TIMEOUT_S)
-        if self._source is not None:
-            self._source.shutdown(socket.SHUT_RDWR)
+        self._pool.close()
         if FORK_SOURCE in self._children:
             self._children[FORK_SOURCE].end(CLOSE_TIMEOUT_S)
 
@@ -404,17 +487,20 @@ class Launcher:
         The router hands on in order, so when a publisher's last word was heard here, it stands in
         the recorder's queue before the operator's.
         """
-        self._tell_end("interrupted" if self._interrupted else "failed")
-        self._wait_quietly(lambda: operator.closed >= {*self._uavs, *({VIZ} & self._children.keys())}, CLOSE_TIMEOUT_S)
+        self._tell_end("interrupted" if self._loop.interrupted else "failed")
+        publishers = {*self._pool.living, *(set(self._elsewhere) & operator.alive), *self._viz()}
+        self._loop.wait_quietly(lambda: operator.closed >= publishers, CLOSE_TIMEOUT_S)
         operator.close()
-        timeout_s = CLOSE_TIMEOUT_S if self._interrupted or self._failure else RECORDER_TIMEOUT_S
-        self._wait_quietly(lambda: RECORDER not in self._children, timeout_s)
-        operator.disconnect()
+        timeout_s = CLOSE_TIMEOUT_S if self._loop.interrupted or self._loop.failure else RECORDER_TIMEOUT_S
+        self._loop.wait_quietly(self._is_recorded, timeout_s, LOOK_EVERY_S)
+        if self._given is None:
+            operator.disconnect()
 
-    def _wait_quietly(self, done: Callable[[], bool], timeout_s: float) -> None:
-        """Wait, whatever else goes wrong meanwhile: this is the end anyway."""
-        with contextlib.suppress(SwarmError):
-            self._wait(done, "", timeout_s)
+    def _is_recorded(self) -> bool:
+        """Whether the recorder has finished."""
+        if self._given is not None:
+            return not self._output.part.exists()
+        return RECORDER not in self._children
 
     def _report(self) -> RunReport:
         publishing = self._publishing_at_s
@@ -424,7 +510,7 @@ class Launcher:
             connected_s=self._connected_at_s - self._ready_at_s,
             publishing_s=None if publishing is None else publishing - self._ready_at_s,
             first_flown_slot=self._operator.first_flown_slot if self._operator is not None else -1,
-            interrupted=self._interrupted,
+            interrupted=self._loop.interrupted,
             notes=self._notes,
         )
 
@@ -432,10 +518,3 @@ class Launcher:
 def _ended(status: int) -> str:
     """How a process ended, in words."""
     return f"was ended by {signal.Signals(-status).name}" if status < 0 else f"ended with status {status}"
-
-
-def _received(source: socket.socket) -> bytes:
-    try:
-        return source.recv(fork_source.MAX_PACKET_BYTES)
-    except OSError:
-        return b""

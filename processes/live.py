@@ -1,4 +1,4 @@
-"""The live view: what the visualiser shows, served by the Foxglove WebSocket protocol to this host.
+"""The live view: what the visualiser shows, served by the Foxglove WebSocket protocol.
 
 foxglove-sdk is optional (`pip install edc-swarm[live]`) and imported only here, when it is asked for.
 """
@@ -16,6 +16,7 @@ from edc_swarm.errors import InputError
 from edc_swarm.viz import Shown, channel_of
 
 HOST = "127.0.0.1"
+ANY_HOST = "0.0.0.0"
 PORT = 8765
 """The port that viewers offer first."""
 NOT_REPEATED = "/viz/log"
@@ -52,7 +53,7 @@ class Live:
     A scene is a full snapshot, so showing it again harms nobody.
     """
 
-    def __init__(self, port: int, tell: Callable[[Subscribed], None]) -> None:
+    def __init__(self, host: str, port: int, tell: Callable[[Subscribed], None]) -> None:
         import foxglove  # noqa: PLC0415  (optional)
         from foxglove.websocket import ServerListener  # noqa: PLC0415
 
@@ -68,7 +69,7 @@ class Live:
         self._channels: dict[str, Any] = {}
         self._last: dict[str, Shown] = {}
         self._server = foxglove.start_server(
-            name="edc-swarm", host=HOST, port=port, context=self._context, server_listener=Listener()
+            name="edc-swarm", host=host, port=port, context=self._context, server_listener=Listener()
         )
 
     def show(self, shown: Shown) -> None:

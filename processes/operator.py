@@ -5,25 +5,25 @@ from __future__ import annotations
 import os
 import secrets
 import time
+from functools import partial
 from itertools import count
 
 import msgspec
 import zenoh
 
-from edc_swarm.errors import MessageError
+from edc_swarm.config import OPERATOR
 from edc_swarm.faults import PROCESS_VERBS
-from edc_swarm.messages import Event, Fix, Keys, MissionMessage, Report, decode, encode
+from edc_swarm.messages import Event, Fix, Keys, MissionMessage, Report, encode
 from edc_swarm.progress import MissionMonitor
-from processes.bus import hand_over, open_client
-from processes.ears import OPERATOR, Heard, Token
+from processes.bus import hand_over
+from processes.desk import Desk
+from processes.ears import MAX_TOKENS, Gate, Heard, Token, heard_from
 from processes.inbox import Inbox
 from processes.outbox import Outbox
 
-OPEN_TIMEOUT_MS = 5000
-
 
 class Operator:
-    """Publishes mission and events, answers late joiners, and follows fixes, reports and events.
+    """Publishes mission and events, answers whoever joins, and follows fixes, reports and events.
 
     Attributes
     ----------
@@ -35,8 +35,9 @@ class Operator:
         First slot in which any UAV executed a command.
     """
 
-    def __init__(self, endpoint: str, mission_id: str, inbox: Inbox[object]) -> None:
-        self._keys = Keys(mission_id)
+    def __init__(self, session: zenoh.Session, desk: Desk, inbox: Inbox[object]) -> None:
+        self._keys = Keys(desk.mission.name)
+        self._desk = desk
         self._inbox = inbox
         self._instance = f"{os.getpid()}-{secrets.token_hex(4)}"
         self._event_seq = count()
@@ -44,27 +45,46 @@ class Operator:
         self._mission: MissionMessage | None = None
         self._in_force: list[bytes] = []
         self._tokens: set[tuple[str, str]] = set()
+        self._gate = Gate(partial(self.publish_event, "malformed"))
         self.closed: set[str] = set()
         self.heard: set[str] = set()
         self.first_flown_slot = -1
         self.monitor: MissionMonitor | None = None
-        self._session = open_client(endpoint, timeout_ms=OPEN_TIMEOUT_MS, observer=True)
+        self._session = session
         self._outbox = Outbox(self._session)
         self._declare()
+        self._token = session.liveliness().declare_token(self._keys.alive(OPERATOR, self._instance))
 
     def _declare(self) -> None:
         keys, session = self._keys, self._session
         for key in (keys.all_fixes, keys.all_reports, keys.event("*")):
             session.declare_subscriber(key, hand_over(self._take), allowed_origin=zenoh.Locality.REMOTE)
         for key in (keys.mission, keys.event(OPERATOR)):
-            session.declare_queryable(key, hand_over(self._inbox.put_always))
+            session.declare_queryable(key, hand_over(self._inbox.put))
+        self._desk.declare(session, self._inbox)
         session.liveliness().declare_subscriber(keys.all_alive, hand_over(self._take_token), history=True)
 
     def publish_mission(self, mission: MissionMessage) -> None:
-        """Start the mission."""
-        self._mission = msgspec.structs.replace(mission, instance=self._instance, sent_ns=time.time_ns())
+        """Start the mission; nobody else is let in."""
+        claims = self._desk.claims
+        claims.begin()
+        self._mission = msgspec.structs.replace(
+            mission,
+            claimants=claims.claimants([entry.uav for entry in mission.roster]),
+            instance=self._instance,
+            sent_ns=time.time_ns(),
+        )
         self.monitor = MissionMonitor(mission)
+        self._gate.know(self._mission)
         self._say(self._keys.mission, encode(self._mission))
+
+    def take_over(self, mission: MissionMessage) -> None:
+        """Go on with a mission that an operator before this one has started."""
+        self._mission = mission
+        self._gate.know(mission)
+        uavs = (entry.uav for entry in mission.roster)
+        self._desk.claims.resume(dict(zip(uavs, mission.claimants, strict=False)))
+        self.monitor = MissionMonitor(mission)
 
     def publish_event(self, kind: str, detail: str = "") -> None:
         """Tell the swarm and the record."""
@@ -85,7 +105,8 @@ class Operator:
 
     def close(self) -> None:
         """Say the last sequence numbers; the recorder ends with this."""
-        last = {self._keys.event(OPERATOR): self._last_event_seq, self._keys.mission: 0 if self._mission else -1}
+        started = self._mission is not None and self._mission.instance == self._instance
+        last = {self._keys.event(OPERATOR): self._last_event_seq, self._keys.mission: 0 if started else -1}
         known = {key: seq for key, seq in last.items() if seq >= 0}
         self.publish_event("closed", msgspec.json.encode(known).decode())
 
@@ -113,43 +134,53 @@ class Operator:
         match item:
             case Heard(key, payload):
                 self._hear(key, payload)
-            case Token(uav, instance, alive):
-                (self._tokens.add if alive else self._tokens.discard)((uav, instance))
+            case Token():
+                self._see(item)
             case zenoh.Query():
                 self._answer(item)
+
+    def _see(self, token: Token) -> None:
+        """Take in who has come and who has gone."""
+        if not token.alive:
+            self._tokens.discard((token.uav, token.instance))
+        elif len(self._tokens) < MAX_TOKENS:
+            self._tokens.add((token.uav, token.instance))
+        self._desk.see(token)
 
     def _say(self, key: str, payload: bytes) -> None:
         self._outbox.put(key, payload)
         self._outbox.flush()
 
     def _hear(self, key: str, payload: bytes) -> None:
-        try:
-            message = decode(key, payload)
-        except MessageError:
-            return
         if self.monitor is None:
             return
-        match message:
-            case Fix():
-                self.heard.add(message.uav)
-                self.monitor.hear_fix(message)
-                if message.executing and self.first_flown_slot < 0:
-                    self.first_flown_slot = message.slot
-            case Report():
-                self.monitor.hear_report(message)
-            case Event(kind="closed"):
-                self.closed.add(message.source)
+        match self._gate.admit(Heard(key, payload)):
+            case Fix() as fix:
+                self.heard.add(fix.uav)
+                self.monitor.hear_fix(fix)
+                if fix.executing and self.first_flown_slot < 0:
+                    self.first_flown_slot = fix.slot
+            case Report() as report:
+                self.monitor.hear_report(report)
+            case Event(kind="closed", source=source):
+                self.closed.add(source)
 
     def _answer(self, query: zenoh.Query) -> None:
-        """Give a late joiner the mission, or the faults in force."""
+        """Give whoever takes part what it asks for, a late joiner the mission or the faults in force."""
         key = str(query.key_expr)
-        if self._mission is not None:
-            for payload in [encode(self._mission)] if key == self._keys.mission else self._in_force:
-                query.reply(key, payload)
+        if key == self._keys.event(OPERATOR):
+            answers = self._in_force
+        elif key == self._keys.mission and self._mission is not None:
+            answers = [encode(self._mission)]
+        else:
+            answers = self._desk.answers(query)
+        for payload in answers:
+            query.reply(key, payload)
         query.drop()
 
     def _take(self, sample: zenoh.Sample) -> None:
-        self._inbox.put(Heard(str(sample.key_expr), sample.payload.to_bytes()))
+        heard = heard_from(sample)
+        self._inbox.put(heard, len(heard.payload))
 
     def _take_token(self, sample: zenoh.Sample) -> None:
         uav, instance = str(sample.key_expr).split("/")[-2:]

@@ -2,18 +2,18 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Annotated, Any
+from typing import Any
 
-from cyclopts import Parameter, Token
+from cyclopts import Parameter
 from msgspec import to_builtins
 
 from edc_swarm.config import Criterion, GpsModel, Minimise, Mission, load_mission, with_options
 from edc_swarm.faults import parse_faults
 from edc_swarm.planner import check_planner
 from edc_swarm.roster import complete_mission
+from processes.whole import Whole
 
 MISSION_HELP = "Mission file (TOML); without one, a random mission."
 
@@ -29,17 +29,9 @@ FIELDS = {
     "minimise": "minimise",
     "elect": "elect",
     "time_scale": "time_scale",
+    "max_slots": "max_slots",
 }
 """Field of the mission that an option sets."""
-
-
-def _whole(kind: object, tokens: Sequence[Token]) -> int:
-    """Convert without rounding: 10.5 UAVs are a mistake."""
-    del kind
-    return int(tokens[0].value)
-
-
-Whole = Annotated[int, Parameter(converter=_whole)]
 
 
 @Parameter(name="*")
@@ -79,6 +71,8 @@ class MissionOptions:
         Fraction of the messages that every link loses (0).
     time_scale
         Fly this many times as fast as the clock (1).
+    max_slots
+        Slots after which the mission is given up (20 times the longest straight flight, plus 200).
     out
         The recording to write (a new name in recordings/).
     no_viz
@@ -104,6 +98,7 @@ class MissionOptions:
     jitter_ms: float | None = None
     loss: float | None = None
     time_scale: float | None = None
+    max_slots: Whole | None = None
     out: Path | None = None
     no_viz: bool = False
     json: bool = False

@@ -24,6 +24,8 @@ FOLDER = Path("recordings")
 class Output:
     """The files of one run. Claimed at the start, so nothing is overwritten and nobody else has them.
 
+    `begun`: a recorder is writing them already, for an operator before this one.
+
     Attributes
     ----------
     path
@@ -36,8 +38,9 @@ class Output:
         Folder with the UAVs' promises and airframes; gone at the end.
     """
 
-    def __init__(self, path: Path, *, force: bool) -> None:
-        check_output(path, force=force)
+    def __init__(self, path: Path, *, force: bool, begun: bool = False) -> None:
+        if not begun:
+            check_output(path, force=force)
         self.path = path
         self.part = path.with_name(path.name + PART)
         self.logs = path.with_name(path.name.removesuffix(SUFFIX) + ".logs")
@@ -45,7 +48,7 @@ class Output:
         try:
             path.parent.mkdir(parents=True, exist_ok=True)
             self.salvaged = salvage_parts(path.parent)
-            os.close(os.open(self.part, os.O_RDWR | os.O_CREAT | os.O_EXCL, 0o644))
+            os.close(os.open(self.part, os.O_RDWR | (0 if begun else os.O_CREAT | os.O_EXCL), 0o644))
         except FileExistsError:
             raise InputError("--out", str(path), f"a file that no other run is writing ({self.part.name})") from None
         except OSError as error:

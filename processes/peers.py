@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from processes.ears import Token
+from processes.ears import MAX_TOKENS, Token
 
 CHECK_AFTER_NS = 30_000_000
 """Wait before a vanished token is believed: when the router goes, everybody seems to die."""
@@ -13,18 +13,27 @@ class Peers:
 
     def __init__(self) -> None:
         self._alive: dict[str, set[str]] = {}
+        self._tokens = 0
         self._checks: dict[str, int] = {}
 
     def take(self, token: Token, now_ns: int) -> None:
         """Take in a token's change; a UAV without any instance is to be looked at in a moment."""
-        instances = self._alive.setdefault(token.uav, set())
         if token.alive:
-            instances.add(token.instance)
-            self._checks.pop(token.uav, None)
+            self._remember(token)
             return
+        instances = self._alive.get(token.uav, set())
+        self._tokens -= token.instance in instances
         instances.discard(token.instance)
         if not instances:
+            self._alive.pop(token.uav, None)
             self._checks.setdefault(token.uav, now_ns + CHECK_AFTER_NS)
+
+    def _remember(self, token: Token) -> None:
+        self._checks.pop(token.uav, None)
+        instances = self._alive.get(token.uav, set())
+        if self._tokens < MAX_TOKENS and token.instance not in instances:
+            self._alive[token.uav] = instances | {token.instance}
+            self._tokens += 1
 
     @property
     def next_ns(self) -> int | None:

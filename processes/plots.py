@@ -67,7 +67,7 @@ def draw_figure(figure: Figure, rows: Sequence[Row], stem: Path) -> None:
         for series in figure.series:
             _draw_line(axes, rows, series.name, series.label)
         _finish_axes(axes, figure, rows)
-        _save(picture, stem)
+        save(picture, stem)
 
 
 def _draw_line(axes: Any, rows: Sequence[Row], name: str, label: str) -> None:
@@ -136,10 +136,11 @@ def draw_heads(result: Mapping[str, Any], stem: Path) -> None:
         below.invert_yaxis()
         below.set_ylabel("Head")
         below.set_xlabel("Mission time [s]")
-        _save(picture, stem)
+        save(picture, stem)
 
 
-def _save(picture: Any, stem: Path) -> None:
+def save(picture: Any, stem: Path) -> None:
+    """Write `stem`.png and `stem`.svg."""
     from matplotlib import pyplot as plt  # noqa: PLC0415 - an extra
 
     picture.savefig(stem.with_suffix(".png"), dpi=DPI)

@@ -1,4 +1,4 @@
-"""The recorder: `python -m processes.recorder` with its orders, a `RecorderSettings`, on standard input.
+"""The recorder: `python -m processes.recorder [tcp/HOST:PORT]`, with its orders, a `RecorderSettings`.
 
 It subscribes to everything of one mission, outside the link model, and writes the bytes it
 received. Zenoh's thread only queues; the main thread writes, and flushes every second, so a killed
@@ -14,7 +14,7 @@ import secrets
 import signal
 import sys
 import time
-from contextlib import suppress
+from functools import partial
 from pathlib import Path
 from typing import BinaryIO, cast
 
@@ -22,20 +22,30 @@ import msgspec
 import zenoh
 from msgspec import Struct
 
-from edc_swarm.errors import MessageError
-from edc_swarm.messages import Event, Keys, MissionMessage, decode, encode
-from edc_swarm.recording import RecordingWriter
-from edc_swarm.viz import channel_of, topic_of
+from edc_swarm.config import OPERATOR, RECORDER, ROLES
+from edc_swarm.errors import InputError, SwarmError
+from edc_swarm.messages import Event, Keys, MissionMessage, decode, encode, kind_of
+from edc_swarm.recording import CLOSED, RecordingWriter, is_mission
+from edc_swarm.viz import TOPICS, channel_of, topic_of
 from processes.bus import hand_over, open_client, put
+from processes.console import complain
+from processes.credentials import credentials
+from processes.ears import Gate, Heard
 from processes.inbox import Inbox
+from processes.operators import GIVE_UP_S, Operators
+from processes.orders import orders, outlast_operator
 from processes.parent import die_with_parent
 from processes.view import attach_layout
 
-NAME = "recorder"
+NAME = RECORDER
 FLUSH_S = 1.0
 CANNOT_WRITE = 3
 """Exit status when the file could not be written."""
 QUEUE_LIMIT = 200_000
+KEY_WORDS = frozenset({"mission", "uav", "fix", "truth", "head", "command", "report", "event", "viz", *TOPICS})
+"""What the keys of a mission are made of, beside the ids of its roster."""
+MAX_FOREIGN_KEYS = 1000
+"""Keys of nobody in the mission that are recorded all the same, one topic each."""
 
 Sample = tuple[str, bytes, int]
 STOP: Sample = ("", b"", 0)
@@ -50,6 +60,7 @@ class RecorderSettings(Struct, frozen=True, kw_only=True):
     part: str
     out: str
     run: dict[str, str]
+    certs: str = ""
     parent: int = 0
 
 
@@ -60,17 +71,25 @@ class Recorder:
         self._keys = Keys(settings.mission)
         self._stream = stream
         self._writer = RecordingWriter(stream, settings.run)
-        self._inbox: Inbox[Sample] = Inbox(QUEUE_LIMIT)
+        self._inbox: Inbox[Sample | zenoh.Query] = Inbox(QUEUE_LIMIT)
         self._instance = f"{os.getpid()}-{secrets.token_hex(4)}"
         self._seq = -1
         self._told_dropped = 0
         self._messages = 0
-        self._last_word = self._keys.event("operator")
+        self._known = {*KEY_WORDS, *ROLES}
+        self._gate = Gate(partial(self.tell, "malformed"))
+        self._foreign: set[str] = set()
+        self._left_out = self._told_left_out = 0
         self._stopping = False
-        self._has_layout = False
         self.has_mission = False
-        self._session = open_client(settings.endpoint, observer=True)
+        self._mission = settings.mission
+        self._session = open_client(settings.endpoint, credentials(settings.certs, NAME), observer=True)
         self._session.declare_subscriber(self._keys.everything, hand_over(self._take))
+        self._answers = {self._keys.orders(NAME): msgspec.json.encode(settings)}
+        self._operators = None
+        if not settings.parent:
+            self._operators = Operators(self._session)
+            self._offer_answers()
         self._token = self._session.liveliness().declare_token(self._keys.alive(NAME, self._instance))
 
     def stop(self) -> None:
@@ -81,16 +100,24 @@ class Recorder:
         """Write until the operator's last word, or until told to stop."""
         next_flush_s = time.monotonic() + FLUSH_S
         while not self._stopping:
-            for key, payload, received_ns in self._inbox.wait(next_flush_s - time.monotonic()):
-                self._write(key, payload, received_ns)
+            for item in self._inbox.wait(next_flush_s - time.monotonic()):
+                if isinstance(item, zenoh.Query):
+                    self._answer(item)
+                else:
+                    self._write(*item)
             if time.monotonic() >= next_flush_s:
                 self._flush()
+                self._stopping |= self._is_deserted()
                 next_flush_s = time.monotonic() + FLUSH_S
 
     def finish(self) -> None:
         """Make the file whole."""
         self._session.close()
-        facts = {"messages": str(self._messages), "dropped": str(self._inbox.dropped)}
+        facts = {
+            "messages": str(self._messages),
+            "dropped": str(self._inbox.dropped),
+            "foreign_left_out": str(self._left_out),
+        }
         self._writer.finish(facts)
         self._stream.flush()
 
@@ -102,17 +129,56 @@ class Recorder:
         )
         put(self._session, self._keys.event(NAME), encode(event))
 
+    def _is_deserted(self) -> bool:
+        """Whether the operator has gone for good without a last word."""
+        return self._operators is not None and self._operators.away_s(self._mission) > GIVE_UP_S
+
+    def _offer_answers(self) -> None:
+        for key in (self._keys.mission, *self._answers):
+            self._session.declare_queryable(key, hand_over(self._inbox.put))
+
+    def _answer(self, query: zenoh.Query) -> None:
+        """Tell the next operator what this one has said, should it die: the mission, and the orders given here."""
+        key = str(query.key_expr)
+        if key in self._answers:
+            query.reply(key, self._answers[key])
+        query.drop()
+
     def _take(self, sample: zenoh.Sample) -> None:
-        self._inbox.put((str(sample.key_expr), sample.payload.to_bytes(), time.time_ns()))
+        payload = sample.payload.to_bytes()
+        self._inbox.put((str(sample.key_expr), payload, time.time_ns()), len(payload))
 
     def _write(self, key: str, payload: bytes, received_ns: int) -> None:
         if not key:
             self._stopping = True
             return
+        if not self._is_wanted(key):
+            self._left_out += 1
+            return
+        if not self._writer.has_room_for(key):
+            self._inbox.dropped += 1
+            return
         self._record(key, payload, received_ns)
         self._messages += 1
-        if key == self._last_word and b'"kind":"closed"' in payload:
-            self._stopping = True
+        self._stopping |= self._is_last_word(key, payload)
+
+    def _is_wanted(self, key: str) -> bool:
+        """Whether `key` is one of the mission's, or one of the first of all others.
+
+        A file holds so many topics and no more: whoever floods the bus with keys of nobody must not
+        take the room of those who fly.
+        """
+        if (kind_of(key) or topic_of(key)) and self._known.issuperset(key.split("/")[2:]):
+            return True
+        if len(self._foreign) < MAX_FOREIGN_KEYS:
+            self._foreign.add(key)
+        return key in self._foreign
+
+    def _is_last_word(self, key: str, payload: bytes) -> bool:
+        if key != self._keys.event(OPERATOR) or CLOSED.encode() not in payload:
+            return False
+        message = self._gate.admit(Heard(key, payload))
+        return isinstance(message, Event) and message.kind == CLOSED
 
     def _record(self, key: str, payload: bytes, received_ns: int) -> None:
         """Record a message of the swarm, or of the visualiser under the topic that viewers' layouts know."""
@@ -122,21 +188,25 @@ class Recorder:
             self._writer.write_as(channel, payload, received_ns)
             return
         self._writer.write(key, payload, received_ns)
-        if key == self._keys.mission and not self._has_layout:
-            self._attach_layout(payload)
-        self.has_mission |= key == self._keys.mission
+        if not self.has_mission and is_mission(key, payload):
+            self.has_mission = True
+            self._answers[key] = payload
+            self._begin(cast("MissionMessage", decode(key, payload)))
 
-    def _attach_layout(self, payload: bytes) -> None:
-        with suppress(MessageError):
-            attach_layout(self._writer, cast("MissionMessage", decode(self._keys.mission, payload)))
-            self._has_layout = True
+    def _begin(self, mission: MissionMessage) -> None:
+        self._gate.know(mission)
+        self._known.update(entry.uav for entry in mission.roster)
+        attach_layout(self._writer, mission)
 
     def _flush(self) -> None:
         self._writer.flush()
         self._stream.flush()
         if self._inbox.dropped > self._told_dropped:
             self._told_dropped = self._inbox.dropped
-            self.tell("recorder-dropped", f"{self._told_dropped} messages in all, the queue was full")
+            self.tell("recorder-dropped", f"{self._told_dropped} messages in all, the queue or the file was full")
+        if self._left_out > self._told_left_out:
+            self._told_left_out = self._left_out
+            self.tell("malformed", f"{self._left_out} on more keys of nobody than are recorded")
 
 
 def reason_of(error: OSError) -> str:
@@ -148,13 +218,15 @@ def reason_of(error: OSError) -> str:
 
 def main() -> int:
     """Record one mission."""
-    settings = msgspec.json.decode(sys.stdin.buffer.read(), type=RecorderSettings)
+    settings = orders(RecorderSettings, NAME)
     if settings.parent:
         die_with_parent(settings.parent)
         signal.signal(signal.SIGINT, signal.SIG_IGN)
     signal.signal(signal.SIGXFSZ, signal.SIG_IGN)
     with Path(settings.part).open("r+b") as stream:
         fcntl.flock(stream, fcntl.LOCK_EX)
+        if stream.read(1):
+            raise InputError("recording", settings.part, "empty (a recorder that died is not gone on with)")
         recorder = Recorder(settings, stream)
         signal.signal(signal.SIGTERM, lambda *_: recorder.stop())
         try:
@@ -168,8 +240,13 @@ def main() -> int:
             recorder.tell("recording-failed", reason_of(error))
             print(reason_of(error), file=sys.stderr, flush=True)
             os._exit(CANNOT_WRITE)
+    if not settings.parent:
+        outlast_operator(settings.endpoint, settings.mission)
     return 0
 
 
 if __name__ == "__main__":
-    sys.exit(main())
+    try:
+        sys.exit(main())
+    except SwarmError as error:
+        sys.exit(complain(error))

@@ -1,30 +1,83 @@
-"""The router: `python -m processes.router tcp/HOST:PORT`. Says `ready` when it listens."""
+"""The router: `python -m processes.router ENDPOINT [PARENT | mission [ACCESS]]`. Says `ready` when it listens.
+
+It routes until SIGTERM. With a parent it dies with it; with the word `mission` it ends when a mission
+has been flown, its operator and all who took part have gone. On a secured bus, ACCESS is the file of a
+`RouterAccess`.
+"""
 
 from __future__ import annotations
 
 import signal
 import sys
+from pathlib import Path
 
+import msgspec
 import zenoh
+from msgspec import Struct
 
-from processes.bus import open_router
+from edc_swarm.config import OPERATOR, ROUTER
+from edc_swarm.messages import PREFIX
+from processes.access import access_control
+from processes.bus import hand_over, open_router
+from processes.credentials import credentials
+from processes.operators import LINGER_S
 from processes.parent import die_with_parent
+
+ONE_MISSION = "mission"
+
+
+class RouterAccess(Struct, frozen=True, kw_only=True):
+    """Who may connect to a secured bus and for what: a file that the router reads."""
+
+    certs: str
+    mission: str
+    uavs: list[str]
+
+
+def open_secured(endpoint: str, file: Path) -> zenoh.Session:
+    """The router of a secured bus, whose rules follow from the roster in `file`."""
+    access = msgspec.json.decode(file.read_bytes(), type=RouterAccess)
+    rules = access_control(access.mission, access.uavs)
+    return open_router(endpoint, credentials(access.certs, ROUTER), rules)
 
 
 def main() -> int:
-    """Route until SIGTERM. The second argument, when given, is the parent to die with."""
-    signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGTERM, signal.SIGINT})
-    if len(sys.argv) > 2:
-        die_with_parent(int(sys.argv[2]))
+    """Route until it is time to end."""
+    signals = {signal.SIGTERM, signal.SIGINT}
+    signal.pthread_sigmask(signal.SIG_BLOCK, signals)
+    for_whom = sys.argv[2] if len(sys.argv) > 2 else ""
+    if for_whom.isdigit():
+        die_with_parent(int(for_whom))
+        signals = {signal.SIGTERM}
     try:
-        session = open_router(sys.argv[1])
-    except zenoh.ZError as error:
+        session = open_secured(sys.argv[1], Path(sys.argv[3])) if len(sys.argv) > 3 else open_router(sys.argv[1])
+    except (zenoh.ZError, OSError, msgspec.DecodeError) as error:
         print(f"router: {error}", file=sys.stderr)
         return 2
     print("ready", flush=True)
-    signal.sigwait({signal.SIGTERM} if len(sys.argv) > 2 else {signal.SIGTERM, signal.SIGINT})
+    if for_whom == ONE_MISSION:
+        _route_one_mission(session, signals)
+    else:
+        signal.sigwait(signals)
     session.close()
     return 0
+
+
+def _route_one_mission(session: zenoh.Session, signals: set[signal.Signals]) -> None:
+    """Wait until an operator has come and everybody has gone, or a signal comes."""
+    there: set[str] = set()
+    operators: set[str] = set()
+
+    def take(sample: zenoh.Sample) -> None:
+        key = str(sample.key_expr)
+        (there.add if sample.kind == zenoh.SampleKind.PUT else there.discard)(key)
+        if f"/alive/{OPERATOR}/" in key:
+            operators.add(key)
+
+    tokens = session.liveliness().declare_subscriber(f"{PREFIX}/*/alive/**", hand_over(take), history=True)
+    while signal.sigtimedwait(signals, LINGER_S) is None and (there or not operators):
+        pass
+    tokens.undeclare()
 
 
 if __name__ == "__main__":

@@ -77,6 +77,11 @@ def create_state(folder: Path, entry: RosterEntry) -> None:
     _airframe_path(folder, entry.uav).write_bytes(_padded(first_airframe(entry)))
 
 
+def has_state(folder: Path, uav: str) -> bool:
+    """Whether `uav` has been made; its promise may have been lost since."""
+    return _airframe_path(folder, uav).exists()
+
+
 def promise_path(folder: Path, uav: str) -> Path:
     """Where the promise of `uav` is."""
     return folder / f"{uav}.promise"

@@ -44,7 +44,17 @@ IN_FLIGHT = 4
 """Runs given to each worker ahead of time."""
 CONNECT_S = 5.0
 PACKAGES = ("numpy", "scipy", "numba", "osqp")
-DECIDE_NO_RESULT = ("figures/findings.py", "figures/catalogue.py", "figures/table.py", "figures/statistics.py")
+DECIDE_NO_RESULT = (
+    "figures/findings.py",
+    "figures/catalogue.py",
+    "figures/table.py",
+    "latency/arithmetic.py",
+    "latency/declared.py",
+    "latency/findings.py",
+    "latency/quantities.py",
+    "latency/table.py",
+    "statistics.py",
+)
 """Files of the library that say what is done with results, not what they are."""
 
 
@@ -73,8 +83,8 @@ class Ledger:
         Number of lines that other code has made.
     """
 
-    def __init__(self, folder: Path) -> None:
-        self.folder, self.code = folder, code_fingerprint()
+    def __init__(self, folder: Path, code: str | None = None) -> None:
+        self.folder, self.code = folder, code or code_fingerprint()
         self.results: dict[str, Any] = {}
         self.outdated = 0
         self._file = _claimed(folder)

@@ -18,6 +18,7 @@ from edc_swarm.config import Mission
 from edc_swarm.energy import compute_energy_j
 from edc_swarm.figures.closed_loop import closed_loop, recording_of
 from edc_swarm.geometry import length_m
+from edc_swarm.latency.measures import sample_of
 from edc_swarm.messages import Message
 from edc_swarm.metrics import Timing, columns_of, compute_metrics
 from edc_swarm.planner import make_planner, warm_up
@@ -58,6 +59,13 @@ def fly(mission: Mission) -> dict[str, Any]:
     recording, timings = simulate(mission)
     metrics: dict[str, Any] = msgspec.to_builtins(compute_metrics(recording, timings))
     return metrics
+
+
+def fly_latency(mission: Mission) -> dict[str, Any]:
+    """What is measured of a mission of a latency experiment."""
+    recording, _ = simulate(mission)
+    sample: dict[str, Any] = msgspec.to_builtins(sample_of(recording))
+    return sample
 
 
 def fly_plan(mission: Mission) -> dict[str, Any]:

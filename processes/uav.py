@@ -21,10 +21,11 @@ from pathlib import Path
 import msgspec
 from msgspec import Struct
 
+from edc_swarm.claims import LAUNCHED, instance_name
 from edc_swarm.config import NS_PER_S
-from edc_swarm.errors import InputError, MessageError, SwarmError
-from edc_swarm.links import LinkEmulator, mission_s
-from edc_swarm.messages import Event, Keys, Message, MissionMessage, encode
+from edc_swarm.errors import InputError, SwarmError
+from edc_swarm.links import DELAY_ERROR, LinkEmulator, have_range, mission_s
+from edc_swarm.messages import Event, Keys, Message, MissionMessage, Truth, encode
 from edc_swarm.node import (
     Effect,
     Listen,
@@ -42,7 +43,8 @@ from edc_swarm.node import (
 from edc_swarm.planner.interface import Planner
 from processes.bus import is_connected, open_client
 from processes.clock import WallClock
-from processes.ears import OPERATOR, Ears, Heard, Item, Malformed, Postbox, Token, decoded, sender_of
+from processes.credentials import credentials
+from processes.ears import Ears, Gate, Heard, Item, Postbox, Token, sender_of
 from processes.faulty import Faulty
 from processes.inbox import Inbox
 from processes.outbox import Outbox
@@ -60,14 +62,18 @@ RETRY_S = 0.02
 class UavSettings(Struct, frozen=True, kw_only=True):
     """What a UAV process must be told; all else is in the mission message.
 
-    `measure_response`: measure the response time before connecting, not when the mission begins.
+    `certs`: folder with the own certificate on a secured bus. `measure_response`: measure the
+    response time before connecting, not when the mission begins. `claimant`: whom the id was issued
+    to, "" under the launcher.
     """
 
     endpoint: str
     mission: str
     uav: str
     state: str
+    certs: str = ""
     measure_response: bool = False
+    claimant: str = LAUNCHED
 
 
 @dataclass(frozen=True, slots=True)
@@ -82,15 +88,15 @@ class UavProcess:
         self._settings = settings
         self._keys = Keys(settings.mission)
         self._state = UavState(Path(settings.state), settings.uav)
-        self._instance = f"{os.getpid()}-{secrets.token_hex(4)}"
+        self._instance = instance_name(f"{os.getpid()}-{secrets.token_hex(4)}", settings.claimant)
         self._clock = WallClock()
         self._inbox: Inbox[Item] = Inbox()
-        self._malformed = Malformed()
+        self._gate = Gate(self._tell_malformed)
         self._peers = Peers()
         self._flight: Flight | None = None
         self._leaving = False
         self._response_ms = measured_response_ms() if settings.measure_response else 0.0
-        self._session = open_client(settings.endpoint)
+        self._session = open_client(settings.endpoint, credentials(settings.certs, settings.uav))
         self._outbox = Outbox(self._session)
         self._ears = Ears(self._session, self._keys, settings.uav, self._inbox)
         self._token = self._session.liveliness().declare_token(self._keys.alive(settings.uav, self._instance))
@@ -140,22 +146,25 @@ class UavProcess:
                 self._leaving = True
 
     def _hear(self, heard: Heard) -> None:
-        try:
-            message = decoded(heard)
-        except MessageError as error:
-            self._tell_malformed(error)
-            return
-        match message:
+        match message := self._gate.admit(heard):
+            case None:
+                pass
             case MissionMessage():
                 self._begin(message)
             case Event(source="operator"):
                 self._obey(message)
+            case Truth():
+                self._place(message)
             case _:
-                self._receive(message)
+                self._receive(message, heard.at_ns)
 
-    def _tell_malformed(self, error: MessageError) -> None:
-        detail = self._malformed.count(error)
-        if detail is not None and self._flight is not None:
+    def _place(self, truth: Truth) -> None:
+        """Tell the emulated radio where a UAV truly is."""
+        if self._flight is not None:
+            self._flight.postbox.links.place(truth.uav, truth.to_x_m, truth.to_y_m)
+
+    def _tell_malformed(self, detail: str) -> None:
+        if self._flight is not None:
             self._carry_out([self._flight.node.event("malformed", detail)])
 
     def _begin(self, mission: MissionMessage) -> None:
@@ -165,6 +174,8 @@ class UavProcess:
         entry = next((entry for entry in mission.roster if entry.uav == self._settings.uav), None)
         if entry is None:
             raise InputError("uav", self._settings.uav, f"in the roster of mission {mission.name}")
+        if mission.claimant_of(entry.uav) != self._settings.claimant:
+            raise InputError("uav", entry.uav, f"an id that mission {mission.name} has issued to nobody else")
         if mission.elect == "response-time" and not self._response_ms:
             self._response_ms = measured_response_ms()
         node = UavNode(
@@ -176,7 +187,10 @@ class UavProcess:
             response_ms=self._response_ms * entry.compute_factor,
             cpu_s=time.process_time,
         )
+        self._gate.know(mission)
         postbox = Postbox(LinkEmulator(mission, entry.uav))
+        if have_range(mission):
+            self._ears.listen_to_truths()
         self._flight = Flight(mission, node, postbox, Faulty(mission, entry.uav, postbox.links, self._clock))
 
     def _obey(self, event: Event) -> None:
@@ -187,10 +201,11 @@ class UavProcess:
             for node_event in self._flight.faulty.suffer(event.detail):
                 self._step(node_event)
 
-    def _receive(self, message: Message) -> None:
+    def _receive(self, message: Message, at_ns: int) -> None:
+        """Hand on a message that came at `at_ns` of the monotonic clock as the link model says."""
         if self._flight is None or sender_of(message) == self._settings.uav:
             return
-        now_ns = self._clock.now_ns()
+        now_ns = self._clock.now_ns() - (time.monotonic_ns() - at_ns)
         if self._flight.postbox.arrive(message, now_ns, self._flight.mission_s(now_ns)):
             self._step(Received(message))
 
@@ -237,6 +252,8 @@ class UavProcess:
         self._outbox.flush()
 
     def _publish(self, message: Message) -> None:
+        if isinstance(message, Truth):
+            self._place(message)
         stamped = msgspec.structs.replace(message, sent_ns=self._clock.now_ns())
         self._outbox.put(self._keys.of(stamped), encode(stamped))
 
@@ -250,9 +267,15 @@ class UavProcess:
 
     def _close(self) -> None:
         if self._flight is not None:
+            self._tell_delay_error(self._flight)
             last = msgspec.json.encode(self._flight.node.last_seqs).decode()
             self._carry_out([self._flight.node.event("closed", last)])
         self._session.close()
+
+    def _tell_delay_error(self, flight: Flight) -> None:
+        error = flight.postbox.delay_error
+        if error is not None:
+            self._carry_out([flight.node.event(DELAY_ERROR, msgspec.json.encode(error).decode())])
 
 
 @dataclass(slots=True)
@@ -296,10 +319,11 @@ def main() -> int:
         ("state", "folder with the files of promise and airframe"),
     ):
         parser.add_argument(f"--{name}", required=True, help=text)
+    parser.add_argument("--certs", default="", help="folder with the own certificate, on a secured bus")
     return fly(UavSettings(**vars(parser.parse_args())), obey_ctrl_c=True)
 
 
-__all__ = ["OPERATOR", "UavProcess", "UavSettings", "fly", "main"]
+__all__ = ["UavProcess", "UavSettings", "fly", "main"]
 
 if __name__ == "__main__":
     sys.exit(main())

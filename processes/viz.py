@@ -1,7 +1,7 @@
-"""The visualiser: `python -m processes.viz` with its orders, a `VizSettings`, on standard input.
+"""The visualiser: `python -m processes.viz [tcp/HOST:PORT [live]]`, with its orders, a `VizSettings`.
 
 It listens to the mission like the recorder, outside the link model, and publishes what viewers
-show. With `live_port` it also serves the Foxglove WebSocket protocol to this host.
+show. With `live_port` it also serves the Foxglove WebSocket protocol; as `live` it does nothing else.
 """
 
 from __future__ import annotations
@@ -12,22 +12,29 @@ import signal
 import sys
 import time
 from dataclasses import dataclass
+from functools import partial
+from itertools import count
 
 import msgspec
 import zenoh
 from msgspec import Struct
 
-from edc_swarm.errors import MessageError
-from edc_swarm.messages import Event, Keys, decode, encode
+from edc_swarm.config import OPERATOR, VISUALISER
+from edc_swarm.errors import SwarmError
+from edc_swarm.messages import Event, Keys, MissionMessage, encode
 from edc_swarm.viz import ROOT, Scenery, Shown
 from processes.bus import hand_over, open_client
-from processes.ears import OPERATOR
+from processes.console import complain
+from processes.credentials import credentials
+from processes.ears import Gate, Heard, heard_from
 from processes.inbox import Inbox
-from processes.live import Live, Subscribed
+from processes.live import HOST, Live, Subscribed
+from processes.operators import GIVE_UP_S, Operators
+from processes.orders import orders, outlast_operator
 from processes.outbox import Outbox
 from processes.parent import die_with_parent
 
-NAME = "viz"
+NAME, LIVE = VISUALISER, "live"
 IDLE_S = 0.25
 BURST_BYTES = 32_768
 PAUSE_S = 0.004
@@ -36,11 +43,14 @@ OVERHEAD_BYTES = 512
 
 
 class VizSettings(Struct, frozen=True, kw_only=True):
-    """What the visualiser must be told. `live_port` is 0 for no live view."""
+    """What the visualiser must be told. `live_port` is 0 for no live view; without `records` there is nothing else."""
 
     endpoint: str
     mission: str
     live_port: int = 0
+    live_host: str = HOST
+    records: bool = True
+    certs: str = ""
     parent: int = 0
 
 
@@ -70,16 +80,24 @@ class Visualiser:
         self._scenery = Scenery()
         self._last: dict[str, int] = {}
         self._instance = f"{os.getpid()}-{secrets.token_hex(4)}"
+        self._event_seq = count()
+        self._gate = Gate(partial(self._tell, "malformed"))
         self._over = False
         self._unsent = 0
-        self._live = Live(settings.live_port, self._inbox.put_always) if settings.live_port else None
-        self._session = open_client(settings.endpoint, observer=True)
+        self._records = settings.records
+        self._live = None
+        if settings.live_port:
+            self._live = Live(settings.live_host, settings.live_port, self._inbox.put_always)
+        self._session = open_client(settings.endpoint, credentials(settings.certs, NAME), observer=True)
         self._outbox = Outbox(self._session)
         keys, heard = self._keys, hand_over(self._take)
         for key in (keys.mission, f"{keys.root}/uav/**", f"{keys.root}/head/**", keys.event("*")):
             self._session.declare_subscriber(key, heard, allowed_origin=zenoh.Locality.REMOTE)
         self._session.get(keys.mission, hand_over(self._take_reply), consolidation=zenoh.ConsolidationMode.NONE)
-        self._token = self._session.liveliness().declare_token(keys.alive(NAME, self._instance))
+        if settings.records:
+            self._token = self._session.liveliness().declare_token(keys.alive(NAME, self._instance))
+        self._mission = settings.mission
+        self._operators = None if settings.parent else Operators(self._session)
 
     def stop(self) -> None:
         """Ask to end; may be called from a signal handler."""
@@ -92,7 +110,12 @@ class Visualiser:
                 self._take_item(item)
             self._publish(self._scenery.advance(time.time_ns()))
             self._outbox.flush()
+            self._over |= self._is_deserted()
         self._close()
+
+    def _is_deserted(self) -> bool:
+        """Whether the operator has gone for good without a last word."""
+        return self._operators is not None and self._operators.away_s(self._mission) > GIVE_UP_S
 
     def _patience_s(self) -> float:
         due_ns = self._scenery.next_ns
@@ -109,23 +132,28 @@ class Visualiser:
                 self._hear(key, payload, time_ns)
 
     def _hear(self, key: str, payload: bytes, time_ns: int) -> None:
-        try:
-            message = decode(key, payload)
-        except MessageError:
+        message = self._gate.admit(Heard(key, payload))
+        if message is None:
             return
+        if isinstance(message, MissionMessage):
+            self._gate.know(message)
         self._scenery.hear(message, time_ns)
         if isinstance(message, Event) and message.source == OPERATOR and message.kind == "end":
             self._over = True
 
     def _publish(self, shown: list[Shown]) -> None:
         for each in shown:
-            key = f"viz/{each.topic.removeprefix(ROOT)}"
-            self._last[key] = self._last.get(key, -1) + 1
-            self._outbox.put(f"{self._keys.root}/{key}", each.payload)
-            self._outbox.flush()
-            self._pause(len(each.payload))
+            if self._records:
+                self._put(each)
             if self._live is not None:
                 self._live.show(each)
+
+    def _put(self, shown: Shown) -> None:
+        key = f"viz/{shown.topic.removeprefix(ROOT)}"
+        self._last[key] = self._last.get(key, -1) + 1
+        self._outbox.put(f"{self._keys.root}/{key}", shown.payload)
+        self._outbox.flush()
+        self._pause(len(shown.payload))
 
     def _pause(self, size: int) -> None:
         """Let the bus take what was put: scenes are large, and it drops what comes too fast."""
@@ -137,16 +165,23 @@ class Visualiser:
     def _close(self) -> None:
         """Say how many messages of each topic there were; viewers' messages carry no numbers."""
         self._publish(self._scenery.advance(time.time_ns()))
-        detail = msgspec.json.encode(self._last).decode()
-        event = Event(source=NAME, instance=self._instance, sent_ns=time.time_ns(), kind="closed", detail=detail)
-        self._outbox.put(self._keys.event(NAME), encode(event))
+        self._tell("closed", msgspec.json.encode(self._last).decode())
         self._outbox.flush()
         self._session.close()
         if self._live is not None:
             self._live.stop()
 
+    def _tell(self, kind: str, detail: str) -> None:
+        """Publish an event; who only shows live says nothing on the bus."""
+        if not self._records:
+            return
+        seq, now_ns = next(self._event_seq), time.time_ns()
+        event = Event(source=NAME, instance=self._instance, seq=seq, sent_ns=now_ns, kind=kind, detail=detail)
+        self._outbox.put(self._keys.event(NAME), encode(event))
+
     def _take(self, sample: zenoh.Sample) -> None:
-        self._inbox.put(_Said(str(sample.key_expr), sample.payload.to_bytes(), time.time_ns()))
+        heard = heard_from(sample)
+        self._inbox.put(_Said(heard.key, heard.payload, time.time_ns()), len(heard.payload))
 
     def _take_reply(self, reply: zenoh.Reply) -> None:
         if reply.ok is not None:
@@ -155,15 +190,20 @@ class Visualiser:
 
 def main() -> int:
     """Show one mission."""
-    settings = msgspec.json.decode(sys.stdin.buffer.read(), type=VizSettings)
+    settings = orders(VizSettings, NAME)
     if settings.parent:
         die_with_parent(settings.parent)
         signal.signal(signal.SIGINT, signal.SIG_IGN)
     visualiser = Visualiser(settings)
     signal.signal(signal.SIGTERM, lambda *_: visualiser.stop())
     visualiser.show()
+    if not settings.parent:
+        outlast_operator(settings.endpoint, settings.mission)
     return 0
 
 
 if __name__ == "__main__":
-    sys.exit(main())
+    try:
+        sys.exit(main())
+    except SwarmError as error:
+        sys.exit(complain(error))

@@ -10,8 +10,8 @@ from collections.abc import Callable, Sequence
 
 from msgspec import Struct
 
-from edc_swarm.figures.statistics import PowerLaw, power_law
 from edc_swarm.figures.table import Line, Row, line
+from edc_swarm.statistics import PowerLaw, power_law
 
 TOLERANCE = 0.5
 """An exponent is taken for the whole number that it rounds to."""

@@ -9,7 +9,7 @@ from typing import Any
 from msgspec import Struct
 
 from edc_swarm.figures.catalogue import Figure
-from edc_swarm.figures.statistics import estimate
+from edc_swarm.statistics import estimate
 
 
 class Row(Struct, frozen=True):

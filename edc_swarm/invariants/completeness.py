@@ -2,11 +2,14 @@
 
 from __future__ import annotations
 
+from collections import Counter
 from collections.abc import Iterator
 
 from edc_swarm.invariants.evidence import Evidence
 from edc_swarm.invariants.report import GuaranteeResult, Violation, verdict
 from edc_swarm.recording import Gap, Recording, unknown_tails
+
+MAX_GARBAGE_NOTES = 20
 
 
 def check_no_loss(evidence: Evidence) -> GuaranteeResult:
@@ -16,7 +19,7 @@ def check_no_loss(evidence: Evidence) -> GuaranteeResult:
     found += [Violation("unreadable", problem) for problem in recording.problems]
     found += _dropped(evidence)
     notes = list(_unknown_tails(recording))
-    notes += [f"not a message: {g.topic} ({g.reason})" for g in recording.garbage]
+    notes += _garbage(recording)
     return verdict("G5", "No loss in the record", found, notes)
 
 
@@ -35,6 +38,18 @@ def _unknown_tails(recording: Recording) -> Iterator[str]:
     for instance, silent in keys.items():
         more = f" and {len(silent) - 1} more" if len(silent) > 1 else ""
         yield f"tail unknown: {silent[0]}{more} of {instance}"
+
+
+def _garbage(recording: Recording) -> Iterator[str]:
+    """One note per topic and reason, however much of it there is."""
+    counts = Counter((garbage.topic, garbage.reason) for garbage in recording.garbage)
+    for (topic, reason), count in counts.most_common(MAX_GARBAGE_NOTES):
+        yield f"not a message: {topic} ({reason})" + (f", {count} times" if count > 1 else "")
+    left_out = (recording.run_end or {}).get("foreign_left_out", "0")
+    if left_out != "0":
+        yield f"left out: {left_out} messages on keys of nobody in the mission"
+    if len(counts) > MAX_GARBAGE_NOTES:
+        yield f"not messages: {len(recording.garbage)} in all, {len(counts)} kinds of them"
 
 
 def _dropped(evidence: Evidence) -> Iterator[Violation]:

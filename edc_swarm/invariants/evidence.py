@@ -47,6 +47,14 @@ class Evidence:
             uav for uav in self.index if any(gap.key == f"uav/{uav}/fix" and not gap.duplicate for gap in self.gaps)
         }
 
+    def command_lost(self, fix: Fix) -> bool:
+        """Whether the command that `fix` names is missing from the record, as its number says."""
+        return any(
+            gap.key.endswith(f"/command/{fix.uav}") and gap.first <= fix.command_seq <= gap.last
+            for gap in self.gaps
+            if not gap.duplicate
+        )
+
     def gap_notes(self) -> list[str]:
         """A warning where what looks broken may only be missing from the record."""
         return ["the record has gaps (see G5): what is missing here may have been said"] if self.gaps else []

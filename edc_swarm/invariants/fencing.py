@@ -51,7 +51,8 @@ def _judged(evidence: Evidence, uav: str, fix: Fix, granted: set[tuple[int, str]
         return
     command = _named(evidence, fix)
     if command is None:
-        yield Violation(*_unknown(evidence, fix), fix.slot, [uav])
+        if not evidence.command_lost(fix):
+            yield Violation(*_unknown(evidence, fix), fix.slot, [uav])
         return
     target_m, waypoint_m = (command.target_x_m, command.target_y_m), (fix.waypoint_x_m, fix.waypoint_y_m)
     if target_m != waypoint_m:

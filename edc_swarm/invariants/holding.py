@@ -20,9 +20,10 @@ def check_hold_on_silence(evidence: Evidence) -> GuaranteeResult:
     true_m = _length_m(tracks.true_to_m - tracks.true_from_m)
     jump_m = _length_m(tracks.true_from_m[1:] - tracks.true_to_m[:-1])
     jump_m = np.concatenate([np.zeros((1, jump_m.shape[1])), jump_m])[: tracks.slots]
+    held = ~tracks.executed & ~tracks.lost
     found = [
-        *_moves(evidence, disc_m, (disc_m > 0) & ~tracks.executed, "moved-without-command"),
-        *_moves(evidence, true_m, (true_m > TRUTH_TOLERANCE_M) & ~tracks.executed, "truth-moved"),
+        *_moves(evidence, disc_m, (disc_m > 0) & held, "moved-without-command"),
+        *_moves(evidence, true_m, (true_m > TRUTH_TOLERANCE_M) & held, "truth-moved"),
         *_moves(evidence, jump_m, jump_m > TRUTH_TOLERANCE_M, "truth-jumped"),
     ]
     return verdict("G4", "Hold on silence", found, evidence.gap_notes())

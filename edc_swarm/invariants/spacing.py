@@ -26,12 +26,12 @@ def check_separation(evidence: Evidence) -> GuaranteeResult:
     if evidence.mission.planner == UNEVEN_PLANNER:
         known = {tuple(violation.uavs) for violation in overlaps}
         found += [v for v in _uneven(evidence) if tuple(v.uavs) not in known]
-    return verdict("G3", "Separation", found)
+    return verdict("G3", "Separation", found, evidence.gap_notes())
 
 
 def _overlaps(evidence: Evidence) -> list[Violation]:
     """Pairs whose discs overlap while all move together (the paper's eq. 16, at every instant)."""
-    ends_m = (evidence.tracks.centre_m[:-1], evidence.tracks.centre_m[1:])
+    ends_m = evidence.tracks.seen_m
     met = encounters(*ends_m, _radius_m(evidence), -DISC_TOLERANCE_M)
     return [_timed(evidence, "overlap", "discs overlap by", met, pair, ends_m) for pair in _by_pair(met)]
 
@@ -46,7 +46,7 @@ def _touching(evidence: Evidence) -> list[Violation]:
 
 def _uneven(evidence: Evidence) -> Iterator[Violation]:
     """Pairs that could have overlapped had one lagged within the slot (with `lag_slots`: a slot)."""
-    from_m, to_m = evidence.tracks.centre_m[:-1], evidence.tracks.centre_m[1:]
+    from_m, to_m = evidence.tracks.seen_m
     radius_m, count = _radius_m(evidence), len(evidence.index)
     if evidence.mission.lag_slots:
         from_m, to_m = (np.concatenate([now, _one_slot_late(now)], axis=1) for now in (from_m, to_m))

@@ -9,16 +9,18 @@ the simulator makes one without a file, by `Recording.from_messages`. Importing 
 from edc_swarm.recording.mcap_file import McapFile
 from edc_swarm.recording.model import Garbage, Recording
 from edc_swarm.recording.reader import read_recording, recover
-from edc_swarm.recording.sequences import Gap, find_gaps, unknown_tails
-from edc_swarm.recording.writer import RecordingWriter
+from edc_swarm.recording.sequences import CLOSED, Gap, find_gaps, unknown_tails
+from edc_swarm.recording.writer import RecordingWriter, is_mission
 
 __all__ = [
+    "CLOSED",
     "Gap",
     "Garbage",
     "McapFile",
     "Recording",
     "RecordingWriter",
     "find_gaps",
+    "is_mission",
     "read_recording",
     "recover",
     "unknown_tails",

@@ -90,7 +90,7 @@ class McapFile:
             if finished:
                 break
         if not finished or data[end:] != MAGIC:
-            self.problems.append(f"torn: no end of file; {len(data) - end} bytes after byte {end} are unreadable")
+            self.problems.append(_torn(len(data), end))
 
     def _bytes(self) -> bytes:
         try:
@@ -207,6 +207,12 @@ def _records(data: bytes, offset: int) -> Iterator[tuple[int, int, int]]:
         if offset > len(data):
             return
         yield opcode, begin, offset
+
+
+def _torn(size: int, end: int) -> str:
+    """What is missing of a file of `size` bytes whose last whole record ends at byte `end`."""
+    unread = f"{size - end} bytes after byte {end} are unreadable" if size > end else f"it stops after byte {end}"
+    return f"torn: no end of file; {unread}"
 
 
 def _decompressed(data: bytes, begin: int, end: int) -> bytes:

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Callable
 from functools import cache
 from operator import attrgetter
@@ -13,9 +12,10 @@ import msgspec
 from msgspec import Struct
 
 from edc_swarm.errors import MessageError, RecordingError
-from edc_swarm.messages import Command, Fix, Message, MissionMessage, Truth, decode, kind_of
+from edc_swarm.messages import MAX_MESSAGE_BYTES, Command, Fix, Message, MissionMessage, Truth, decode, kind_of
 from edc_swarm.recording.mcap_file import Channel, McapFile
 from edc_swarm.recording.model import Garbage, Recording
+from edc_swarm.recording.sifting import sift
 from edc_swarm.recording.writer import FORMAT, MISSION_ATTACHMENT, RecordingWriter
 
 Decode = Callable[[bytes], Message]
@@ -49,6 +49,7 @@ def read_recording(path: str | Path, *, salvage: bool = False) -> Recording:
     _read_metadata(file, recording)
     if not recording.missions:
         recording.missions.append(_attached_mission(file))
+    sift(recording)
     return recording
 
 
@@ -60,9 +61,12 @@ def recover(source: str | Path, stream: BinaryIO) -> list[str]:
     file = McapFile(Path(source))
     messages = list(file.messages())
     _check_version(file)
+    has_mission = any(kind_of(channel.topic) is MissionMessage for channel, *_ in messages)
+    if not has_mission:
+        _attached_mission(file)
     writer = RecordingWriter(stream, file.metadata["run"])
     for name, (media_type, data) in file.attachments.items():
-        if name != MISSION_ATTACHMENT:
+        if name != MISSION_ATTACHMENT or not has_mission:
             writer.attach(name, media_type, data)
     for channel, _, log_ns, sent_ns, payload in messages:
         if kind_of(channel.topic) is None:
@@ -104,7 +108,7 @@ def _decoder(topic: str, kind: type[Struct]) -> Decode:
     """
     if kind not in {Fix, Truth, Command}:
         return lambda payload: decode(topic, payload)
-    decode_json, floats = _fast(kind)
+    decode_json = _json_decoder(kind)
     ends = ("head", "uav") if kind is Command else ("uav",)
     sender = attrgetter(*ends)
     parts = topic.split("/")
@@ -115,7 +119,7 @@ def _decoder(topic: str, kind: type[Struct]) -> Decode:
             message: Message = decode_json(payload)
         except (msgspec.DecodeError, UnicodeDecodeError, RecursionError) as error:
             raise MessageError(topic, str(error)) from None
-        if sender(message) != expected or not math.isfinite(sum(floats(message))):
+        if sender(message) != expected or len(payload) > MAX_MESSAGE_BYTES:
             return decode(topic, payload)
         return message
 
@@ -123,10 +127,9 @@ def _decoder(topic: str, kind: type[Struct]) -> Decode:
 
 
 @cache
-def _fast(kind: type[Struct]) -> tuple[Callable[[bytes], Any], Callable[[Any], tuple[float, ...]]]:
-    """Decoder of a kind, and all its floats; made once, since a recording has hundreds of topics."""
-    floats = attrgetter(*(field.name for field in msgspec.structs.fields(kind) if field.type is float))
-    return msgspec.json.Decoder(kind).decode, floats
+def _json_decoder(kind: type[Struct]) -> Callable[[bytes], Any]:
+    """Made once, since a recording has hundreds of topics."""
+    return msgspec.json.Decoder(kind).decode
 
 
 def _read_metadata(file: McapFile, recording: Recording) -> None:
@@ -145,9 +148,10 @@ def _check_version(file: McapFile) -> None:
 
 
 def _attached_mission(file: McapFile) -> MissionMessage:
-    _, payload = file.attachments.get(MISSION_ATTACHMENT, ("", b""))
+    if MISSION_ATTACHMENT not in file.attachments:
+        raise RecordingError(file.path, "; ".join(["holds no mission", *file.problems[:1]]))
     try:
-        mission = decode("mission", payload)
+        mission = decode("mission", file.attachments[MISSION_ATTACHMENT][1])
     except MessageError as error:
         raise RecordingError(file.path, f"holds no mission ({error.reason})") from None
     assert isinstance(mission, MissionMessage)

@@ -18,7 +18,7 @@ CLOSED = "closed"
 Stream = tuple[str, str]
 """Key without its `swarm/{mission}/`, and instance of the publisher."""
 
-_KEYS: dict[type, tuple[str, tuple[str, ...]]] = {
+KEY_FORMS: dict[type, tuple[str, tuple[str, ...]]] = {
     Fix: ("uav/{}/fix", ("uav",)),
     Truth: ("uav/{}/truth", ("uav",)),
     Command: ("head/{}/command/{}", ("head", "uav")),
@@ -69,7 +69,7 @@ def sequence_numbers(recording: Recording) -> dict[Stream, list[int]]:
     """Sequence numbers of every stream in the order of the record."""
     numbers: dict[Stream, list[int]] = {}
     for kind, messages in recording.lists().items():
-        form, names = _KEYS[kind]
+        form, names = KEY_FORMS[kind]
         groups: defaultdict[tuple[str, ...], list[int]] = defaultdict(list)
         for source, seq in zip(
             map(attrgetter("instance", *names), messages), map(attrgetter("seq"), messages), strict=True

@@ -4,7 +4,8 @@ A UAV publishes its waypoint in the fix of each slot; a slot without a fix is a 
 stayed, unless its truth or its next fix shows that it had accepted a step and then said nothing
 (a process can die between accepting a step and saying so). Fixes of a UAV that lost its memory
 (`voter` false) say nothing about the disc; its truth still does, since disc and UAV move by the
-same vector.
+same vector. Where the record itself has lost fixes (a recorder that was frozen), and nothing explains how
+the UAV came to where its next fix says it was, the slots between are `lost`: nothing is judged there.
 """
 
 from __future__ import annotations
@@ -19,7 +20,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from edc_swarm.errors import RecordingError
-from edc_swarm.messages import Command, Truth, roster_index
+from edc_swarm.messages import Command, Fix, Truth, roster_index
 from edc_swarm.recording.model import Recording
 
 Floats = NDArray[np.float64]
@@ -52,6 +53,7 @@ class Tracks:
         Ids in roster order.
     centre_m
         (S + 1, K, 2): the tracked disc's centre at the start of slot t and, in row t + 1, at its end.
+        In `lost` slots it is moved evenly from where it was last seen to where it is seen again.
     true_from_m, true_to_m
         (S, K, 2): true position at both ends of slot t; NaN where no truth of the UAV is recorded.
     heard, executed
@@ -60,6 +62,8 @@ class Tracks:
         (S, K): battery at the slot's newest fix, NaN where there is none.
     silent
         Steps that no fix reports.
+    lost
+        (S, K): whether the fix of the slot is missing from the record, and the way flown unknown.
     """
 
     uavs: list[str]
@@ -70,11 +74,20 @@ class Tracks:
     executed: Bools
     energy_j: Floats
     silent: list[Step]
+    lost: Bools
 
     @property
     def slots(self) -> int:
         """Number of slots, S."""
         return len(self.heard)
+
+    @property
+    def seen_m(self) -> tuple[Floats, Floats]:
+        """(S, K, 2) centres at both ends of every slot, NaN in lost slots: what may be judged."""
+        if not self.lost.any():
+            return self.centre_m[:-1], self.centre_m[1:]
+        known = ~self.lost[..., None]
+        return np.where(known, self.centre_m[:-1], np.nan), np.where(known, self.centre_m[1:], np.nan)
 
 
 def tracks_of(recording: Recording) -> Tracks:
@@ -108,11 +121,16 @@ def tracks_of(recording: Recording) -> Tracks:
     for step in silent:
         executed[step.slot, step.uav] = True
         centre_m[step.slot + 1, step.uav] = (step.command.target_x_m, step.command.target_y_m)
+    unsaid = np.isnan(centre_m[1:, :, 0])
     _fill_forward(centre_m)
+    lost = _bridged(voters, index, unsaid, centre_m)
     true_from_m, true_to_m = _true_motion(truths, true_cells, centre_m)
+    untold = lost.copy()
+    untold[true_cells] = False
+    true_from_m[untold] = true_to_m[untold] = np.nan
     for t, k in _flown_before_birth(silent, truths, index):
         true_from_m[t, k] = true_to_m[t, k] - (centre_m[t + 1, k] - centre_m[t, k])
-    return Tracks(list(index), centre_m, true_from_m, true_to_m, heard, executed, energy_j, silent)
+    return Tracks(list(index), centre_m, true_from_m, true_to_m, heard, executed, energy_j, silent, lost)
 
 
 def _column(messages: Sequence[Any], name: str) -> Floats:
@@ -134,6 +152,33 @@ def _fill_forward(centre_m: Floats) -> None:
     known = ~np.isnan(centre_m[..., 0])
     newest = np.maximum.accumulate(np.where(known, np.arange(len(centre_m))[:, None], 0))
     centre_m[:] = np.take_along_axis(centre_m, newest[..., None], axis=0)
+
+
+def _bridged(fixes: Sequence[Fix], index: dict[str, int], unsaid: Bools, centre_m: Floats) -> Bools:
+    """(S, K) lost slots; over each run of them the centre is moved evenly to where the next fix's slot began."""
+    lost = np.zeros_like(unsaid)
+    for fix in _after_holes(fixes) if unsaid.any() else ():
+        k, after = index[fix.uav], fix.slot
+        first = after
+        while first > 0 and unsaid[first - 1, k]:
+            first -= 1
+        start_m = (fix.from_x_m, fix.from_y_m) if fix.executing else (fix.waypoint_x_m, fix.waypoint_y_m)
+        if first < after and _point(centre_m[after, k]) != start_m:
+            lost[first:after, k] = True
+            shares = np.linspace(0.0, 1.0, after - first + 1)[1:, None]
+            centre_m[first + 1 : after + 1, k] += shares * (np.array(start_m) - centre_m[first, k])
+            centre_m[after, k] = start_m
+    return lost
+
+
+def _after_holes(fixes: Sequence[Fix]) -> Iterator[Fix]:
+    """Fixes before which the record lacks some of the same process."""
+    expected: dict[tuple[str, str], int] = {}
+    for fix in fixes:
+        stream = fix.uav, fix.instance
+        if fix.seq > expected.get(stream, 0):
+            yield fix
+        expected[stream] = max(fix.seq + 1, expected.get(stream, 0))
 
 
 def _true_motion(truths: list[Truth], cells: tuple[Ints, Ints], centre_m: Floats) -> tuple[Floats, Floats]:

@@ -12,7 +12,8 @@ import msgspec
 from mcap.writer import CompressionType, Writer
 from msgspec import Struct
 
-from edc_swarm.messages import MissionMessage, Ns, Seq, kind_of
+from edc_swarm.errors import MessageError
+from edc_swarm.messages import MissionMessage, Ns, Seq, decode, kind_of
 from edc_swarm.recording.mcap_file import Channel
 from edc_swarm.recording.schemas import json_schema
 
@@ -20,6 +21,8 @@ FORMAT = "1"
 """Version of what a recording holds; written as `format` into the `run` metadata."""
 MISSION_ATTACHMENT = "mission.json"
 CHUNK_BYTES = 1 << 20
+MAX_CHANNELS = 65_000
+"""MCAP numbers channels with 16 bits."""
 _MAX_U32 = 0xFFFF_FFFF
 
 
@@ -45,13 +48,17 @@ class RecordingWriter:
         self._mcap.start(profile="", library=f"edc-swarm {FORMAT}")
         self._mcap.add_metadata("run", {**run, "format": FORMAT})
 
+    def has_room_for(self, key: str) -> bool:
+        """Whether `key` can be recorded: a file holds so many topics and no more."""
+        return key in self._channels or len(self._channels) < MAX_CHANNELS
+
     def write(self, key: str, payload: bytes, log_time_ns: int) -> None:
         """Record `payload`, verbatim, whether or not it is a message.
 
         `log_time_ns` is the time of receipt; times that go back are recorded as the latest so far.
         """
         stamp = _stamp(payload)
-        if not self._has_mission and kind_of(key) is MissionMessage:
+        if not self._has_mission and is_mission(key, payload):
             self._has_mission = True
             self.attach(MISSION_ATTACHMENT, "application/json", payload, log_time_ns)
         channel = self._channels.get(key) or self._json_channel(key)
@@ -102,6 +109,14 @@ class RecordingWriter:
         if name not in self._schemas:
             self._schemas[name] = self._mcap.register_schema(name, encoding, data)
         return self._schemas[name]
+
+
+def is_mission(key: str, payload: bytes) -> bool:
+    """Whether `payload` is a mission that can be flown, on the key for it."""
+    try:
+        return kind_of(key) is MissionMessage and decode(key, payload) is not None
+    except MessageError:
+        return False
 
 
 class _Stamp(Struct, gc=False):

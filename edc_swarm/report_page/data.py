@@ -108,7 +108,11 @@ def _leader(recording: Recording, columns: Columns) -> NDArray[np.int64]:
     index = {uav: k for k, uav in enumerate(columns.uavs)}
     leader = np.full(len(columns.time_s), -1, np.int64)
     for report in sorted(recording.reports, key=lambda report: report.term):
-        if report.has_quorum and 0 <= report.slot < len(leader):
+        if (
+            report.has_quorum
+            and report.is_backed(index.keys(), recording.mission.quorum)
+            and 0 <= report.slot < len(leader)
+        ):
             leader[report.slot] = index.get(report.head, -1)
     return leader
 
@@ -123,6 +127,7 @@ def _plots(mission: MissionMessage, columns: Columns) -> list[Plot]:
     slots_s = columns.time_s
     r_m = np.array([entry.r_m for entry in mission.roster])
     gap_m = least_gaps_m(columns.centre_m[:-1], columns.centre_m[1:], r_m)
+    gap_m[columns.lost.any(axis=1)] = np.nan
     order = np.argsort(columns.plan_slot, kind="stable")
     limit_ms = 1e3 * (mission.dt_s - mission.tau_s) / mission.time_scale
     plan = _series("plan time", mission.dt_s * columns.plan_slot[order], columns.plan_ms[order])

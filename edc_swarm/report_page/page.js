@@ -147,18 +147,21 @@
   const frame = (host, height, title) => {
     const width = host.clientWidth, svg = make("svg", { viewBox: `0 0 ${width} ${height}`, height, role: "img", "aria-label": title }, host);
     const x = (t) => BOX.left + (width - BOX.left - BOX.right) * t / END_S;
-    make("text", { x: 8, y: 15, class: "title" }, svg, title);
+    const heading = make("text", { x: 8, y: 15, class: "title" }, svg, title);
     const step = niceStep(END_S, Math.max(2, Math.floor(width / 90)));
     for (let t = 0; t <= END_S * 1.0001; t += step) {
       make("line", { x1: x(t), x2: x(t), y1: BOX.top, y2: height - BOX.bottom, class: "axis" }, svg);
       if (x(t) < width - 70 || t === 0) make("text", { x: x(t), y: height - BOX.bottom + 13, "text-anchor": "middle" }, svg, tidy(t));
     }
     make("text", { x: width - BOX.right, y: height - BOX.bottom + 13, "text-anchor": "end" }, svg, "time (s)");
-    svg.addEventListener("pointerdown", (event) => {
+    const follow = (event) => {
+      if (!event.buttons) return;
       const at = event.clientX - svg.getBoundingClientRect().left;
       seek((at - BOX.left) / (width - BOX.left - BOX.right) * END_S);
-    });
-    return { svg, x, width, height };
+    };
+    svg.addEventListener("pointerdown", (event) => { setPlaying(false); follow(event); });
+    svg.addEventListener("pointermove", follow);
+    return { svg, x, width, height, free: 8 + heading.getComputedTextLength() + 10 };
   };
   const finish = ({ svg, x, height }) => {
     for (const fault of page.faults) {
@@ -187,7 +190,7 @@
       const d = series.x.map((t, i) => `${i && t - series.x[i - 1] < 3.5 * page.slot_s ? "L" : "M"}${x(t).toFixed(1)} ${y(series.y[i]).toFixed(1)}`).join("");
       make("path", { d, class: `series series${n}` }, svg);
     });
-    legend(svg, width, plot, inSight);
+    readOut(box, plot, legend(svg, width, plot, inSight));
     if (inSight) make("line", { x1: BOX.left, x2: width - BOX.right, y1: y(plot.limit), y2: y(plot.limit), class: "limit" }, svg);
     finish(box);
   };
@@ -201,6 +204,18 @@
     };
     if (plot.limit !== null) add(inSight ? `${plot.limit_name} (${tidy(plot.limit)} ${plot.unit})` : `${plot.limit_name} ${tidy(plot.limit)} ${plot.unit}, out of sight`, "limit");
     if (plot.series.length > 1) plot.series.forEach((series, n) => add(series.name, `series series${n}`));
+    return right;
+  };
+  const readOut = ({ svg, free }, plot, end) => {
+    const label = make("text", { x: free, y: 15, class: "now" }, svg);
+    const valueAt = ({ x, y }) => {
+      const i = x.findLastIndex((t) => t <= timeS + 1e-9);
+      return i < 0 || timeS - x[i] >= 3.5 * page.slot_s ? "-" : String(Number(y[i].toPrecision(3)));
+    };
+    cursors.push(() => {
+      label.textContent = plot.series.map(valueAt).join(", ");
+      if (free + label.getComputedTextLength() > end) label.textContent = "";
+    });
   };
   const drawHeads = (host) => {
     const names = [...new Set(page.terms.map((term) => term.head))], row = 16;

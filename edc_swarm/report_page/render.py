@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from html import escape
@@ -53,7 +54,12 @@ def _subtitle(metrics: Metrics, guarantees: Sequence[GuaranteeResult]) -> str:
 
 
 def _rows(rows: Iterable[tuple[str, str]]) -> str:
-    return "".join(f"<tr><th scope=row>{escape(name)}</th><td>{escape(value)}</td></tr>\n" for name, value in rows)
+    return "".join(f"<tr><th scope=row>{escape(name)}</th><td>{_broken(value)}</td></tr>\n" for name, value in rows)
+
+
+def _broken(text: str) -> str:
+    """Escaped; a list may be broken after any comma, since one of a whole roster has no space in it."""
+    return re.sub(r",(?=\S)", ",<wbr>", escape(text))
 
 
 def _guarantee(result: GuaranteeResult) -> str:

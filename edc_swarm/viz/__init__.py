@@ -5,8 +5,8 @@ a recorder or a live view describes them; `layout` is the viewer's layout. The s
 visualiser process and `edc-swarm visualise` feed the very same class.
 """
 
-from edc_swarm.viz.channels import ROOT, channel_of, topic_of
+from edc_swarm.viz.channels import ROOT, TOPICS, channel_of, topic_of
 from edc_swarm.viz.layout import LAYOUT_ATTACHMENT, layout
 from edc_swarm.viz.scenery import Scenery, Shown
 
-__all__ = ["LAYOUT_ATTACHMENT", "ROOT", "Scenery", "Shown", "channel_of", "layout", "topic_of"]
+__all__ = ["LAYOUT_ATTACHMENT", "ROOT", "TOPICS", "Scenery", "Shown", "channel_of", "layout", "topic_of"]

@@ -51,6 +51,8 @@ _SCHEMAS: dict[str, type[Protobuf] | type[Struct]] = {
     STATUS: Status,
 }
 
+TOPICS = frozenset(_SCHEMAS)
+
 
 def topic_of(key: str) -> str | None:
     """Topic of the visualisation on `key` of the bus, None for all other keys."""

@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from typing import Any
 
+from edc_swarm.geodesy import to_wgs84
 from edc_swarm.messages import MissionMessage
 from edc_swarm.viz import channels
 from edc_swarm.viz.channels import ROOT
@@ -12,7 +13,15 @@ from edc_swarm.viz.scenery import extent_m
 
 LAYOUT_ATTACHMENT = "foxglove-layout.json"
 GRID_M = 20.0
+MAX_DIVISIONS = 50
 SCENE, PLAN, GAP, HEAD, LOG, MAP = "3D!swarm", "Plot!plan", "Plot!gap", "StateTransitions!head", "RosOut!log", "map!gps"
+HEIGHTS = {PLAN: 19, GAP: 19, HEAD: 21, MAP: 19, LOG: 22}
+"""Panels of the right-hand column and their shares of its height; two rows of transitions need 21 %."""
+MAP_PX = 110
+"""Height of the map at these shares."""
+TILE_MPP = 156_543.034
+"""Metres per pixel of web map tiles at zoom 0 on the equator."""
+BLUE, ORANGE, RED = "#4e98e2", "#f5a04e", "#ff4d4d"
 _SHOWN = (channels.AREA, channels.TRAILS, channels.HULLS, channels.COMMANDS, channels.UAVS)
 
 
@@ -26,11 +35,14 @@ def layout(mission: MissionMessage) -> dict[str, Any]:
     return {
         "configById": {
             SCENE: _titled("Swarm from above", _scene(middle_m, size_m)),
-            PLAN: _titled("Plan time", _plot({"plan_ms": "plan time (ms)", "plan_limit_ms": "limit"})),
-            GAP: _titled("Least gap", _plot({"gap_m": "now (m)", "planned_gap_m": "planned", "gap_limit_m": "limit"})),
+            PLAN: _titled("Plan time (ms)", _plot(plan_ms=("plan", BLUE), plan_limit_ms=("limit", RED))),
+            GAP: _titled(
+                "Least gap (m)",
+                _plot(gap_m=("now", BLUE), planned_gap_m=("planned", ORANGE), gap_limit_m=("limit", RED)),
+            ),
             HEAD: _titled("Head and term", {"isSynced": True, "paths": [_path("head"), _path("term")]}),
             LOG: _titled("Log", {"searchTerms": [], "minLogLevel": 1}),
-            MAP: _titled("GPS", {"layer": "map", "followTopic": "", "disabledTopics": []}),
+            MAP: _titled("GPS", _map(mission, middle_m, size_m)),
         },
         "globalVariables": {},
         "userNodes": {},
@@ -39,7 +51,7 @@ def layout(mission: MissionMessage) -> dict[str, Any]:
             "direction": "row",
             "splitPercentage": 62,
             "first": SCENE,
-            "second": _column([PLAN, GAP, HEAD, MAP, LOG]),
+            "second": _column(list(HEIGHTS)),
         },
     }
 
@@ -50,14 +62,17 @@ def _titled(title: str, config: dict[str, Any]) -> dict[str, Any]:
 
 
 def _scene(middle_m: list[float], size_m: float) -> dict[str, Any]:
-    divisions = math.ceil(2 * size_m / GRID_M)
+    step_m = GRID_M
+    while 2 * size_m > MAX_DIVISIONS * step_m:
+        step_m *= 5
+    divisions = math.ceil(2 * size_m / step_m)
     grid = {
         "layerId": "foxglove.Grid",
         "instanceId": "grid",
         "label": "Grid",
         "visible": True,
         "frameLocked": True,
-        "size": divisions * GRID_M,
+        "size": divisions * step_m,
         "divisions": divisions,
         "lineWidth": 1,
         "color": "#ffffff18",
@@ -88,12 +103,28 @@ def _scene(middle_m: list[float], size_m: float) -> dict[str, Any]:
     }
 
 
-def _plot(series: dict[str, str]) -> dict[str, Any]:
+def _map(mission: MissionMessage, middle_m: list[float], size_m: float) -> dict[str, Any]:
+    """A map that shows the whole area from the start; by itself a viewer takes zoom 10, where a swarm is one dot."""
+    lat_deg, lon_deg = to_wgs84(middle_m[0], middle_m[1], mission.origin_lat_deg, mission.origin_lon_deg)
+    zoom = math.log2(TILE_MPP * math.cos(math.radians(lat_deg)) * MAP_PX / size_m)
     return {
-        "paths": [{**_path(name), "label": label} for name, label in series.items()],
+        "layer": "map",
+        "followTopic": "",
+        "disabledTopics": [],
+        "center": {"lat": lat_deg, "lon": lon_deg},
+        "zoomLevel": math.floor(zoom),
+    }
+
+
+def _plot(**series: tuple[str, str]) -> dict[str, Any]:
+    """Figures of the status, each with its label and colour; the legend beside them, where it covers nothing."""
+    return {
+        "paths": [{**_path(name), "label": label, "color": colour} for name, (label, colour) in series.items()],
         "xAxisVal": "timestamp",
         "showLegend": True,
-        "legendDisplay": "floating",
+        "legendDisplay": "left",
+        "sidebarDimension": 100,
+        "showPlotValuesInLegend": False,
         "showXAxisLabels": True,
         "showYAxisLabels": True,
         "isSynced": True,
@@ -105,8 +136,8 @@ def _path(name: str) -> dict[str, Any]:
 
 
 def _column(panels: list[str]) -> Any:
-    """Panels one below the other, of equal height."""
+    """Panels one below the other."""
     if len(panels) == 1:
         return panels[0]
-    share = 100 / len(panels)
+    share = 100 * HEIGHTS[panels[0]] / sum(HEIGHTS[panel] for panel in panels)
     return {"direction": "column", "splitPercentage": share, "first": panels[0], "second": _column(panels[1:])}

@@ -47,8 +47,8 @@ MAX_TRAIL = 16
 OVERLAP_TOLERANCE_M = 1e-9
 FORGET_NS = 60 * NS_PER_S
 """After a longer silence the time in between is not shown."""
-LABELS_HIGH = 80
-"""An area is as high as this many labels."""
+LABELS_HIGH = 45
+"""A view of the whole area is about as high as this many labels."""
 WARNINGS = frozenset({"fault", "exited", "suspects", "recorder-dropped"})
 
 
@@ -85,6 +85,7 @@ class Scenery:
     def __init__(self) -> None:
         self._mission: MissionMessage | None = None
         self._uavs: dict[str, _Uav] = {}
+        self._label_m = 0.0
         self._report: Report | None = None
         self._said: list[Shown] = []
         self._next_ns = 0
@@ -128,11 +129,16 @@ class Scenery:
     def _begin(self, mission: MissionMessage, now_ns: int) -> None:
         if self._mission is None:
             self._mission = mission
+            (left_m, low_m), (right_m, high_m) = extent_m(mission)
+            self._label_m = max(right_m - left_m, high_m - low_m) / LABELS_HIGH
             self._uavs = {entry.uav: _Uav(entry, index) for index, entry in enumerate(mission.roster)}
             self._next_ns = now_ns
 
     def _hear_report(self, report: Report, now_ns: int) -> None:
+        assert self._mission is not None
         known = self._report
+        if not report.is_backed(self._uavs.keys(), self._mission.quorum):
+            return
         if not report.has_quorum or (known is not None and (report.term, report.slot) < (known.term, known.slot)):
             return
         self._report = report
@@ -170,22 +176,22 @@ class Scenery:
         if uav.truth is not None:
             where = self._between(uav.truth, now_ns)
             made.cylinders.append(disc(where, max(entry.body_m, 0.15), WHITE, 0.9, z_m=0.05))
-        words = entry.uav
         if self._report is not None and entry.uav == self._report.head:
             made.lines.append(ring(centre, entry.r_m * 1.06, WHITE, 4.0))
-            words += "  H"
-        elif self._report is not None and entry.uav in self._report.standby:
-            words += f"  s{self._report.standby.index(entry.uav) + 1}"
-        size_m = self._label_m(entry)
-        made.texts.append(text((centre[0], centre[1] + 1.06 * entry.r_m + 0.7 * size_m), words, WHITE, size_m))
+        name_y_m = centre[1] + 1.06 * entry.r_m + self._label_m / 2
+        made.texts.append(text((centre[0], name_y_m), entry.uav, WHITE))
+        if role := self._role(entry.uav):
+            role_y_m = min(centre[1] - 0.3 * entry.r_m, name_y_m - self._label_m)
+            made.texts.append(text((centre[0], role_y_m), role, WHITE))
         return made
 
-    def _label_m(self, entry: RosterEntry) -> float:
-        """Height of a label: legible when the whole area is in sight, and not wider than about the disc."""
-        assert self._mission is not None
-        (left_m, low_m), (right_m, high_m) = extent_m(self._mission)
-        legible_m = max(right_m - left_m, high_m - low_m) / LABELS_HIGH
-        return max(0.3 * entry.r_m, min(legible_m, 0.6 * entry.r_m))
+    def _role(self, uav: str) -> str:
+        """Head, or which standby; said inside the disc, where no other label is."""
+        if self._report is None:
+            return ""
+        if uav == self._report.head:
+            return "H"
+        return f"s{self._report.standby.index(uav) + 1}" if uav in self._report.standby else ""
 
     def _commands(self, now_ns: int) -> list[SceneEntity]:
         """The steps that are flown now or in the next slot."""
@@ -203,8 +209,7 @@ class Scenery:
         report, shown = self._report, []
         if report is None:
             return []
-        ends_m = (report.hull_ax_m, report.hull_ay_m, report.hull_bx_m, report.hull_by_m, report.hull_r_m)
-        for name, ax_m, ay_m, bx_m, by_m, radius_m in zip(report.hull_uav, *ends_m, strict=False):
+        for name, ax_m, ay_m, bx_m, by_m, radius_m in zip(report.hull_uav, *report.hull_columns, strict=False):
             if name in self._uavs:
                 outline = stadium((ax_m, ay_m), (bx_m, by_m), radius_m + self._uavs[name].entry.r_m)
                 shown.append(entity(name, now_ns))
@@ -336,7 +341,8 @@ def _location(fix: Fix, now_ns: int) -> bytes:
 
 def _log(event: Event, now_ns: int) -> bytes:
     level = Log.WARNING if event.kind in WARNINGS else Log.INFO
-    words = f"{event.kind}: {event.detail}" if event.detail else event.kind
+    # Viewers break lines at spaces only, and a fault can list the whole roster.
+    words = f"{event.kind}: {event.detail.replace(',', ', ')}" if event.detail else event.kind
     return Log(
         timestamp=stamp(now_ns), level=level, message=words, name=event.source, file="", line=max(event.slot, 0)
     ).SerializeToString(deterministic=True)

@@ -26,7 +26,8 @@ Rgb = tuple[float, float, float]
 
 FRAME = "map"
 """The one frame; it needs no transforms."""
-VERTICES = 16
+VERTICES = 24
+LABEL_PX = 13
 WHITE, RED, AMBER, GREY = (1.0, 1.0, 1.0), (1.0, 0.15, 0.15), (1.0, 0.75, 0.2), (0.6, 0.63, 0.68)
 _UPRIGHT = Quaternion(w=1.0)
 _UNIT_RING = [(math.cos(math.tau * i / VERTICES), math.sin(math.tau * i / VERTICES)) for i in range(VERTICES)]
@@ -98,10 +99,15 @@ def line(
     )
 
 
-def text(centre: Point, words: str, colour: Rgb, size_m: float) -> TextPrimitive:
-    """A label that faces the viewer."""
+def text(centre: Point, words: str, colour: Rgb) -> TextPrimitive:
+    """A label that faces the viewer and is equally high at every zoom."""
     return TextPrimitive(
-        pose=_pose(centre, 0.2), billboard=True, font_size=size_m, color=_colour(colour, 1.0), text=words
+        pose=_pose(centre, 0.2),
+        billboard=True,
+        font_size=LABEL_PX,
+        scale_invariant=True,
+        color=_colour(colour, 1.0),
+        text=words,
     )
 
 

@@ -6,7 +6,7 @@ from pathlib import Path
 
 from edc_swarm.metrics import compute_metrics, load_timings
 from edc_swarm.recording import read_recording
-from processes.console import print_json, stdout_console
+from processes.console import note, print_json, stdout_console
 from processes.summary import print_metrics
 
 
@@ -20,7 +20,11 @@ def metrics(recording: Path, /, *, json: bool = False) -> int:
     json
         Print JSON.
     """
-    found = compute_metrics(read_recording(recording), load_timings(recording))
+    whole = read_recording(recording)
+    if whole.garbage:
+        first = whole.garbage[0]
+        note(f"warning: {len(whole.garbage)} payloads are no messages and are left out; {first.topic}: {first.reason}")
+    found = compute_metrics(whole, load_timings(recording))
     if json:
         print_json(found)
     else:

@@ -2,19 +2,30 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
+from functools import partial
 from pathlib import Path
 from typing import Annotated
 
 from cyclopts import Parameter
 
+from edc_swarm.config import RECORDER, ROUTER, Mission
 from edc_swarm.errors import InputError
-from processes.address import check_endpoint
+from edc_swarm.faults import parse_faults
+from edc_swarm.links import have_range
+from processes.address import check_endpoint, parse_endpoint
+from processes.bus import try_client
 from processes.conclusion import conclude
 from processes.console import FAILED, note
-from processes.launcher import Launcher, RunReport, View
+from processes.credentials import TLS
+from processes.launcher import Bus, Launcher, Protection, RunReport, View
 from processes.live import live_port
 from processes.options import MISSION_HELP, MissionOptions
+from processes.orders import await_found
 from processes.output import Output, default_output, timestamp
+from processes.security import check_security
+from processes.takeover import find_takeover
+from processes.whole import Whole
 
 
 def run(
@@ -24,6 +35,10 @@ def run(
     options: MissionOptions | None = None,
     listen: str | None = None,
     live: bool = False,
+    remote: Whole = 0,
+    operate: str | None = None,
+    secure: bool = False,
+    certs: Path | None = None,
 ) -> int:
     """Fly a mission: a process for every UAV, a router, a recorder.
 
@@ -33,27 +48,91 @@ def run(
         Where the router listens, tcp/HOST:PORT (a free port of this host).
     live
         Let Foxglove or Lichtblick on this host watch the mission while it is flown.
+    remote
+        Leave so many UAVs, the last of the roster, to be flown by others: edc-swarm join.
+    operate
+        Start nothing: at this router, tcp/HOST:PORT, recorder, visualiser and all UAVs are run by others.
+    secure
+        TLS on every link, a certificate for every process, and a router that lets each say only what is its own.
+    certs
+        Folder with the certificates, made by `edc-swarm certs` (new ones, for this run alone).
     """
     options = options or MissionOptions()
     mission = options.mission(mission_file)
+    if not 0 <= remote <= len(mission.roster):
+        raise InputError("--remote", remote, f"from 0 to the number of UAVs, {len(mission.roster)}")
+    protection = _protection(secure, certs, mission, {"--remote": remote, "--operate": operate})
     if listen is not None:
-        check_endpoint(listen)
+        listen = listen if protection is None else f"{TLS}{listen.removeprefix(TLS).removeprefix('tcp/')}"
+        check_endpoint(listen, "tcp" if protection is None else "tls")
+    if live and options.no_viz:
+        raise InputError("--live", live, "absent where --no-viz is given")
+    alone = {"--listen": listen, "--live": live, "--remote": remote}
+    bus = _meet(operate, mission, alone) if operate is not None else None
     view = View(viz=not options.no_viz, live_port=live_port() if live else 0)
     if live:
-        if options.no_viz:
-            raise InputError("--live", live, "absent where --no-viz is given")
         note(f"live: open the Foxglove WebSocket connection ws://localhost:{view.live_port}")
-    path = options.out or default_output(mission.name, mission.planner, timestamp())
-    with Output(path, force=options.force) as output:
-        for found in output.salvaged:
-            note(f"recovered {found} from a run that was killed")
-        report = Launcher(mission, output, listen=listen, view=view, show_progress=not options.json).run()
+    with _output(mission, options, bus) as output:
+        launcher = Launcher(
+            mission,
+            output,
+            listen=listen,
+            view=view,
+            show_progress=not options.json,
+            remote=remote,
+            bus=bus,
+            protection=protection,
+        )
+        report = launcher.run()
         if output.part.exists():
-            note(f"the recorder died; recovered {path}: {'; '.join(output.recover_part()) or 'nothing is missing'}")
+            missing = "; ".join(output.recover_part()) or "nothing is missing"
+            note(f"the recorder died; recovered {output.path}: {missing}")
     _tell(report, len(mission.roster))
-    if not report.flew:
-        return FAILED
-    return conclude(path, as_json=options.json)
+    status = conclude(output.path, as_json=options.json) if report.flew else FAILED
+    launcher.leave()
+    return status
+
+
+def _meet(address: str, mission: Mission, alone: Mapping[str, object]) -> Bus:
+    """The bus at a router that is there already, and this very mission if it has lost its operator there."""
+    parse_endpoint("--operate", address)
+    for field, value in alone.items():
+        if value:
+            raise InputError(field, value, "absent where --operate is given")
+    for fault in parse_faults(mission):
+        if fault.left and fault.target in {ROUTER, RECORDER}:
+            raise InputError("fault", str(fault), "about UAVs where --operate is given")
+    session = await_found(partial(try_client, address, observer=True), f"a router at {address}")
+    return Bus(address, session, find_takeover(session, mission))
+
+
+def _output(mission: Mission, options: MissionOptions, bus: Bus | None) -> Output:
+    """Where to write: anew, or where the recorder of a mission that is taken over is writing."""
+    begun = bus.takeover.recorder if bus is not None and bus.takeover is not None else None
+    if begun is not None:
+        return Output(Path(begun.out), force=True, begun=True)
+    path = options.out or default_output(mission.name, mission.planner, timestamp())
+    output = Output(path, force=options.force)
+    for found in output.salvaged:
+        note(f"recovered {found} from a run that was killed")
+    return output
+
+
+def _protection(
+    secure: bool, certs: Path | None, mission: Mission, elsewhere: Mapping[str, object]
+) -> Protection | None:
+    """What `--secure` asks for: all processes on this host, and no UAV that hears the truth."""
+    if not secure:
+        if certs is not None:
+            raise InputError("--certs", str(certs), "given together with --secure")
+        return None
+    for field, value in elsewhere.items():
+        if value:
+            raise InputError(field, value, "absent where --secure is given")
+    if have_range(mission):
+        raise InputError("--secure", secure, "absent where links have range_m: emulating it takes hearing the truth")
+    check_security("--secure")
+    return Protection(certs)
 
 
 def _tell(report: RunReport, uavs: int) -> None:

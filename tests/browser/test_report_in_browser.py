@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 import shutil
 from collections.abc import Iterator
 from pathlib import Path
@@ -75,13 +76,26 @@ def test_the_page_draws_and_its_slider_moves_everything(page: Path, browser: Any
 
 
 def test_nothing_is_cut_off_or_lies_over_another(page: Path, browser: Any) -> None:
-    """Also on a narrow screen nothing is wider than the window, and no two texts of a plot overlap."""
-    for width in (1400, 620):
-        browser.set_window_size(width, 1500)
+    """From a telephone to a wall nothing is wider than the window, and no two texts of a plot overlap."""
+    for width in (2200, 1400, 1000, 620, 400):
+        screen = {"width": width, "height": 1500, "deviceScaleFactor": 1, "mobile": False}
+        browser.execute_cdp_cmd("Emulation.setDeviceMetricsOverride", screen)
         browser.get(page.as_uri())
+        seek(browser, 3.0)
         assert browser.execute_script("return document.documentElement.scrollWidth <= innerWidth")
         assert browser.execute_script(OVERLAPPING_TEXTS) == []
-    browser.set_window_size(1400, 1700)
+    browser.execute_cdp_cmd("Emulation.clearDeviceMetricsOverride", {})
+
+
+def test_plots_say_their_values_at_the_time_of_the_slider(page: Path, browser: Any) -> None:
+    """The last value at or before it, as in the plot's own data."""
+    browser.get(page.as_uri())
+    seek(browser, 3.2)
+    data = json.loads(browser.execute_script("return document.getElementById('data').textContent"))
+    said = [each.text for each in browser.find_elements(By.CSS_SELECTOR, "#plots text.now")]
+    for plot, words in zip(data["plots"], said, strict=True):
+        last = [[y for x, y in zip(series["x"], series["y"], strict=True) if x <= 3.2][-1] for series in plot["series"]]
+        assert [float(word) for word in words.split(", ")] == pytest.approx(last, rel=5e-3)
 
 
 def test_playing_moves_the_time_until_it_is_paused(page: Path, browser: Any) -> None:
@@ -99,13 +113,20 @@ def test_playing_moves_the_time_until_it_is_paused(page: Path, browser: Any) -> 
     assert browser.get_log("browser") == []
 
 
-def test_a_click_on_a_plot_goes_there_and_faults_are_marked(page: Path, browser: Any) -> None:
+def test_a_click_or_a_drag_on_a_plot_goes_there_and_faults_are_marked(page: Path, browser: Any) -> None:
     """On every plot and below the slider."""
     browser.get(page.as_uri())
     assert len(browser.find_elements(By.CSS_SELECTOR, "#plots line.fault")) == 5
     assert len(browser.find_elements(By.CSS_SELECTOR, "#marks polygon.fault")) == 1
-    browser.find_element(By.CSS_SELECTOR, "#plots svg").click()
-    assert slider(browser) > 1.0
+    plot = browser.find_element(By.CSS_SELECTOR, "#plots svg")
+    plot.click()
+    clicked = slider(browser)
+    assert clicked > 1.0
+    webdriver.ActionChains(browser).click_and_hold(plot).move_by_offset(60, 0).release().perform()
+    dragged = slider(browser)
+    assert dragged > clicked
+    webdriver.ActionChains(browser).move_to_element(plot).perform()
+    assert slider(browser) == dragged
 
 
 def test_the_dark_scheme_is_dark(page: Path, browser: Any) -> None:

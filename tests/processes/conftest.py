@@ -18,6 +18,7 @@ import pytest
 
 from edc_swarm.errors import RecordingError
 from edc_swarm.recording import Recording, find_gaps, read_recording
+from processes.address import free_endpoint
 
 MARK = "EDC_SWARM_TEST"
 DEADLINE_S = 120.0
@@ -115,6 +116,19 @@ def run(start: Fly) -> Callable[..., Ended]:
         return ended
 
     return go
+
+
+@pytest.fixture
+def endpoint() -> Iterator[str]:
+    """A router of its own process."""
+    address = free_endpoint()
+    router = subprocess.Popen([sys.executable, "-m", "processes.router", address], stdout=subprocess.PIPE)
+    assert router.stdout is not None
+    assert router.stdout.readline() == b"ready\n"
+    yield address
+    router.terminate()
+    assert router.wait() == 0
+    router.stdout.close()
 
 
 def start_command(*arguments: str, path: Path, prefix: tuple[str, ...] = ()) -> Started:

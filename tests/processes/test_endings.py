@@ -6,6 +6,9 @@ import os
 import signal
 from pathlib import Path
 
+from mcap.reader import make_reader
+
+from edc_swarm.invariants import check
 from edc_swarm.recording import find_gaps, read_recording
 from tests.processes.conftest import await_true
 
@@ -53,6 +56,25 @@ def test_what_a_killed_run_has_left_is_recovered_at_the_next_start(start, run, t
     assert "recovered" in ended.stderr
     assert read_recording(tmp_path / "killed.recovered.mcap").fixes
     assert (tmp_path / "killed.mcap.part.torn").exists()
+
+
+def test_a_recorder_killed_by_hand_ends_the_run_and_what_it_flushed_is_recovered(start):
+    """Without a record a run is of no use; an independent reader and every checker take what there is of it."""
+    command = start("run", "--json")
+    command.await_flight(10)
+    flushed = read_recording(command.path.with_name(command.path.name + ".part"), salvage=True).message_count
+    os.kill(command.pids("processes.recorder")[0], signal.SIGKILL)
+    ended = command.end()
+    assert ended.status == 1
+    assert "recorder was ended by SIGKILL" in ended.stderr
+    assert f"the recorder died; recovered {ended.path}: torn" in ended.stderr
+    recording = ended.recording
+    assert recording.message_count >= flushed
+    with ended.path.open("rb") as stream:
+        viewed = sum(recording.unknown.values())
+        assert sum(1 for _ in make_reader(stream).iter_messages()) == recording.message_count + viewed
+    assert [result.guarantee for result in check(recording) if not result.held] == []
+    assert {path.name for path in ended.path.parent.iterdir()} == {ended.path.name}
 
 
 def test_a_full_disk_is_an_error_with_a_name(start):

@@ -6,19 +6,21 @@ import fcntl
 import time
 from pathlib import Path
 
+import msgspec
 import pytest
 
-from edc_swarm.config import Mission
+from edc_swarm.config import Link, Mission
 from edc_swarm.errors import InputError, MessageError
-from edc_swarm.links import LinkEmulator, cut_pair
-from edc_swarm.messages import Report
+from edc_swarm.links import DelayError, LinkEmulator, cut_pair
+from edc_swarm.messages import Fix, Keys, Report, encode
 from edc_swarm.node import GpsChanged, Tick
 from edc_swarm.planner.interface import Plan, PlanRequest
 from edc_swarm.roster import complete_mission
+from edc_swarm.simulation import mission_message
 from edc_swarm.vehicle import Airframe, Promise
 from processes.address import check_endpoint, connect_endpoint, free_endpoint
 from processes.clock import WallClock
-from processes.ears import Malformed, Postbox, Token
+from processes.ears import MAX_TOKENS, Gate, Heard, Malformed, Postbox, Token
 from processes.faulty import Faulty
 from processes.inbox import Inbox
 from processes.output import Output, salvage_parts
@@ -39,6 +41,42 @@ def test_inbox_is_bounded_but_for_orders():
     assert inbox.wait(0) == [0, 1, 9]
     assert inbox.dropped == 2
     assert inbox.wait(0) == []
+
+
+def test_inbox_is_bounded_in_bytes_too():
+    """A few large things fill it like many small ones; what is taken out makes room again."""
+    inbox: Inbox[str] = Inbox(limit_bytes=10)
+    inbox.put("a", 6)
+    inbox.put("b", 6)
+    inbox.put("c", 4)
+    assert inbox.wait(0) == ["a", "c"]
+    inbox.put("d", 10)
+    assert (inbox.wait(0), inbox.dropped) == (["d"], 1)
+
+
+def test_the_gate_counts_tells_and_drops():
+    """What does not decode and, once there is a mission, what cannot be true; the first mission counts."""
+    told: list[str] = []
+    gate, flown = Gate(told.append), mission_message(MISSION, time.time_ns(), "m")
+    fix = Fix(uav="mallory", slot=0, sent_ns=flown.epoch_ns, x_m=0, y_m=0, r_m=5, waypoint_x_m=0, waypoint_y_m=0)
+    heard = Heard(Keys("m").of(fix), encode(fix))
+    assert gate.admit(Heard(heard.key, b"\xff")) is None
+    assert gate.admit(heard) == fix
+    gate.know(flown)
+    gate.know(msgspec.structs.replace(flown, roster=[msgspec.structs.replace(MISSION.roster[0], uav="mallory")]))
+    assert gate.admit(heard) is None
+    assert len(told) == 2
+    assert "no UAV mallory in the roster" in told[1]
+
+
+def test_peers_remember_so_many_tokens_and_no_more():
+    """A flood of tokens of nobody fills no memory, and a UAV that is really there still vanishes."""
+    peers = Peers()
+    for number in range(MAX_TOKENS + 500):
+        peers.take(Token(f"x{number}", "1", True), 0)
+    assert peers._tokens == MAX_TOKENS
+    peers.take(Token("u001", "1", False), 0)
+    assert peers.gone(CHECK_AFTER_NS) == ["u001"]
 
 
 def test_clock_follows_the_wall_and_a_fault():
@@ -118,6 +156,17 @@ def test_postbox_delays_duplicates_and_cuts():
     faulty.suffer("partition u002|u001,u003 @2s for 1s")
     assert not box.arrive(REPORT, 0, 2.5)
     assert box.next_ns is None
+
+
+def test_postbox_knows_how_late_it_handed_out():
+    """Against what the link model said, over all that was postponed; nothing where nothing was."""
+    delayed = msgspec.structs.replace(MISSION, link=[Link(delay_ms=5)])
+    box = Postbox(LinkEmulator(delayed, "u001"))
+    assert box.delay_error is None
+    for at_ms, late_ms in enumerate((3.0, 0.5, 1.0)):
+        box.arrive(REPORT, at_ms * 100_000_000, 0.0)
+        assert box.take_due(round((at_ms * 100 + 5 + late_ms) * 1e6)) == REPORT
+    assert box.delay_error == DelayError(messages=3, p50_ms=1.0, p99_ms=3.0, max_ms=3.0)
 
 
 def test_partition_ends_when_healed_and_is_one_way_when_said():

@@ -2,9 +2,26 @@
 
 from __future__ import annotations
 
-from edc_swarm.invariants import check
-from edc_swarm.recording import find_gaps
+import subprocess
+import sys
+import time
+from pathlib import Path
 
+import msgspec
+import zenoh
+
+from edc_swarm.config import Mission
+from edc_swarm.invariants import check
+from edc_swarm.messages import Event, Keys, encode
+from edc_swarm.recording import find_gaps, read_recording
+from edc_swarm.roster import complete_mission
+from edc_swarm.simulation import mission_message
+from processes.bus import hand_over, open_client
+from processes.inbox import Inbox
+from processes.recorder import MAX_FOREIGN_KEYS, RecorderSettings
+from tests.processes.conftest import await_true
+
+FOREIGN_KEYS = 1500
 FROZEN_FROM, FROZEN_SLOTS = 6, 10
 
 
@@ -23,7 +40,8 @@ def test_a_frozen_recorder_delays_no_command_and_its_gaps_are_reported(start) ->
     assert all(after[uav] - held <= FROZEN_SLOTS / 4 for uav, held in before.items())
     lost = sum(gap.count for gap in find_gaps(recording) if not gap.duplicate)
     assert ended.json["gaps"] == lost > 0
-    (complete,) = (result for result in check(recording) if result.guarantee == "G5")
+    (complete,) = (result for result in check(recording) if not result.held)
+    assert complete.guarantee == "G5"
     assert complete.status == "broken"
     assert any("are missing" in where for where in complete.where)
 
@@ -44,3 +62,45 @@ def test_without_a_view_there_is_none(run) -> None:
     recording = run("--uavs", "2", "--area", "900", "--no-viz").recording
     assert recording.unknown == {}
     assert not any(event.source == "viz" for event in recording.events)
+
+
+def test_keys_of_nobody_take_no_room_and_no_look_alike_ends_the_recording(endpoint: str, tmp_path: Path) -> None:
+    """Of 1500 strange keys the first thousand are recorded; the mission's own are, however late they come."""
+    part, out = tmp_path / "run.mcap.part", tmp_path / "run.mcap"
+    part.touch()
+    settings = RecorderSettings(endpoint=endpoint, mission="m", part=str(part), out=str(out), run={})
+    session, keys, inbox = open_client(endpoint), Keys("m"), Inbox[str]()
+    take = hand_over(lambda sample: inbox.put(str(sample.key_expr)))
+    session.liveliness().declare_subscriber(keys.all_alive, take, history=True)
+    session.declare_subscriber(keys.event("recorder"), take)
+    recorder = subprocess.Popen([sys.executable, "-m", "processes.recorder"], stdin=subprocess.PIPE)
+    assert recorder.stdin is not None
+    with recorder.stdin as orders:
+        orders.write(msgspec.json.encode(settings))
+    await_true(lambda: bool(inbox.wait(0.05)))
+
+    def say(key: str, payload: bytes) -> None:
+        session.put(key, payload, congestion_control=zenoh.CongestionControl.BLOCK)
+
+    for number in range(FOREIGN_KEYS):
+        say(f"{keys.root}/uav/x{number}/fix", b"{}")
+    mission = mission_message(complete_mission(Mission(uavs=2)), time.time_ns(), "m")
+    now = {"sent_ns": time.time_ns(), "instance": "i"}
+    say(keys.mission, b"no mission")
+    say(keys.mission, encode(msgspec.structs.replace(mission, **now)))
+    say(keys.event("operator"), b'garbage "kind":"closed"')
+    say(keys.event("operator"), encode(Event(source="operator", kind="closed", sent_ns=1)))
+    told: list[str] = []
+    await_true(lambda: told.extend(inbox.wait(0.05)) or len(told) >= 2)
+    say(keys.event("u001"), encode(Event(source="u001", kind="told", **now)))
+    say(keys.event("operator"), encode(Event(source="operator", kind="closed", **now)))
+    assert recorder.wait(30) == 0
+    session.close()
+    recording = read_recording(out)
+    assert [event.kind for event in recording.events if event.source in {"u001", "operator"}] == ["told", "closed"]
+    foreign = {garbage.topic for garbage in recording.garbage if "/uav/x" in garbage.topic}
+    assert len(foreign) == MAX_FOREIGN_KEYS
+    assert recording.run_end is not None
+    assert recording.run_end["foreign_left_out"] == str(FOREIGN_KEYS - MAX_FOREIGN_KEYS)
+    (complete,) = (result for result in check(recording) if result.guarantee == "G5")
+    assert f"left out: {FOREIGN_KEYS - MAX_FOREIGN_KEYS} messages on keys of nobody in the mission" in complete.notes

@@ -7,6 +7,7 @@ import sys
 from collections.abc import Iterator
 from pathlib import Path
 
+import msgspec
 import pytest
 import zenoh
 
@@ -14,25 +15,11 @@ from edc_swarm.config import Mission
 from edc_swarm.messages import Event, Fix, Keys, Report, decode, encode
 from edc_swarm.roster import complete_mission
 from edc_swarm.simulation import mission_message
-from processes.address import free_endpoint
 from processes.bus import hand_over, open_client
 from processes.clock import WallClock
 from processes.inbox import Inbox
 from processes.state import create_state
 from tests.processes.conftest import await_true
-
-
-@pytest.fixture
-def endpoint() -> Iterator[str]:
-    """A router of its own process."""
-    address = free_endpoint()
-    router = subprocess.Popen([sys.executable, "-m", "processes.router", address], stdout=subprocess.PIPE)
-    assert router.stdout is not None
-    assert router.stdout.readline() == b"ready\n"
-    yield address
-    router.terminate()
-    assert router.wait() == 0
-    router.stdout.close()
 
 
 class Bench:
@@ -64,7 +51,8 @@ class Bench:
     def say(self, *messages: Event | Report | Fix) -> None:
         """Publish as whoever the message is from."""
         for message in messages:
-            self.session.put(self.keys.of(message), encode(message))
+            stamped = msgspec.structs.replace(message, sent_ns=WallClock().now_ns())
+            self.session.put(self.keys.of(stamped), encode(stamped))
 
     def await_heard(self, kind: type, count: int = 1) -> list[Fix | Event]:
         """Wait for messages of a kind from the UAV."""
@@ -120,6 +108,18 @@ def test_imports_numpy_only_when_it_is_a_standby(bench: Bench):
     bench.say(bench.report(standby=[bench.last]))
     await_true(bench.imports_numpy)
     bench.close()
+
+
+def test_a_uav_of_another_claimant_leaves(bench: Bench):
+    """Its id was issued to somebody else, while it was thought gone: it must not say a word."""
+    claimants = tuple("a" * 16 if entry.uav == bench.last else "" for entry in bench.mission.roster)
+    await_true(lambda: bool(bench.inbox.wait(0.05)))
+    bench.session.put(bench.keys.mission, encode(msgspec.structs.replace(bench.mission, claimants=claimants)))
+    _, said = bench.process.communicate(timeout=30)
+    assert bench.process.returncode == 2
+    assert f"uav = '{bench.last}'" in said.decode()
+    assert not [key for key, payload in bench.inbox.wait(0.05) if payload and bench.last in key]
+    bench.session.close()
 
 
 def test_bad_bytes_are_counted_told_now_and_then_and_dropped(bench: Bench):

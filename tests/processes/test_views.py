@@ -9,6 +9,7 @@ from collections import Counter
 from contextlib import suppress
 from pathlib import Path
 
+import msgspec
 import pytest
 import zenoh
 from mcap.reader import make_reader
@@ -123,6 +124,49 @@ def test_bad_files_are_one_line(
     assert set(tmp_path.iterdir()) == before
 
 
+def test_what_is_no_message_is_told_and_the_rest_is_read(
+    simulated: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """Garbage on a topic of the swarm and messages of strangers: every command reads what is readable."""
+    file, path = McapFile(simulated), tmp_path / "garbage.mcap"
+    messages = list(file.messages())
+    with path.open("wb") as stream:
+        writer = RecordingWriter(stream, file.metadata["run"])
+        for channel, _, log_ns, sent_ns, payload in messages:
+            writer.write_as(channel, payload, log_ns, sent_ns)
+        log_ns, topic = messages[-1][2], next(each[0].topic for each in messages if each[0].topic.endswith("/fix"))
+        for name, payload in ((topic, b"\xff garbage"), (topic, b'{"uav": 1}'), ("strange/topic", b"{}")):
+            writer.write(name, payload, log_ns)
+        writer.finish({})
+    assert main(["metrics", str(path), "--json"]) == 0
+    said = capsys.readouterr()
+    assert json.loads(said.out) == msgspec.to_builtins(compute_metrics(read_recording(simulated)))
+    (warning,) = said.err.splitlines()
+    assert warning.startswith(f"warning: 2 payloads are no messages and are left out; {topic}: ")
+    assert main(["check", str(path)]) == 0
+    assert f"not a message: {topic}" in capsys.readouterr().out
+    for command in ("report", "visualise", "recover"):
+        assert main([command, str(path)]) == 0
+
+
+def test_recover_needs_the_mission_and_nothing_else(
+    simulated: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """It is attached before the first chunk; without it nothing is written, and one line says so."""
+    data, torn = simulated.read_bytes(), tmp_path / "torn.mcap.part"
+    torn.write_bytes(data[: data.index(b"mission.json")])
+    assert main(["recover", str(torn)]) == 2
+    (line,) = capsys.readouterr().err.splitlines()
+    assert "torn.mcap.part" in line
+    assert "holds no mission; torn: " in line
+    assert list(tmp_path.iterdir()) == [torn]
+    torn.write_bytes(data[:9000])
+    assert main(["recover", str(torn)]) == 0
+    recovered = read_recording(tmp_path / "torn.recovered.mcap")
+    assert recovered.message_count == 1
+    assert recovered.mission.uavs == 4
+
+
 def test_a_torn_recording_is_refused_and_recovered_when_asked(
     simulated: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
@@ -171,7 +215,7 @@ def test_replay_leaves_out_what_no_bus_takes(tmp_path: Path, capsys: pytest.Capt
     path = tmp_path / "odd.mcap"
     with path.open("wb") as stream:
         writer = RecordingWriter(stream, {})
-        writer.write("swarm/m/mission", encode(MISSION_MESSAGE), 1)
+        writer.write(Keys(MISSION_MESSAGE.name).mission, encode(MISSION_MESSAGE), 1)
         for topic in ("a//b", "swarm/m/*"):
             writer.write_as(Channel(topic, "raw"), b"?", 2)
         writer.finish({})

@@ -9,7 +9,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from edc_swarm.config import RosterEntry
+from edc_swarm.config import MOST, MOST_M, RosterEntry
 from edc_swarm.errors import MessageError
 from edc_swarm.messages import (
     MAX_MESSAGE_BYTES,
@@ -28,7 +28,8 @@ from edc_swarm.messages import (
 
 KEYS = Keys("m1")
 ids = st.from_regex(r"\A[A-Za-z0-9_-]{1,32}\Z")
-numbers = st.floats(allow_nan=False, allow_infinity=False)
+metres = st.floats(-MOST_M, MOST_M)
+amounts = st.floats(0, MOST)
 slots = st.integers(-1, (1 << 40) - 1)
 terms = st.integers(0, (1 << 40) - 1)
 stamps: dict[str, Any] = {
@@ -40,13 +41,14 @@ heads = st.one_of(st.just(""), ids)
 
 
 def _floats(*names: str) -> dict[str, Any]:
-    return dict.fromkeys(names, numbers)
+    return dict.fromkeys(names, metres)
 
 
 fixes = st.builds(
     Fix, uav=ids, slot=slots, term=terms, head=heads, suspects=st.booleans(), voter=st.booleans(),
     arrived=st.booleans(), executing=st.booleans(), command_seq=st.integers(-1, 1 << 40), **stamps,
-    **_floats("x_m", "y_m", "r_m", "waypoint_x_m", "waypoint_y_m", "from_x_m", "from_y_m", "energy_j", "response_ms"),
+    r_m=st.floats(1e-9, MOST), **_floats("x_m", "y_m", "waypoint_x_m", "waypoint_y_m", "from_x_m", "from_y_m"),
+    energy_j=amounts, response_ms=amounts,
 )  # fmt: skip
 truths = st.builds(Truth, uav=ids, slot=slots, **stamps, **_floats("from_x_m", "from_y_m", "to_x_m", "to_y_m"))
 commands = st.builds(
@@ -56,16 +58,35 @@ commands = st.builds(
 reports = st.builds(
     Report, head=ids, slot=slots, term=terms, quorum=st.integers(0, 2000), next_term=terms, successor=heads,
     status=st.sampled_from(["planned", "no-qp-needed", "failed", "no-quorum", "claim"]), heard=st.lists(ids),
-    hull_uav=st.lists(ids), hull_ax_m=st.lists(numbers), hull_r_m=st.lists(numbers), min_gap_m=numbers, **stamps,
+    hull_uav=st.lists(ids), hull_ax_m=st.lists(metres), hull_r_m=st.lists(amounts), min_gap_m=metres, **stamps,
 )  # fmt: skip
 events = st.builds(
     Event, source=ids, slot=slots, kind=st.text(st.characters(exclude_categories=["Cs"]), max_size=64), **stamps
 )
-entries = st.builds(
-    RosterEntry, uav=ids, r_m=st.floats(1e-9, 1e9), body_m=st.floats(1e-9, 1e9), energy_j=st.floats(1e-9, 1e9),
-    compute_factor=st.floats(1e-9, 1e9), **_floats("start_x_m", "start_y_m", "target_x_m", "target_y_m"),
-)  # fmt: skip
-missions = st.builds(MissionMessage, epoch_ns=stamps["sent_ns"], name=st.just("m1"), roster=st.lists(entries))
+lots = st.floats(1e-9, 1e9)
+
+
+def _entry(place: int, uav: str, r_m: float, energy_j: float, compute_factor: float) -> RosterEntry:
+    """A UAV that is in nobody's way."""
+    x_m = 1e3 * place
+    return RosterEntry(
+        uav=uav, start_x_m=x_m, start_y_m=0.1, target_x_m=-x_m, target_y_m=0.3, r_m=r_m, body_m=r_m / 3,
+        energy_j=energy_j, compute_factor=compute_factor,
+    )  # fmt: skip
+
+
+rosters = st.lists(st.tuples(ids, st.floats(1e-9, 400), lots, lots), min_size=1, unique_by=lambda drawn: drawn[0]).map(
+    lambda drawn: [_entry(place, *fields) for place, fields in enumerate(drawn)]
+)
+
+
+def _missions(roster: list[RosterEntry]) -> st.SearchStrategy[MissionMessage]:
+    tau_s, max_slots = st.floats(0.01, 0.4), st.integers(1, 1_000_000)
+    fixed = {"name": st.just("m1"), "roster": st.just(roster), "uavs": st.just(len(roster))}
+    return st.builds(MissionMessage, epoch_ns=stamps["sent_ns"], tau_s=tau_s, max_slots=max_slots, **fixed)
+
+
+missions = rosters.flatmap(_missions)
 messages = st.one_of(fixes, truths, commands, reports, events, missions)
 
 

@@ -41,7 +41,9 @@ def _numbers(**words: st.SearchStrategy[float]) -> st.SearchStrategy[tuple[tuple
     )
 
 
-LINKS = _numbers(delay_ms=quantities, jitter_ms=quantities, loss=shares, duplicate=shares, reorder=shares)
+LINKS = _numbers(
+    delay_ms=quantities, jitter_ms=quantities, loss=shares, duplicate=shares, reorder=shares, range_m=quantities
+)
 CLOCKS = _numbers(offset_ms=st.floats(-1e9, 1e9), drift_ppm=st.floats(-5e5, 5e5)).filter(bool)
 groups = st.lists(ids, min_size=1, max_size=4).map(tuple)
 singles = st.tuples(ids)

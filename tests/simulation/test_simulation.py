@@ -8,7 +8,7 @@ from typing import Any
 import msgspec
 import pytest
 
-from edc_swarm.config import Mission, mission_from_dict
+from edc_swarm.config import Mission, RosterEntry, mission_from_dict
 from edc_swarm.invariants import check
 from edc_swarm.messages import Command, Event, Fix, Message, MissionMessage, Report, encode
 from edc_swarm.planner.interface import Plan, PlanRequest
@@ -201,6 +201,23 @@ def test_link() -> None:
     assert [report.slot for report in flight.reports if "u002" in report.unheard] == [7, 8, 9, 10, 11, 12]
     slow = Flight("link *>u002 delay 600 @3.1s for 3s", to_the_end=True, planner=Circling)
     assert [fix.slot for fix in slow.fixes("u002") if not fix.executing and fix.slot >= 7] == [8, 9, 10, 11, 12, 13]
+
+
+def test_radio_range() -> None:
+    """A UAV that flies out of range of the head is not commanded beyond it: true positions count, not starts."""
+    roster = [
+        RosterEntry(uav=uav, start_x_m=x_m, start_y_m=0, target_x_m=to_m, target_y_m=0, r_m=5, body_m=1, energy_j=5e4)
+        for uav, x_m, to_m in (("u1", 0, 0), ("u2", 0, 0), ("u3", 40, 200))
+    ]
+    roster[1] = msgspec.structs.replace(roster[1], start_y_m=20, target_y_m=20)
+    link = [{"range_m": 100.0, "shadowing_db": 0.0}]
+    flight = Flight(
+        roster=msgspec.to_builtins(roster), uavs=3, link=link, v_max_mps=20.0, gps_model="none", max_slots=60
+    )
+    assert not flight.end.completed
+    assert 90.0 < flight.fixes("u3")[-1].waypoint_x_m < 120.0
+    assert (flight.reports[5].unheard, flight.reports[-1].unheard) == ([], ["u3"])
+    assert all(fix.waypoint_x_m == 0.0 for fix in flight.fixes("u2"))
 
 
 def test_clock() -> None:
@@ -416,6 +433,20 @@ def test_an_empty_battery_ends_a_uav() -> None:
     assert flight.reports[-1].head != "u1"
     assert flight.reports[-1].slot == 39
     assert flight.end.completed is False
+
+
+@pytest.mark.parametrize("empty", ["u1", "u4"])
+def test_an_empty_battery_takes_its_token_with_it(empty: str) -> None:
+    """As a process does that ends: no slot is missed when the head's ran out, nobody waits for a follower's."""
+    energies_j = [900.0 if uav == empty else 5e4 for uav in ("u1", "u2", "u3", "u4")]
+    flight = Flight(
+        roster=roster(*energies_j), uavs=4, elect="response-time", max_slots=20, to_the_end=True, planner=Circling
+    )
+    ended = next(m.slot for m in flight.messages if isinstance(m, Event) and m.kind == "battery-empty")
+    assert 2 < ended < 19
+    assert flight.missed(1, 19) == 0
+    said_at_s = {m.slot: at_s - m.slot * flight.mission.dt_s for at_s, m in flight.said if isinstance(m, Report)}
+    assert all(said_at_s[slot] < flight.mission.tau_s / 4 for slot in range(2, 20))
 
 
 def test_all_batteries_run_out() -> None:

@@ -157,7 +157,13 @@ def _closed(messages: Iterable[Message]) -> list[Event]:
             case MissionMessage():
                 tails.setdefault("", {})["mission"] = message.seq
     return [
-        Event(source=f"p{instance}", instance=instance, kind="closed", detail=msgspec.json.encode(keys).decode())
+        Event(
+            source=instance.replace("i", "u") or "operator",
+            instance=instance,
+            sent_ns=EPOCH_NS + 1000 * SLOT_NS,
+            kind="closed",
+            detail=msgspec.json.encode(keys).decode(),
+        )
         for instance, keys in tails.items()
     ]
 

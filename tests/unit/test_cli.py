@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import os
+import shlex
 import socket
 from pathlib import Path
 
@@ -87,6 +88,50 @@ def test_bad_mission_files_are_named(capsys, tmp_path: Path, text: str, named: s
     assert list(tmp_path.iterdir()) == [file]
 
 
+@pytest.mark.parametrize(
+    ("options", "named"),
+    [
+        ("--delays -5", "delays_ms[0] = -5"),
+        ("--delays 0,50,0", "delays_ms = [0.0, 50.0, 0.0]"),
+        ("--delays 0,ten", "--delays = '0,ten'"),
+        ("--delays nan", "delays_ms[0] = nan"),
+        ("--losses 0.5,2", "losses[1] = 2"),
+        ("--jitters ,", "--jitters = ','"),
+        ("--slots 0", "slots_s[0] = 0"),
+        ("--uavs 10.5", "uavs[0] = 10.5"),
+        ("--uavs 500", "uavs = 500"),
+        ("--repeats 0", "repeats = 0"),
+        ("--engine cloud", "--engine = 'cloud'"),
+        ("--jobs 0", "--jobs = 0"),
+        ("--mission missing.toml", "mission file = 'missing.toml'"),
+        ("missing.toml", "sweep file = 'missing.toml'"),
+    ],
+)
+def test_bad_latency_options_are_named(capsys, tmp_path: Path, options: str, named: str):
+    """Before anything is flown or written."""
+    assert named in complaint(capsys, "latency", *options.split())
+    assert list(tmp_path.iterdir()) == []
+
+
+@pytest.mark.parametrize(
+    ("text", "named"),
+    [
+        ("delays = [0]", "delays = [0]"),
+        ("delays_ms = [-1]", "delays_ms[0] = -1"),
+        ("[link]\ndistribution = 'pareto'", "link.distribution = 'pareto'"),
+        ("[link]\nsender = 'u099'", "link[0].sender = 'u099'"),
+        ("[[mission.link]]\nloss = 1.5", "mission.link[0].loss = 1.5"),
+        ("[[mission.link]]\nreceiver = 'u099'", "link[1].receiver = 'u099'"),
+    ],
+)
+def test_bad_sweep_files_are_named(capsys, tmp_path: Path, text: str, named: str):
+    """The same for a file as for options."""
+    file = tmp_path / "sweep.toml"
+    file.write_text(text)
+    assert named in complaint(capsys, "latency", str(file))
+    assert list(tmp_path.iterdir()) == [file]
+
+
 @pytest.mark.parametrize("command", ["run", "sim"])
 def test_an_existing_recording_needs_force(capsys, tmp_path: Path, command: str):
     """It is left as it was."""
@@ -113,6 +158,32 @@ def test_a_port_in_use(capsys):
     assert "--listen = 'nowhere'" in complaint(capsys, "run", "--listen", "nowhere")
 
 
+@pytest.mark.parametrize(
+    ("command", "named"),
+    [
+        ("run --remote 11", "--remote = 11"),
+        ("run --remote -1", "--remote = -1"),
+        ("run --operate nowhere", "--operate = 'nowhere'"),
+        ("run --operate tcp/a:1 --remote 2", "--remote = 2"),
+        ("run --operate tcp/a:1 --listen tcp/127.0.0.1:1", "--listen = "),
+        ("run --operate tcp/a:1 --fault 'kill router @3'", "fault = "),
+        ("join nowhere", "address = 'nowhere'"),
+        ("join tcp/a:99999", "address = 'tcp/a:99999'"),
+        ("join tcp/a:1 --uavs 0", "--uavs = 0"),
+        ("join tcp/a:1 --uavs 2.5", "--uavs = '2.5'"),
+        ("join tcp/a:1 --state file", "--state = 'file'"),
+        ("join", "ADDRESS = ''"),
+    ],
+)
+def test_bad_offers_to_share_a_mission(capsys, tmp_path: Path, command: str, named: str):
+    """Told before anybody is connected to."""
+    (tmp_path / "file").write_text("")
+    assert named in complaint(capsys, *shlex.split(command)).lower() or named in complaint(
+        capsys, *shlex.split(command)
+    )
+    assert [entry.name for entry in tmp_path.iterdir()] == ["file"]
+
+
 @pytest.mark.parametrize("command", ["metrics", "check"])
 @pytest.mark.parametrize("content", [None, b"", b"not MCAP", b"\x89MCAP0\r\n"])
 def test_files_that_are_no_recordings(capsys, tmp_path: Path, command: str, content: bytes | None):
@@ -134,7 +205,7 @@ def test_a_truncated_recording(capsys, tmp_path: Path):
 
 def test_an_unknown_command(capsys):
     """The known ones are named."""
-    assert "run, sim, metrics, check" in complaint(capsys, "fly")
+    assert "run, join, sim, metrics, check" in complaint(capsys, "fly")
 
 
 def test_json_stands_alone_and_equals_metrics(capsys, tmp_path: Path):

@@ -52,15 +52,15 @@ def test_defaults() -> None:
         ("name", ["a", "A-b_9" * 12], ["", "a b", "a\n", "x" * 65, "a/b", 3, None]),
         ("seed", [0, (1 << 63) - 1], [-1, 1 << 63, 0.5, "1", True]),
         ("uavs", [1, 2000], [0, 2001, 1.5, "ten"]),
-        ("area_m2", [1e-3, 1, 1e9], [0, -1, "big"]),
+        ("area_m2", [1e-3, 1, 1e12], [0, -1, "big", 1.1e12]),
         ("r_m", [0.25, 1000.0], [0, -5.0]),
         ("body_m", [0.01, 5.0], [0, -0.1, 5.01]),
-        ("v_max_mps", [0.1, 60], [0, -1]),
+        ("v_max_mps", [0.1, 1e4], [0, -1, 10_001]),
         ("dt_s", [0.02, 60], [0.019, 60.1, 0, -1]),
         ("tau_s", [0, 0.49], [-0.1, 0.5]),
         ("guard_s", [0, 0.24], [-0.1, 0.25]),
         ("max_slots", [0, 1_000_000], [-1, 1_000_001, 2.5]),
-        ("time_scale", [0.01, 1000], [0, -1, 1001]),
+        ("time_scale", [0.001, 1000], [0, -1, 1e-300, 1001]),
         ("planner", ["edc", "my.module:Planner"], ["", "x" * 201, 3]),
         ("minimise", ["distance", "energy", "time"], ["money", ""]),
         ("elect", ["energy", "response-time"], ["luck", 1]),
@@ -97,6 +97,10 @@ def test_limits(field: str, good: list[Any], bad: list[Any]) -> None:
         ("burst_loss", 1.5),
         ("duplicate", 1.5),
         ("reorder", -0.5),
+        ("distribution", "pareto"),
+        ("range_m", -1),
+        ("path_loss_exponent", 0),
+        ("shadowing_db", -1),
         ("start_s", -1),
         ("end_s", -1),
     ],
@@ -146,6 +150,13 @@ def test_numbers_are_finite(value: float, path: str, wrap: Any) -> None:
         ([entry("a b")], "roster[0].uav"),
         ([entry("a\n")], "roster[0].uav"),
         ([entry("x" * 33)], "roster[0].uav"),
+        ([entry("a/b")], "roster[0].uav"),
+        ([entry("*")], "roster[0].uav"),
+        ([entry("operator")], "roster[0].uav"),
+        ([entry("ca")], "roster[0].uav"),
+        ([entry("join")], "roster[0].uav"),
+        ([entry(start_x_m=1.1e7)], "roster[0].start_x_m"),
+        ([entry(target_y_m=-1.1e7)], "roster[0].target_y_m"),
         ([entry(r_m=0)], "roster[0].r_m"),
         ([entry(body_m=6.0)], "roster[0].body_m"),
         ([entry(energy_j=0)], "roster[0].energy_j"),
@@ -198,7 +209,7 @@ def test_derived_values() -> None:
     assert default_max_slots(mission_from_dict({"max_slots": 7})) == 7
 
 
-@pytest.mark.parametrize(("v_max_mps", "x_m"), [(5.0, 1e308), (1e-300, 50.0), (5e-324, 50.0), (5.0, 2e5)])
+@pytest.mark.parametrize(("v_max_mps", "x_m"), [(5.0, 1e7), (1e-300, 50.0), (5e-324, 50.0), (5.0, 2e5)])
 def test_no_mission_lasts_for_ever(v_max_mps: float, x_m: float) -> None:
     """However far and slow, `max_slots` stays within its limit."""
     roster = [entry(start_x_m=-x_m, target_x_m=x_m)]

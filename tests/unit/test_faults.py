@@ -46,6 +46,7 @@ def mission_with(*faults: str) -> Mission:
                 numbers=(("delay_ms", 20), ("jitter_ms", 5), ("loss", 0.1), ("duplicate", 0.2), ("reorder", 0.3)),
             ),
         ),
+        ("link *>u1 range 80 @0", Fault("link", ("*",), ("u1",), numbers=(("range_m", 80),))),
         ("clock u1 offset -2 drift 5 @0", Fault("clock", ("u1",), numbers=(("offset_ms", -2), ("drift_ppm", 5)))),
         ("gps u1 gauss-markov @2", Fault("gps", ("u1",), flags=("gauss-markov",), at_s=1.0)),
         ("slow standby 300 @2 for 3", Fault("slow", ("standby",), numbers=(("by_ms", 300.0),), at_s=1.0, for_s=1.5)),

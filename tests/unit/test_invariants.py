@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from itertools import chain, pairwise
+
 import msgspec
 import pytest
 from synthetic import EPOCH_NS, OFFSET_M, SLOT_NS, at, change, flight, parallel, recorded, straight
@@ -9,6 +11,7 @@ from synthetic import EPOCH_NS, OFFSET_M, SLOT_NS, at, change, flight, parallel,
 from edc_swarm.errors import RecordingError
 from edc_swarm.invariants import GuaranteeResult, Violation, check
 from edc_swarm.messages import Command, Event, Fix, Message, MissionMessage, Report, Truth
+from edc_swarm.metrics import compute_metrics
 
 NOTHING_FLOWN = {"executing": False, "command_term": -1, "command_seq": -1}
 ALL = ("G1", "G2", "G3", "G4", "G5", "G7")
@@ -224,6 +227,51 @@ def test_a_fix_sent_again_in_its_slot_is_normal(messages: list[Message]) -> None
     detail = '{"uav/u1/fix":9,"uav/u1/truth":8}'
     change(messages, {"instance": "i1"}, Event, detail=detail)
     assert broken(messages) == set()
+
+
+# --- a hole in the record ---------------------------------------------------------------------
+
+
+def detour_with_a_hole() -> list[Message]:
+    """u0 flies round u1, but of slots 2 to 6 nothing is recorded; straight on it would have met u1."""
+    corners = [(0.0, 0.0), (0.0, 40.0), (60.0, 40.0), (60.0, 0.0)]
+    legs = [straight(a, b, 3)[:-1] for a, b in pairwise(corners)]
+    messages = flight([[*chain(*legs), corners[-1]], [(30.0, 20.0)] * 10], v_max_mps=100.0)
+    return [m for m in messages if not 2 <= getattr(m, "slot", 0) <= 6]
+
+
+def test_nobody_is_accused_of_what_the_record_has_lost() -> None:
+    """A frozen recorder breaks G5 and nothing else; the metrics see no collision either."""
+    messages = detour_with_a_hole()
+    assert broken(messages) == {"G5"}
+    metrics = compute_metrics(recorded(messages))
+    assert (metrics.potential_collisions, metrics.true_collisions) == (0, 0)
+    assert metrics.min_disc_gap_m is not None
+    assert metrics.min_disc_gap_m > 0
+
+
+def test_a_command_that_the_record_has_lost_was_published(messages: list[Message]) -> None:
+    """Its number is in a hole; one beyond every hole is nobody's."""
+    drop(messages, Command, uav="u1", seq=4)
+    assert broken(messages) == {"G5"}
+    change(messages, {"uav": "u1", "slot": 5}, Fix, command_seq=400)
+    assert broken(messages) == {"G2", "G5"}
+
+
+def test_a_jump_is_found_where_nothing_was_lost() -> None:
+    """Silence without a hole in the numbers is the UAV's own."""
+    messages = detour_with_a_hole()
+    for slot in range(7, 10):
+        change(messages, {"uav": "u0", "slot": slot}, Fix, seq=slot - 5)
+    assert {"G3", "G4"} <= broken(messages)
+
+
+def test_around_a_hole_everything_is_judged() -> None:
+    """Discs that overlap right before it, and right after it."""
+    for slot in (1, 7):
+        messages = detour_with_a_hole()
+        change(messages, {"uav": "u0", "slot": slot}, Fix, waypoint_x_m=30.0, waypoint_y_m=25.0)
+        assert "G3" in broken(messages)
 
 
 # --- silent steps: accepted, then nothing said ------------------------------------------------

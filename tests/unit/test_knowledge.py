@@ -62,6 +62,7 @@ def heard(*fixes: Fix, slot: int = 9) -> Knowledge:
         (fix(5, seq=8, instance="x"), fix(5, seq=7, instance="x"), 8),
         (fix(5, seq=8, instance="x"), fix(5, seq=8, instance="x", energy_j=3.0), 8),
         (fix(5, seq=8, instance="x"), fix(6, seq=0, instance="y"), 0),
+        (fix(5, seq=8, instance="x"), fix(5, seq=9, instance="y", energy_j=3.0), 8),
     ],
 )
 def test_order_of_fixes(first: Fix, second: Fix, newest: int) -> None:

@@ -6,8 +6,8 @@ from typing import Any
 
 import pytest
 
-from edc_swarm.config import Link, Mission
-from edc_swarm.links import Cut, LinkEmulator, cut_pair, mission_s
+from edc_swarm.config import Link, Mission, RosterEntry
+from edc_swarm.links import Cut, LinkEmulator, cut_pair, fading_loss, have_range, mission_s
 
 MS = 1_000_000
 
@@ -75,6 +75,43 @@ def test_certain_and_impossible() -> None:
     assert all(burst.arrivals_ns("a", 0.0) == [] for _ in range(50))
     harmless = links({"burst_enter": 1.0, "burst_leave": 0.0, "burst_loss": 0.0, "loss": 1.0})
     assert all(harmless.arrivals_ns("a", 0.0) == [0] for _ in range(50))
+
+
+def test_loss_over_distance() -> None:
+    """Half at the range, more beyond it; without shadowing a sharp edge; at the same place none."""
+    soft, sharp = Link(range_m=100.0), Link(range_m=100.0, shadowing_db=0.0)
+    losses = [fading_loss(distance_m, soft) for distance_m in (0.0, 20.0, 50.0, 100.0, 200.0, 500.0)]
+    assert losses == sorted(losses)
+    assert losses[0] == 0.0
+    assert losses[3] == 0.5
+    assert losses[1] + losses[5] == pytest.approx(1.0)
+    assert losses[4] == pytest.approx(0.93386, abs=1e-5)
+    assert [fading_loss(distance_m, sharp) for distance_m in (99.9, 100.1)] == [0.0, 1.0]
+    assert fading_loss(200.0, Link(range_m=100.0, path_loss_exponent=4.0)) > losses[4]
+
+
+def test_range_is_about_where_both_are() -> None:
+    """From the starts on, and as they are placed; the loss of the link comes on top."""
+    roster = [
+        RosterEntry(uav=uav, start_x_m=x_m, start_y_m=0, target_x_m=x_m, target_y_m=0, r_m=5, body_m=1, energy_j=1)
+        for uav, x_m in (("a", 0.0), ("b", 60.0))
+    ]
+    link = Link(range_m=50.0, shadowing_db=0.0)
+    emulator = LinkEmulator(Mission(roster=roster, uavs=2, link=[link]), "b")
+    assert emulator.arrivals_ns("a", 0.0) == []
+    emulator.place("b", 45.0, 0.0)
+    assert emulator.arrivals_ns("a", 0.0) == [0]
+    emulator.place("a", 0.0, 30.0)
+    assert emulator.arrivals_ns("a", 0.0) == []
+    lossy = LinkEmulator(Mission(roster=roster, uavs=2, link=[Link(range_m=100.0, shadowing_db=0.0, loss=1.0)]), "b")
+    assert lossy.arrivals_ns("a", 0.0) == []
+
+
+def test_which_missions_have_a_range() -> None:
+    """Those with a link or with a fault to come that has one."""
+    assert not have_range(Mission(link=[Link(loss=0.5)], fault=["link *>* loss 0.5 @3"]))
+    assert have_range(Mission(link=[Link(), Link(range_m=1.0)]))
+    assert have_range(Mission(fault=["link *>* range 50 @3"]))
 
 
 @pytest.mark.parametrize(("scale", "seconds"), [(1.0, 2.5), (4.0, 10.0)])

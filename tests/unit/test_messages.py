@@ -2,14 +2,36 @@
 
 from __future__ import annotations
 
+from typing import Any
+
 import msgspec
 import pytest
 
 from edc_swarm.config import RosterEntry
 from edc_swarm.errors import MessageError
-from edc_swarm.messages import Command, Event, Fix, Keys, MissionMessage, Report, decode, encode, kind_of, roster_index
+from edc_swarm.messages import (
+    Command,
+    Event,
+    Fix,
+    Keys,
+    MissionMessage,
+    Report,
+    Truth,
+    decode,
+    encode,
+    kind_of,
+    roster_index,
+)
 
 KEYS = Keys("m1")
+
+
+def _entry(uav: str, **fields: Any) -> dict[str, Any]:
+    """A roster entry."""
+    places = dict.fromkeys(("start_x_m", "start_y_m", "target_x_m", "target_y_m"), 0.0)
+    return {"uav": uav, **places, "r_m": 5.0, "body_m": 1.0, "energy_j": 1.0, **fields}
+
+
 FIX = Fix(uav="a", slot=3, x_m=1.0, y_m=2.0, r_m=5.0, waypoint_x_m=0.1, waypoint_y_m=0.2)
 COMMAND = Command(head="h", uav="a", slot=3, term=1, start_x_m=0, start_y_m=0, target_x_m=1, target_y_m=1)
 REPORT = Report(head="h", slot=3, term=1, status="planned", quorum=2, grants=["a", "h"])
@@ -141,6 +163,62 @@ def test_what_proves_a_quorum(status: str, grants: int, proof: bool) -> None:
     """Only a report of a plan, with enough grants, does."""
     report = msgspec.structs.replace(REPORT, status=status, grants=["a", "b", "c"][:grants])
     assert report.has_quorum is proof
+
+
+def _unbounded(kind: Any, where: str) -> list[str]:
+    """Fields of a message, at any depth, that are numbers or texts or lists without a limit."""
+    node = msgspec.inspect.type_info(kind) if not isinstance(kind, msgspec.inspect.Type) else kind
+    match node:
+        case msgspec.inspect.StructType():
+            return [name for field in node.fields for name in _unbounded(field.type, f"{where}.{field.name}")]
+        case msgspec.inspect.ListType():
+            return [*([where] if node.max_length is None else []), *_unbounded(node.item_type, f"{where}[]")]
+        case msgspec.inspect.FloatType() | msgspec.inspect.IntType():
+            limits = [(node.ge, node.gt), (node.le, node.lt)]
+            return [where] if any(pair == (None, None) for pair in limits) else []
+        case msgspec.inspect.StrType():
+            return [where] if node.max_length is None and node.pattern is None else []
+        case _:
+            return []
+
+
+@pytest.mark.parametrize("kind", [Fix, Truth, Command, Report, Event, MissionMessage])
+def test_everything_in_a_message_has_a_limit(kind: type[msgspec.Struct]) -> None:
+    """So no infinity gets in, no product of two numbers overflows, and no list is endless."""
+    assert _unbounded(kind, kind.__name__) == []
+
+
+@pytest.mark.parametrize(
+    "changes",
+    [
+        {"roster": []},
+        {"max_slots": 0},
+        {"tau_s": 0.0},
+        {"tau_s": 0.6},
+        {"name": "m2"},
+        {"fault": ["kill zz @3"]},
+        {"fault": ["nonsense"]},
+        {"link": [{"sender": "zz"}]},
+        {"roster": [_entry("a"), _entry("a")]},
+        {"roster": [_entry("a"), _entry("b", start_x_m=1.0)]},
+        {"roster": [_entry("operator")]},
+        {"claimants": ["mallory"]},
+        {"claimants": ["0123456789abcdef", ""]},
+    ],
+)
+def test_a_mission_that_no_file_could_describe_is_refused(changes: dict[str, Any]) -> None:
+    """From the bus as from a file; and another mission's is not this one's."""
+    whole = {"name": "m1", "uavs": 1, "roster": [_entry("a")], "tau_s": 0.2, "max_slots": 9, "epoch_ns": 0}
+    assert decode(KEYS.mission, msgspec.json.encode(whole)) is not None
+    changed = {**whole, **changes}
+    with pytest.raises(MessageError):
+        decode(KEYS.mission, msgspec.json.encode({**changed, "uavs": len(changed["roster"])}))
+
+
+@pytest.mark.parametrize("mission", ["*", "**", "m1/x", "a b", "x" * 65, ""])
+def test_keys_that_stand_for_many_are_no_missions(mission: str) -> None:
+    """A put on `swarm/*/uav/a/fix` reaches every subscriber, and nobody believes it."""
+    assert kind_of(f"swarm/{mission}/uav/a/fix") is None
 
 
 def test_roster_index() -> None:

@@ -358,3 +358,56 @@ def test_a_clock_ahead_is_reported_once() -> None:
     ahead = fix("c", 5, sent_ns=at(5.2))
     assert [e.kind for e in said(uav.step(Received(ahead), at(5.1)), Event)] == ["clock-offset"]
     assert said(uav.step(Received(ahead), at(5.1)), Event) == []
+
+
+def test_the_first_command_of_a_slot_is_the_one() -> None:
+    """A head plans a slot once: what comes later in its name is not from that plan."""
+    uav = node()
+    uav.step(Tick(), at(5.1))
+    for target_y_m in (1.0, 2.0):
+        uav.step(Received(command(6, target_y_m=target_y_m)), at(5.2))
+    (said_at_6,) = said(uav.step(Tick(), at(6.0)), Fix)
+    assert (said_at_6.executing, said_at_6.waypoint_y_m) == (True, 1.0)
+
+
+@pytest.mark.parametrize(
+    ("changes", "believed"),
+    [
+        ({}, True),
+        ({"grants": ["c"]}, False),
+        ({"grants": ["c"], "quorum": 1}, False),
+        ({"quorum": 1}, False),
+        ({"grants": ["a", "b"]}, False),
+        ({"grants": ["c", "c"]}, False),
+        ({"grants": ["c", "zz"]}, False),
+        ({"status": "no-quorum"}, False),
+    ],
+)
+def test_a_newer_term_is_believed_on_proof_alone(changes: dict[str, Any], believed: bool) -> None:
+    """Grants of a quorum of the mission's roster, the head's own among them, whatever a report says is enough."""
+    uav = node()
+    uav.step(Tick(), at(5.1))
+    uav.step(Received(report(5, term=9, head="c", **{"grants": ["b", "c"], **changes})), at(5.2))
+    assert uav.grant == ((9, "c") if believed else (1, "a"))
+
+
+def test_a_claim_needs_a_quorum_by_the_missions_count() -> None:
+    """Even of a UAV that suspects its head."""
+    uav = node()
+    uav.step(Tick(), at(5.1))
+    uav.step(PeerGone("a"), at(5.15))
+    uav.step(Received(report(5, term=9, head="c", status="claim", grants=["c"], quorum=1)), at(5.2))
+    assert uav.grant == (1, "a")
+    uav.step(Received(report(5, term=9, head="c", status="claim", grants=["b", "c"])), at(5.2))
+    assert uav.grant == (9, "c")
+
+
+def test_strangers_leave_no_trace() -> None:
+    """Neither their clocks nor their comings and goings are noted, however many they are."""
+    uav = node()
+    uav.step(Tick(), at(5.1))
+    for number in range(100):
+        stranger = msgspec.structs.replace(fix("a", 5), uav=f"x{number}", sent_ns=at(50))
+        assert uav.step(Received(stranger), at(5.2)) == []
+        assert uav.step(PeerGone(f"x{number}"), at(5.2)) == []
+    assert (uav._gone, uav._clock_reported) == (set(), set())

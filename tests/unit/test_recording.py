@@ -13,9 +13,10 @@ from mcap.reader import make_reader
 from synthetic import flight, parallel
 
 from edc_swarm.errors import RecordingError
+from edc_swarm.invariants import check
 from edc_swarm.messages import Command, Event, Fix, Keys, Message, MissionMessage, Report, Truth, encode
 from edc_swarm.recording import Recording, RecordingWriter, read_recording, recover
-from edc_swarm.recording.mcap_file import Channel
+from edc_swarm.recording.mcap_file import MAGIC, Channel
 from edc_swarm.recording.schemas import json_schema
 
 KEYS = Keys("mission")
@@ -105,7 +106,14 @@ def test_garbage_and_unknown_topics_are_kept_verbatim(tmp_path: Path, messages: 
 
 @pytest.mark.parametrize(
     ("field", "value"),
-    [("x_m", b"1e999"), ("uav", b'"u1"'), ("slot", b"-7"), ("head", b'"not an id"'), ("term", b"0.5")],
+    [
+        ("x_m", b"1e999"),
+        ("uav", b'"u1"'),
+        ("slot", b"-7"),
+        ("head", b'"not an id"'),
+        ("term", b"0.5"),
+        ("term", b" " * (1 << 20) + b"1"),
+    ],
 )
 def test_the_fast_decoder_refuses_what_the_codec_refuses(
     tmp_path: Path, messages: list[Message], field: str, value: bytes
@@ -164,6 +172,20 @@ def test_a_torn_file_is_read_at_every_length(tmp_path: Path, messages: list[Mess
             assert not counts
     assert counts == sorted(counts)
     assert counts[-1] == len(messages)
+
+
+def test_a_torn_file_says_what_is_missing(tmp_path: Path, messages: list[Message]) -> None:
+    """Bytes of a record that was cut off, or that it simply stops."""
+    whole, stopped = record(messages), record(messages, finish=False)
+    end = len(whole) - len(MAGIC)
+    assert problem_of(tmp_path, whole[:-1]) == f"{len(MAGIC) - 1} bytes after byte {end} are unreadable"
+    assert problem_of(tmp_path, stopped) == f"it stops after byte {len(stopped)}"
+
+
+def problem_of(folder: Path, data: bytes) -> str:
+    """What is said of a file without an end."""
+    (problem,) = read_recording(saved(folder / "torn.mcap", data), salvage=True).problems
+    return problem.removeprefix("torn: no end of file; ")
 
 
 def test_recover_makes_a_whole_file(tmp_path: Path, messages: list[Message]) -> None:
@@ -276,3 +298,44 @@ def test_chunks_do_not_overlap(messages: list[Message]) -> None:
     spans = [(chunk.message_start_time, chunk.message_end_time) for chunk in summary.chunk_indexes]
     assert len(spans) > 3
     assert all(before[1] <= after[0] for before, after in pairwise(spans))
+
+
+def test_what_is_of_nobody_or_of_an_older_run_counts_for_nothing(tmp_path: Path, messages: list[Message]) -> None:
+    """It is in the file, and told of; what a UAV of this run says stays, however wrong it is."""
+    fix = next(m for m in messages if isinstance(m, Fix))
+    report = next(m for m in messages if isinstance(m, Report))
+    older = {"instance": "old", "sent_ns": fix.sent_ns - 10**12}
+    strange = [
+        msgspec.structs.replace(fix, uav="zz"),
+        msgspec.structs.replace(fix, uav="zz", instance="old"),
+        msgspec.structs.replace(fix, **older),
+        msgspec.structs.replace(messages[0], instance="old"),
+        Event(source="zz", kind="closed", sent_ns=fix.sent_ns, detail='{"uav/u0/fix":99}'),
+        Event(source="u0", kind="closed", detail='{"uav/u0/fix":99}', **older),
+    ]
+    wrong = msgspec.structs.replace(report, slot=9, seq=9, grants=["u0"], quorum=1)
+    recording = read_recording(saved(tmp_path / "a.mcap", record([*messages, *strange, wrong])))
+    assert len(recording.garbage) == len(strange)
+    assert {garbage.reason for garbage in recording.garbage} == {"of an older run", "of nobody in the mission"}
+    assert recording.lists() == Recording.from_messages([*messages, wrong]).lists()
+    (complete,) = (result for result in check(recording) if result.guarantee == "G5")
+    assert not any("99" in where for where in complete.where)
+
+
+def test_a_flood_of_garbage_makes_few_notes(tmp_path: Path, messages: list[Message]) -> None:
+    """One per topic and reason, and not too many of those."""
+    stream = io.BytesIO()
+    writer = RecordingWriter(stream, RUN)
+    writer.write(KEYS.mission, b"garbage first", 0)
+    writer.write(KEYS.mission, encode(messages[0]), 0)
+    for number in range(300):
+        writer.write(KEYS.fix(f"x{number % 50}"), b"{", 1)
+    writer.finish({})
+    recording = read_recording(saved(tmp_path / "a.mcap", stream.getvalue()))
+    attached = next(make_reader(io.BytesIO(stream.getvalue())).iter_attachments())
+    assert attached.data == encode(messages[0])
+    (complete,) = (result for result in check(recording) if result.guarantee == "G5")
+    notes = [note for note in complete.notes if note.startswith("not ")]
+    assert len(notes) == 21
+    assert notes[0].endswith(", 6 times")
+    assert notes[-1] == "not messages: 301 in all, 51 kinds of them"

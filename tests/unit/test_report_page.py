@@ -105,6 +105,12 @@ def test_the_page_needs_no_network_and_cannot_be_broken_out_of(messages: list[Me
     assert text.count("</script>") == 3
 
 
+def test_a_list_of_the_roster_can_be_broken_into_lines(messages: list[Message]) -> None:
+    """It has no space in it; names are not cut."""
+    messages.append(Event(source="operator", kind="fault", detail="partition u0|u1,u2 @1s", sent_ns=EPOCH_NS))
+    assert "<td>partition u0|u1,<wbr>u2 @1s</td>" in document(recorded(messages))
+
+
 def test_the_page_says_what_the_terminal_says() -> None:
     """Metrics row by row, the metrics' own JSON, and every broken guarantee."""
     recording = recorded(flight([straight((0, 0), (0, 20), 10), straight((9, 20), (9, 0), 10)], planner="straight"))

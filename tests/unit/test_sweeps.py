@@ -2,12 +2,15 @@
 
 from __future__ import annotations
 
+from pathlib import Path
+
 import pytest
 
-from edc_swarm.config import Link, Mission, load_mission
+from edc_swarm.config import EnergyModel, Link, Mission, load_mission
 from edc_swarm.errors import InputError
 from edc_swarm.figures.catalogue import LONG_FILE, LONG_MISSION, NAMES, chosen, runs_of
-from edc_swarm.sweeps import Run, command_of
+from edc_swarm.roster import complete_mission
+from edc_swarm.sweeps import Run, command_of, mission_toml
 
 
 def test_key_depends_on_measure_and_mission() -> None:
@@ -33,6 +36,23 @@ def test_what_no_option_says_is_refused(mission: Mission) -> None:
     """A command that would fly another mission is never printed."""
     with pytest.raises(InputError):
         command_of(mission)
+
+
+def test_a_mission_file_says_every_field(tmp_path: Path) -> None:
+    """What no option says is said by a file, and read again as the same mission."""
+    mission = complete_mission(
+        Mission(
+            name="odd",
+            dt_s=0.25,
+            lease_slots=3,
+            link=[Link(sender="u001", distribution="normal"), Link(range_m=1e-7, loss=0.1)],
+            fault=["kill head @10", "heal @12"],
+            energy=EnergyModel(rotor_solidity=0.1),
+        )
+    )
+    (tmp_path / "odd.toml").write_text(mission_toml(mission), encoding="utf-8")
+    assert load_mission(tmp_path / "odd.toml") == mission
+    assert Run("m:f", mission, file="a b.toml", verb="run").command == "edc-swarm run 'a b.toml'"
 
 
 def test_figures_share_runs() -> None:

@@ -18,10 +18,12 @@ from hypothesis import given
 from hypothesis import strategies as st
 from synthetic import EPOCH_NS, OFFSET_M, SLOT_NS, at, change, flight, mission_of, parallel
 
-from edc_swarm.messages import Command, Event, Fix, Message, Report
+from edc_swarm.geodesy import to_wgs84
+from edc_swarm.messages import Command, Event, Fix, Message, MissionMessage, Report
 from edc_swarm.viz import Scenery, Shown, channel_of, layout, topic_of
 from edc_swarm.viz.channels import Status
-from edc_swarm.viz.scenery import gaps
+from edc_swarm.viz.layout import MAP_PX, TILE_MPP
+from edc_swarm.viz.scenery import extent_m, gaps
 from edc_swarm.viz.shapes import RED, colour_of
 
 
@@ -74,17 +76,30 @@ def test_discs_are_where_the_fixes_say(messages: list[Message]) -> None:
 
 
 def test_the_head_is_marked_and_standbys_are_numbered(messages: list[Message]) -> None:
-    """A second ring and an H; labels stand clear of the disc."""
+    """A second ring and an H, said inside the disc, where no label of another UAV is."""
     change(messages, {}, Report, standby=["u2", "u1"])
     entities = scene(messages, "uavs", 3)
-    assert {name: entity.texts[0].text for name, entity in entities.items()} == {
-        "u0": "u0  H",
-        "u1": "u1  s2",
-        "u2": "u2  s1",
+    assert {name: [each.text for each in entity.texts] for name, entity in entities.items()} == {
+        "u0": ["u0", "H"],
+        "u1": ["u1", "s2"],
+        "u2": ["u2", "s1"],
     }
     assert len(entities["u0"].lines) == len(entities["u1"].lines) + 1
-    label, disc = entities["u1"].texts[0], entities["u1"].cylinders[0]
-    assert label.pose.position.y - label.font_size / 2 > disc.pose.position.y + disc.size.y / 2
+    disc, role = entities["u0"].cylinders[0], entities["u0"].texts[1].pose.position
+    assert math.dist((role.x, role.y), (disc.pose.position.x, disc.pose.position.y)) < disc.size.x / 4
+
+
+def test_labels_are_legible_at_every_zoom_and_clear_their_disc(messages: list[Message]) -> None:
+    """Their height is in pixels; with the whole area in a view of 600 pixels they stand above the disc."""
+    mission = messages[0]
+    assert isinstance(mission, MissionMessage)
+    (left_m, low_m), (right_m, high_m) = extent_m(mission)
+    pixel_m = max(right_m - left_m, high_m - low_m) / 600
+    entity = scene(messages, "uavs", 3)["u1"]
+    label, disc = entity.texts[0], entity.cylinders[0]
+    assert label.scale_invariant
+    assert label.billboard
+    assert label.pose.position.y - label.font_size * pixel_m / 2 > disc.pose.position.y + disc.size.y / 2
 
 
 def test_overlapping_discs_are_red(messages: list[Message]) -> None:
@@ -130,6 +145,13 @@ def test_events_are_logged_with_their_source() -> None:
     (said,) = shown([event], EPOCH_NS + 1)
     log = Log.FromString(said.payload)
     assert (log.message, log.name, log.level) == ("fault: kill u1 @3s", "operator", Log.WARNING)
+
+
+def test_long_lists_in_the_log_can_be_broken_into_lines() -> None:
+    """Viewers break at spaces only; a partition of 50 UAVs would run out of the panel."""
+    event = Event(source="operator", kind="fault", detail="partition u1,u2|u3,u4 @3s", sent_ns=EPOCH_NS, slot=6)
+    (said,) = shown([event], EPOCH_NS + 1)
+    assert Log.FromString(said.payload).message == "fault: partition u1, u2|u3, u4 @3s"
 
 
 def test_positions_on_the_map_state_their_covariance(messages: list[Message]) -> None:
@@ -183,6 +205,32 @@ def test_the_layout_shows_only_what_there_is(messages: list[Message]) -> None:
             assert topic in topics
             assert name in Status.__struct_fields__
     assert _leaves(whole["layout"]) == set(panels)
+
+
+@pytest.mark.parametrize(("area_m2", "step_m"), [(10_000.0, 20.0), (160_000.0, 20.0), (9e6, 500.0)])
+def test_the_grid_is_coarser_over_larger_areas(area_m2: float, step_m: float) -> None:
+    """Of 20 m, and never so fine that it is a grey veil."""
+    grid = layout(mission_of(parallel(), area_m2=area_m2))["configById"]["3D!swarm"]["layers"]["grid"]
+    assert grid["size"] / grid["divisions"] == step_m
+    assert grid["divisions"] <= 50
+
+
+def test_roles_stand_below_their_name_where_discs_are_small() -> None:
+    """In an area so large that a label is higher than a disc."""
+    messages = flight(parallel(), area_m2=9e6)
+    name, role = scene([msgspec.structs.replace(messages[0], sent_ns=EPOCH_NS), *messages[1:]], "uavs", 3)["u0"].texts
+    assert name.pose.position.y - role.pose.position.y > 3000 * name.font_size / 600 * 0.9
+
+
+@pytest.mark.parametrize(("area_m2", "metres"), [(10_000.0, 100.0), (1_000_000.0, 1000.0)])
+def test_the_map_shows_the_whole_area(area_m2: float, metres: float) -> None:
+    """Centred on it, at the closest zoom at which it fits into the panel."""
+    mission = mission_of(parallel(), area_m2=area_m2, origin_lat_deg=60.0, origin_lon_deg=24.0)
+    config = layout(mission)["configById"]["map!gps"]
+    middle = to_wgs84(metres / 2, metres / 2, 60.0, 24.0)
+    assert (config["center"]["lat"], config["center"]["lon"]) == middle
+    pixels = metres / (TILE_MPP * math.cos(math.radians(middle[0])) / 2 ** config["zoomLevel"])
+    assert MAP_PX / 2 < pixels <= MAP_PX
 
 
 def _leaves(node: Any) -> set[str]:

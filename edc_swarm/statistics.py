@@ -1,4 +1,4 @@
-"""The statistics of a figure: means with 95 % confidence, and power laws."""
+"""The statistics of sweeps: means with 95 % confidence, and power laws."""
 
 from __future__ import annotations
 

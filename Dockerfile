@@ -1,0 +1,37 @@
+# edc-swarm in a container: `docker compose up` (compose.yaml) runs one for every UAV.
+#
+# Nothing in it depends on the processor that built it: the guidance is compiled at build for a generic
+# one (NUMBA_CPU_NAME), and that cache is good for whatever user the container runs as.
+
+FROM python:3.11-slim AS build
+WORKDIR /src
+RUN python -m venv /opt/edc-swarm
+ENV PATH=/opt/edc-swarm/bin:$PATH PIP_NO_CACHE_DIR=1 PIP_DISABLE_PIP_VERSION_CHECK=1
+COPY pyproject.toml constraints.txt ./
+# What changes seldom comes first, so that a change of the code installs no library anew.
+RUN python -c "import tomllib; p = tomllib.load(open('pyproject.toml', 'rb')); o = p['project']['optional-dependencies']; print(*p['build-system']['requires'], *p['project']['dependencies'], *o['live'], *o['plots'], sep='\n')" > requirements.txt \
+    && pip install --quiet -c constraints.txt -r requirements.txt
+COPY README.md LICENSE ./
+COPY edc_swarm edc_swarm
+COPY processes processes
+RUN pip install --quiet --no-deps --no-build-isolation . \
+    && pip uninstall --quiet --yes hatchling pip \
+    && find /opt/edc-swarm -type d -name tests -path '*/site-packages/*' -prune -exec rm -rf {} +
+
+FROM python:3.11-slim
+RUN useradd --uid 1000 --create-home edc \
+    && install -d -o edc -g edc /work /work/recordings /home/edc/state \
+    && install -d -m 1777 /var/cache/edc-swarm
+# For services that are started as root only to become whoever owns the recordings on the host.
+RUN printf '%s\n' '#!/bin/sh' 'owner=$(stat -c "--reuid=%u --regid=%g" /work/recordings)' \
+        'exec setpriv $owner --clear-groups "$@"' > /usr/local/bin/as-owner \
+    && chmod 755 /usr/local/bin/as-owner
+COPY --from=build /opt/edc-swarm /opt/edc-swarm
+ENV PATH=/opt/edc-swarm/bin:$PATH PYTHONUNBUFFERED=1 \
+    NUMBA_CPU_NAME=generic NUMBA_CACHE_DIR=/var/cache/edc-swarm
+USER edc
+WORKDIR /work
+RUN python -c "from edc_swarm.config import Mission; from processes.planning import warm_planner; warm_planner(Mission())" \
+    && chmod -R a+rwX /var/cache/edc-swarm/*
+ENTRYPOINT ["edc-swarm"]
+CMD ["--help"]

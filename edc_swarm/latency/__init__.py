@@ -1,0 +1,1 @@
+"""Latency experiments: what delay, jitter and loss do to a centrally planned swarm."""

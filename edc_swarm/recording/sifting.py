@@ -1,0 +1,51 @@
+"""What is in a record though nobody in the mission said it: strangers' messages, and replays of older runs.
+
+They are recorded like everything else, and kept out of what is computed from the record. What a UAV
+of the mission said stays, however wrong it is: to judge that is what the guarantees are for.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from operator import attrgetter
+from typing import Any
+
+from edc_swarm.config import ROLES
+from edc_swarm.messages import Event, MissionMessage
+from edc_swarm.recording.model import Garbage, Recording
+from edc_swarm.recording.sequences import KEY_FORMS
+
+OLDER, STRANGE = "of an older run", "of nobody in the mission"
+
+
+def sift(recording: Recording) -> None:
+    """Move what is not of this run from the lists of `recording` to its garbage."""
+    running = _running(recording)
+    roster = {entry.uav for entry in recording.mission.roster}
+    known = {**dict.fromkeys(KEY_FORMS, roster), Event: roster | ROLES, MissionMessage: {recording.mission.name}}
+    for kind, (form, names) in KEY_FORMS.items():
+        messages = recording.lists()[kind]
+        source = attrgetter("instance", *names)
+        foreign = {
+            said: OLDER if known[kind].issuperset(said[1:]) else STRANGE
+            for said in set(map(source, messages))
+            if said[:2] not in running or not known[kind].issuperset(said[1:])
+        }
+        if foreign:
+            refused = [(message, source(message)) for message in messages if source(message) in foreign]
+            recording.garbage += [Garbage(form.format(*of[1:]), m.sent_ns, foreign[of]) for m, of in refused]
+            messages[:] = [message for message in messages if source(message) not in foreign]
+
+
+def _running(recording: Recording) -> set[tuple[str, str]]:
+    """Instance and id of all that said anything since the epoch (a clock may be set back now and then).
+
+    By id: what a stranger says in the name of an old instance brings none back to life.
+    """
+    mission = recording.mission
+    running = {(mission.instance, mission.name)}
+    for kind, (_, names) in KEY_FORMS.items():
+        speaker: Callable[[Any], tuple[str, str]] = attrgetter("instance", names[0])
+        messages = recording.lists()[kind]
+        running |= {speaker(message) for message in messages if message.sent_ns >= mission.epoch_ns}
+    return running

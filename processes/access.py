@@ -1,0 +1,113 @@
+"""Who may say and hear what on a secured bus, as rules for the router, by the name in the certificate.
+
+Everything is denied but what is listed here. A UAV speaks under its own id alone, since whoever may
+become head is known by its key; it hears all fixes and reports, its own commands, the mission and
+the operator, and never the truth. What a rule lets in as `ingress` comes from the named process,
+what it lets out as `egress` goes to it.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Any
+
+from edc_swarm.config import OPERATOR, RECORDER, VISUALISER
+from edc_swarm.messages import Keys
+
+Rule = dict[str, Any]
+
+
+def access_control(mission: str, uavs: Sequence[str]) -> dict[str, Any]:
+    """Zenoh's `access_control` for one mission and its roster."""
+    keys = Keys(mission)
+    shared = _shared_by_uavs(keys)
+    rules = list(shared)
+    policies = [{"subjects": list(uavs), "rules": [rule["id"] for rule in shared]}]
+    for name, own in [*((uav, _of_uav(keys, uav)) for uav in uavs), *_of_roles(keys).items()]:
+        rules += own
+        policies.append({"subjects": [name], "rules": [rule["id"] for rule in own]})
+    names = [*uavs, OPERATOR, RECORDER, VISUALISER]
+    return {
+        "enabled": True,
+        "default_permission": "deny",
+        "rules": rules,
+        "subjects": [{"id": name, "cert_common_names": [name]} for name in names],
+        "policies": policies,
+    }
+
+
+def _shared_by_uavs(keys: Keys) -> list[Rule]:
+    asked = [keys.mission, keys.event(OPERATOR)]
+    return [
+        *_hears("uavs", [*asked, keys.all_fixes, keys.all_reports]),
+        *_asks("uavs", asked),
+        *_sees_the_living("uavs", keys),
+    ]
+
+
+def _of_uav(keys: Keys, uav: str) -> list[Rule]:
+    own = [keys.fix(uav), keys.truth(uav), keys.command(uav, "*"), keys.report(uav), keys.event(uav)]
+    return [_says(uav, own), *_hears(uav, [keys.commands_to(uav)]), _lives(uav, keys)]
+
+
+def _of_roles(keys: Keys) -> dict[str, list[Rule]]:
+    asked = [keys.mission, keys.event(OPERATOR)]
+    seen = [keys.mission, f"{keys.root}/uav/**", f"{keys.root}/head/**", keys.event("*")]
+    return {
+        OPERATOR: [
+            _says(OPERATOR, asked),
+            *_hears(OPERATOR, [keys.all_fixes, keys.all_reports, keys.event("*")]),
+            *_answers(OPERATOR, [*asked, keys.claims]),
+            _lives(OPERATOR, keys),
+            *_sees_the_living(OPERATOR, keys),
+        ],
+        RECORDER: [
+            _says(RECORDER, [keys.event(RECORDER)]),
+            *_hears(RECORDER, [keys.everything]),
+            _lives(RECORDER, keys),
+        ],
+        VISUALISER: [
+            _says(VISUALISER, [keys.event(VISUALISER), f"{keys.root}/viz/**"]),
+            *_hears(VISUALISER, seen),
+            *_asks(VISUALISER, asked),
+            _lives(VISUALISER, keys),
+        ],
+    }
+
+
+def _says(name: str, keys: list[str]) -> Rule:
+    return _rule(f"{name} says", "ingress", "put", keys)
+
+
+def _hears(name: str, keys: list[str]) -> list[Rule]:
+    return [
+        _rule(f"{name} subscribes", "ingress", "declare_subscriber", keys),
+        _rule(f"{name} hears", "egress", "put", keys),
+    ]
+
+
+def _asks(name: str, keys: list[str]) -> list[Rule]:
+    return [_rule(f"{name} asks", "ingress", "query", keys), _rule(f"{name} is answered", "egress", "reply", keys)]
+
+
+def _answers(name: str, keys: list[str]) -> list[Rule]:
+    return [
+        _rule(f"{name} offers answers", "ingress", "declare_queryable", keys),
+        _rule(f"{name} is asked", "egress", "query", keys),
+        _rule(f"{name} answers", "ingress", "reply", keys),
+    ]
+
+
+def _lives(name: str, keys: Keys) -> Rule:
+    return _rule(f"{name} lives", "ingress", "liveliness_token", [keys.alive(name, "*")])
+
+
+def _sees_the_living(name: str, keys: Keys) -> list[Rule]:
+    return [
+        _rule(f"{name} watches", "ingress", "declare_liveliness_subscriber", [keys.all_alive]),
+        _rule(f"{name} sees the living", "egress", "liveliness_token", [keys.all_alive]),
+    ]
+
+
+def _rule(name: str, flow: str, message: str, keys: list[str]) -> Rule:
+    return {"id": name, "permission": "allow", "flows": [flow], "messages": [message], "key_exprs": keys}

@@ -1,0 +1,77 @@
+"""`edc-swarm certs`: certificates for a secured swarm."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Annotated
+
+from cyclopts import Parameter
+
+from edc_swarm.config import MAX_UAVS, ROLES, load_mission
+from edc_swarm.errors import InputError
+from edc_swarm.roster import uav_ids
+from processes.console import note, print_json
+from processes.options import MISSION_HELP
+from processes.security import check_security
+from processes.whole import Whole
+
+HOST_CHARACTERS = frozenset("abcdefghijklmnopqrstuvwxyzABCDEFGHIJKLMNOPQRSTUVWXYZ0123456789.-:")
+
+
+def certs(
+    mission_file: Annotated[Path | None, Parameter(help=MISSION_HELP)] = None,
+    /,
+    *,
+    uavs: Whole = 10,
+    out: Annotated[Path, Parameter(name=["--out", "-o"])] = Path("certs"),
+    host: list[str] | None = None,
+    days: Whole = 30,
+    force: bool = False,
+    json: bool = False,
+) -> int:
+    """Make an authority and a certificate for every UAV and role, for `run --secure --certs FOLDER`.
+
+    Give each host only its own NAME.pem and NAME.key, and ca.pem. The authority's key is not kept.
+
+    Parameters
+    ----------
+    uavs
+        Number of UAVs, u001 and so on, where no mission file lists them (10).
+    out
+        The folder to make (certs).
+    host
+        Name or address of the router, beside this host's; may be given more than once.
+    days
+        So long they are valid (30).
+    force
+        Replace what is in the folder.
+    json
+        Print the result as JSON alone on standard output.
+    """
+    check_security("certs")
+    from processes.certificates import MAX_DAYS, write_certificates  # noqa: PLC0415 - an extra
+
+    if not 1 <= days <= MAX_DAYS:
+        raise InputError("--days", days, f"between 1 and {MAX_DAYS}")
+    ids = _ids(mission_file, uavs)
+    hosts = host or []
+    for name in hosts:
+        if not name or not HOST_CHARACTERS.issuperset(name):
+            raise InputError("--host", name, "a host's name or address")
+    write_certificates(out, ids, hosts=hosts, days=days, force=force)
+    if json:
+        print_json({"folder": str(out), "names": [*sorted(ROLES), *ids], "days": days})
+    else:
+        note(f"certificates of {len(ids)} UAVs and {len(ROLES)} roles, valid for {days} days; keys are {out}/*.key")
+        print(out)
+    return 0
+
+
+def _ids(mission_file: Path | None, uavs: int) -> list[str]:
+    mission = load_mission(mission_file) if mission_file is not None else None
+    if mission is not None and mission.roster:
+        return [entry.uav for entry in mission.roster]
+    count = mission.uavs if mission is not None else uavs
+    if not 1 <= count <= MAX_UAVS:
+        raise InputError("--uavs", count, f"between 1 and {MAX_UAVS}")
+    return uav_ids(count)

@@ -1,0 +1,39 @@
+"""`edc-swarm join`: UAV processes of another machine."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Annotated
+
+from cyclopts import Parameter
+
+from edc_swarm.config import MAX_UAVS
+from edc_swarm.errors import InputError
+from processes.address import parse_endpoint
+from processes.claim_folder import ClaimFolder
+from processes.console import FAILED
+from processes.joiner import Joiner
+from processes.whole import Whole
+
+
+def join(
+    address: Annotated[str, Parameter(help="The mission's router, tcp/HOST:PORT.")],
+    /,
+    *,
+    uavs: Whole = 1,
+    state: Path | None = None,
+) -> int:
+    """Fly UAVs of a mission that another machine operates: edc-swarm run --listen ADDRESS --remote N.
+
+    Parameters
+    ----------
+    uavs
+        Fly so many (1). A UAV alone stays small: it imports the planner only when it may have to lead.
+    state
+        Folder to keep what the UAVs have promised: started again with it, they are the same UAVs.
+    """
+    parse_endpoint("address", address)
+    if not 1 <= uavs <= MAX_UAVS:
+        raise InputError("--uavs", uavs, f"from 1 to {MAX_UAVS}")
+    with ClaimFolder(state) as folder:
+        return 0 if Joiner(address, uavs, folder).run() else FAILED

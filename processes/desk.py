@@ -1,0 +1,62 @@
+"""The operator's desk: who wants to take part in the mission is answered here."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+
+import msgspec
+import zenoh
+
+from edc_swarm.claims import Claim, Claims, Issued
+from edc_swarm.config import JOIN, Mission
+from edc_swarm.messages import Keys
+from processes.bus import hand_over
+from processes.ears import Token
+from processes.inbox import Inbox
+
+
+class Desk:
+    """Issues ids to claimants and orders to parts that nobody has launched. One loop, so one answer at a time.
+
+    Parameters
+    ----------
+    mission
+        The mission to be flown, under its id.
+    remote
+        The UAVs to be flown by others.
+    orders
+        What parts are told, by their names.
+    """
+
+    def __init__(self, mission: Mission, remote: Sequence[str] = (), orders: Mapping[str, bytes] | None = None) -> None:
+        self.mission = mission
+        self.claims = Claims(remote)
+        self._orders = {Keys(mission.name).orders(name): payload for name, payload in (orders or {}).items()}
+
+    def declare(self, session: zenoh.Session, inbox: Inbox[object]) -> None:
+        """Open."""
+        for key in (Keys(self.mission.name).claims, *self._orders):
+            session.declare_queryable(key, hand_over(inbox.put))
+
+    def see(self, token: Token) -> None:
+        """Take in who has come and who has gone."""
+        if token.uav == JOIN:
+            self.claims.see_claimant(token.instance, token.alive)
+        elif token.alive:
+            self.claims.see_uav(token.uav, token.instance)
+
+    def answers(self, query: zenoh.Query) -> list[bytes]:
+        """What to say to a query, if it is for the desk."""
+        key = str(query.key_expr)
+        if key == Keys(self.mission.name).claims:
+            return self._issue(query.payload.to_bytes() if query.payload is not None else b"")
+        return [self._orders[key]] if key in self._orders else []
+
+    def _issue(self, payload: bytes) -> list[bytes]:
+        """The answer to a claim; none to what is no claim."""
+        try:
+            claim = msgspec.json.decode(payload, type=Claim)
+        except msgspec.DecodeError:
+            return []
+        left, uavs = len(self.claims.free()), self.claims.issue(claim)
+        return [msgspec.json.encode(Issued(mission=self.mission, uavs=uavs, left=left, begun=self.claims.begun))]

@@ -1,0 +1,103 @@
+"""Runs of a sweep with real processes: one mission at a time, every recording kept."""
+
+from __future__ import annotations
+
+import hashlib
+import signal
+import time
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
+from functools import lru_cache
+from pathlib import Path
+from typing import Any
+
+import msgspec
+
+from edc_swarm.latency.declared import run_name
+from edc_swarm.latency.measures import sample_of
+from edc_swarm.recording import read_recording
+from edc_swarm.roster import complete_mission
+from edc_swarm.sweeps import Run
+from processes.console import note
+from processes.launcher import Launcher, RunReport, View
+from processes.output import SUFFIX, Output
+from processes.sweep import SweepError, code_fingerprint
+
+DECIDE_NO_RESULT = (
+    "bare.py",
+    "conclusion.py",
+    "figures_page.py",
+    "floor.py",
+    "latency_page.py",
+    "latency_plots.py",
+    "plots.py",
+    "summary.py",
+)
+"""Files of this package that have no part in a flight."""
+SIGNALS = (signal.SIGINT, signal.SIGTERM, signal.SIGHUP)
+
+
+class Launched:
+    """A scheduler (`processes.sweep.Scheduler`) that flies every run as `edc-swarm run` does."""
+
+    def __init__(self, folder: Path) -> None:
+        self._folder = folder
+
+    def results(self, runs: Sequence[Run]) -> Iterator[tuple[Run, Any, float]]:
+        """See `Scheduler`.
+
+        Raises
+        ------
+        SweepError
+            A mission could not be flown.
+        KeyboardInterrupt
+            Ctrl-C, when all processes have ended.
+        """
+        for run in runs:
+            begun_s = time.process_time()
+            yield run, fly(run, self._folder), time.process_time() - begun_s
+
+
+def fly(run: Run, folder: Path) -> dict[str, Any]:
+    """What is measured of a mission flown by real processes; its recording is kept in `folder`."""
+    path = folder / (run_name(run.mission) + SUFFIX)
+    report = _launch(run, path)
+    for text in report.notes:
+        note(text)
+    if report.interrupted:
+        path.unlink(missing_ok=True)
+        raise KeyboardInterrupt
+    if not report.flew:
+        raise SweepError(f"{run.command}: no mission was flown")
+    sample: dict[str, Any] = msgspec.to_builtins(sample_of(read_recording(path)))
+    return sample
+
+
+def _launch(run: Run, path: Path) -> RunReport:
+    with Output(path, force=True) as output, _signals_kept():
+        mission = complete_mission(run.mission)
+        report = Launcher(mission, output, listen=None, view=View(viz=False), show_progress=False).run()
+        if output.part.exists():
+            output.recover_part()
+    return report
+
+
+@contextmanager
+def _signals_kept() -> Iterator[None]:
+    """What the launcher does to signals is undone when it is over."""
+    before = {number: signal.getsignal(number) for number in SIGNALS}
+    try:
+        yield
+    finally:
+        for number, handler in before.items():
+            signal.signal(number, handler)
+
+
+@lru_cache(maxsize=1)
+def launched_fingerprint() -> str:
+    """What decides results of real processes: the library and the processes."""
+    digest = hashlib.sha256(code_fingerprint().encode())
+    for path in sorted(Path(__file__).parent.glob("*.py")):
+        if path.name not in DECIDE_NO_RESULT:
+            digest.update(path.read_bytes())
+    return digest.hexdigest()[:16]

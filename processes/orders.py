@@ -1,0 +1,77 @@
+"""What the recorder and the visualiser are to do: told on standard input, or by the operator at a router.
+
+`python -m processes.recorder` reads its orders, `python -m processes.recorder tcp/HOST:PORT` asks for
+them: a part that nobody has launched, such as a service of `compose.yaml`.
+"""
+
+from __future__ import annotations
+
+import sys
+import time
+from collections.abc import Callable
+from typing import TypeVar
+
+import msgspec
+import zenoh
+from msgspec import Struct
+
+from edc_swarm.errors import SwarmError
+from edc_swarm.messages import Keys
+from processes.bus import try_client
+from processes.console import note
+from processes.loop import PATIENCE_S, START_TIMEOUT_S
+from processes.operators import LINGER_S, Operators
+
+LOOK_EVERY_S = 0.1
+ASK_TIMEOUT_S = 2.0
+
+
+Kind = TypeVar("Kind", bound=Struct)
+Found = TypeVar("Found")
+
+
+def orders(kind: type[Kind], name: str) -> Kind:
+    """The orders of the part `name`, or of the part that the command line names."""
+    if len(sys.argv) == 1:
+        return msgspec.json.decode(sys.stdin.buffer.read(), type=kind)
+    endpoint = sys.argv[1]
+    name = sys.argv[2] if len(sys.argv) > 2 else name
+    session = await_found(lambda: try_client(endpoint), f"a router at {endpoint}")
+    operators = Operators(session)
+    mission = await_found(lambda: operators.only_mission(endpoint), f"a mission at {endpoint}")
+    payload = await_found(lambda: asked(session, Keys(mission).orders(name)), f"orders from the operator of {mission}")
+    session.close()
+    return msgspec.structs.replace(msgspec.json.decode(payload, type=kind), endpoint=endpoint)
+
+
+def asked(session: zenoh.Session, key: str, payload: bytes | None = None) -> bytes | None:
+    """The first answer to a query, None when nobody answers."""
+    for reply in session.get(key, payload=payload, timeout=ASK_TIMEOUT_S):
+        if reply.ok is not None:
+            return reply.ok.payload.to_bytes()
+    return None
+
+
+def await_found(look: Callable[[], Found | None], what: str) -> Found:
+    """Look again and again until there is something; after a while the user is told `what` is waited for."""
+    start_s, told = time.monotonic(), False
+    while (found := look()) is None:
+        waited_s = time.monotonic() - start_s
+        if waited_s > START_TIMEOUT_S:
+            raise SwarmError(f"waited {START_TIMEOUT_S:g} s for {what}")
+        if waited_s > PATIENCE_S and not told:
+            note(f"waiting for {what}")
+            told = True
+        time.sleep(LOOK_EVERY_S)
+    return found
+
+
+def outlast_operator(endpoint: str, mission: str) -> None:
+    """Stay until the operator has gone, and a moment longer: services are ended with the first that leaves."""
+    session = try_client(endpoint)
+    if session is None:
+        return
+    operators = Operators(session)
+    while operators.away_s(mission) < LINGER_S:
+        time.sleep(LOOK_EVERY_S)
+    session.close()

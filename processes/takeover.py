@@ -1,0 +1,65 @@
+"""A mission whose operator has died, found again by the next one with the same mission.
+
+Its claimants, UAVs, recorder and visualiser are still on the bus; the recorder, which has heard the
+mission message and keeps its orders, answers for both.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import secrets
+from dataclasses import dataclass
+from typing import cast
+
+import msgspec
+import zenoh
+
+from edc_swarm.config import OPERATOR, RECORDER, Mission
+from edc_swarm.messages import PREFIX, Keys, MissionMessage, decode
+from processes.orders import ASK_TIMEOUT_S, asked
+from processes.recorder import RecorderSettings
+
+
+@dataclass(frozen=True, slots=True)
+class Takeover:
+    """What is known of such a mission: its id, the mission message if it has begun, the recorder's orders."""
+
+    mission_id: str
+    mission: MissionMessage | None = None
+    recorder: RecorderSettings | None = None
+
+
+def new_mission_id(mission: Mission) -> str:
+    """An id that no other run has."""
+    return f"{_stem(mission)}-{secrets.token_hex(4)}"
+
+
+def find_takeover(session: zenoh.Session, mission: Mission) -> Takeover | None:
+    """The run of this very mission that is on the bus without an operator, if there is one."""
+    tokens = _tokens(session)
+    runs = {run for run, _ in tokens if run.startswith(f"{_stem(mission)}-")}
+    orphans = sorted(runs - {run for run, who in tokens if who == OPERATOR})
+    return _takeover(session, orphans[0]) if orphans else None
+
+
+def _stem(mission: Mission) -> str:
+    """Name and digest of a mission: only the same mission, to the last field, may be gone on with."""
+    digest = hashlib.blake2s(msgspec.json.encode(mission), digest_size=4).hexdigest()
+    return f"{mission.name[:45]}-{digest}"
+
+
+def _tokens(session: zenoh.Session) -> set[tuple[str, str]]:
+    """Mission and id of every liveliness token."""
+    replies = session.liveliness().get(f"{PREFIX}/*/alive/**", timeout=ASK_TIMEOUT_S)
+    keys = [str(reply.ok.key_expr).split("/") for reply in replies if reply.ok is not None]
+    return {(parts[1], parts[3]) for parts in keys if len(parts) == 5}
+
+
+def _takeover(session: zenoh.Session, run: str) -> Takeover:
+    keys = Keys(run)
+    said, orders = asked(session, keys.mission), asked(session, keys.orders(RECORDER))
+    return Takeover(
+        run,
+        cast("MissionMessage", decode(keys.mission, said)) if said is not None else None,
+        msgspec.json.decode(orders, type=RecorderSettings) if orders is not None else None,
+    )

@@ -1,0 +1,141 @@
+"""`docker compose up`, for real: a container for every UAV, containers killed, cut off and started again."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+
+import pytest
+
+from edc_swarm.invariants import check
+from edc_swarm.metrics import compute_metrics
+from edc_swarm.recording import find_gaps
+from processes.address import free_endpoint
+from tests.docker.conftest import USER, Swarm, logs, said
+
+Make = Callable[..., Swarm]
+FAST = {"TIME_SCALE": "2"}
+
+
+def broken(swarm: Swarm) -> set[str]:
+    """Guarantees that the recording shows broken."""
+    return {result.guarantee for result in check(swarm.recording) if not result.held}
+
+
+@pytest.mark.parametrize("uavs", [10, 40])
+def test_compose_up(swarm: Make, uavs: int):
+    """The mission's status, its summary, a recording that belongs to the user, and everything stops."""
+    flown = swarm(UAVS=str(uavs))
+    up = flown.compose("up", "--exit-code-from", "operator", check=False)
+    assert up.returncode == 0, up.stdout[-3000:]
+    assert f"{uavs} of {uavs}" in up.stdout
+    assert "G3 Separation: held" in up.stdout
+    assert flown.containers(running=True) == []
+    (path,) = flown.folder.iterdir()
+    assert (path.stat().st_uid, path.suffix) == (flown.folder.stat().st_uid, ".mcap")
+    metrics = compute_metrics(flown.recording)
+    assert (metrics.arrived, metrics.potential_collisions, metrics.true_collisions) == (uavs, 0, 0)
+    assert len({fix.instance[-16:] for fix in flown.recording.fixes}) == uavs
+    assert broken(flown) == set()
+
+
+def test_everything_stops_without_being_told(swarm: Make):
+    """Also where nobody asked compose for the operator's status."""
+    flown = swarm(UAVS="4", **FAST)
+    flown.compose("up", "--detach")
+    assert flown.await_end() == 0
+
+
+def test_the_heads_container_is_killed(swarm: Make):
+    """The others finish the mission without it."""
+    flown = swarm(**FAST)
+    flown.compose("up", "--detach")
+    head = flown.await_slot(6).reports[-1].head
+    said("docker", "kill", flown.container_of(head))
+    assert flown.await_end() == 0
+    metrics = compute_metrics(flown.recording)
+    assert metrics.not_living == [head]
+    assert (metrics.arrived, metrics.potential_collisions) == (9, 0)
+    assert broken(flown) == set()
+
+
+def test_a_container_is_cut_off_and_connected_again(swarm: Make):
+    """Its UAV holds meanwhile, and arrives in the end; what was on the wire is missing from the record."""
+    flown = swarm(**FAST)
+    flown.compose("up", "--detach")
+    cut = flown.await_slot(6)
+    head = cut.reports[-1].head
+    container, network = flown.container_of(head), f"{flown.name}_default"
+    said("docker", "network", "disconnect", network, container)
+    flown.await_slot(cut.fixes[-1].slot + 10)
+    said("docker", "network", "connect", network, container)
+    flown.await_end()
+    assert compute_metrics(flown.recording).arrived == 10
+    assert broken(flown) <= {"G5"}
+    assert {gap.key.split("/")[1] for gap in find_gaps(flown.recording)} <= {head}
+    assert len({report.head for report in flown.recording.reports if report.has_quorum}) > 1
+
+
+def test_a_container_started_again_flies_the_same_uav(swarm: Make):
+    """Its promise is in the container's file system."""
+    flown = swarm(**FAST)
+    flown.compose("up", "--detach")
+    flown.await_slot(4)
+    container = flown.container_of("u003")
+    said("docker", "kill", container)
+    said("docker", "start", container)
+    assert flown.await_end() == 0
+    assert logs(container).count("flying u003 of mission") == 2
+    assert len({fix.instance for fix in flown.recording.fixes if fix.uav == "u003"}) == 2
+    assert compute_metrics(flown.recording).arrived == 10
+
+
+def test_faults_reach_containers(swarm: Make):
+    """The operator's faults are carried out by whoever flies the UAV."""
+    flown = swarm(UAVS="6", OPTIONS="--fault 'kill head @8' --fault 'freeze u002 @8 for 2s'", **FAST)
+    up = flown.compose("up", "--exit-code-from", "operator", check=False)
+    assert up.returncode == 0, up.stdout[-3000:]
+    assert len(compute_metrics(flown.recording).not_living) == 1
+
+
+def test_stopped_by_hand(swarm: Make):
+    """All services are told at once, as by Ctrl-C, and what was flown is recorded."""
+    flown = swarm(UAVS="4")
+    flown.compose("up", "--detach")
+    slot = flown.await_slot(4).fixes[-1].slot
+    flown.compose("stop")
+    assert max(fix.slot for fix in flown.recording.fixes) >= slot
+    assert broken(flown) <= {"G5"}
+
+
+def test_watched_live(swarm: Make):
+    """The profile adds a service that viewers connect to, and changes nothing else."""
+    from tests.processes.test_live import connected, first_scene  # noqa: PLC0415  (skips where its client is missing)
+
+    port = free_endpoint().rpartition(":")[2]
+    flown = swarm(UAVS="4", LIVE_PORT=port)
+    flown.compose("--profile", "live", "up", "--detach")
+    flown.await_slot(0)
+    viewer, channels = connected(int(port))
+    assert len(first_scene(viewer, channels["/viz/uavs"]).entities) == 4
+    viewer.close()
+    assert flown.await_end() == 0
+    assert broken(flown) == set()
+
+
+def test_the_image(image: str):
+    """Not root, no wheels left, and the compiled guidance is there for any user and processor."""
+
+    def run(script: str, *options: str) -> str:
+        return said("docker", "run", "--rm", "--network", "none", "--entrypoint", "sh", *options, image, "-c", script)
+
+    assert run("id -u").strip() == str(USER)
+    assert run("find /opt /home /root /tmp /var /work -name '*.whl' 2>/dev/null || true") == ""
+    hits = (
+        "from edc_swarm.config import Mission; from processes.planning import warm_planner; warm_planner(Mission());"
+        "from edc_swarm.planner import guidance_kernel as kernel;"
+        "found = [f.stats for f in vars(kernel).values() if hasattr(f, 'stats')];"
+        "print(sum(sum(s.cache_hits.values()) for s in found), sum(sum(s.cache_misses.values()) for s in found))"
+    )
+    loaded, compiled = run(f'python -c "{hits}"', "--user", "4711:4711").split()
+    assert int(loaded) > 0
+    assert int(compiled) == 0

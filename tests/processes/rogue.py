@@ -1,0 +1,113 @@
+"""A rogue on a secured bus: a process of its own that says what it did and heard, as JSON.
+
+python -m tests.processes.rogue ENDPOINT FOLDER NAME MISSION
+"""
+
+from __future__ import annotations
+
+import json
+import sys
+import time
+from collections import Counter
+from pathlib import Path
+from typing import Any
+
+import msgspec
+import zenoh
+
+from edc_swarm.messages import Command, Event, Fix, Keys, Message, Report, Truth, encode
+from processes.bus import hand_over, open_client, put
+from processes.credentials import Credentials
+
+INSTANCE = "rogue"
+TERM = 50
+LISTENS_S = 2.0
+
+
+def main() -> int:
+    """Misbehave in the name of `NAME` in every way there is."""
+    endpoint, folder, name, mission = sys.argv[1:]
+    try:
+        session = open_client(endpoint, Credentials(Path(folder), name), timeout_ms=1500)
+    except zenoh.ZError as error:
+        print(json.dumps({"connected": False, "why": str(error)}))
+        return 0
+    keys, heard = Keys(mission), Counter[str]()
+    newest: dict[str, Fix] = {}
+    for key in (keys.all_fixes, keys.commands_to("u001"), keys.truth("*"), f"{keys.root}/**", "swarm/**", "**"):
+        session.declare_subscriber(
+            key, hand_over(lambda s: _hear(s, heard, newest)), allowed_origin=zenoh.Locality.REMOTE
+        )
+    for key in (keys.mission, f"{keys.root}/**"):
+        session.get(key, hand_over(lambda r: heard.update([f"reply {r.ok.key_expr}" if r.ok else "error"])))
+    time.sleep(LISTENS_S)
+    stolen = session.liveliness().declare_token(keys.alive("u001", INSTANCE))
+    for message in _forged(newest, "u001"):
+        put(session, keys.of(message), encode(message))
+        put(session, keys.of(message).replace(mission, "*"), encode(message))
+    put(session, f"{keys.root}/uav/*/fix", encode(newest["u003"]))
+    put(session, f"{keys.root}/**", b"{}")
+    session.delete(keys.fix("u001"))
+    for message in _claims(newest, name):
+        put(session, keys.of(message), encode(message))
+    time.sleep(1.0)
+    del stolen
+    session.close()
+    print(json.dumps({"connected": True, "heard": heard}))
+    return 0
+
+
+def _hear(sample: zenoh.Sample, heard: Counter[str], newest: dict[str, Fix]) -> None:
+    key = str(sample.key_expr)
+    heard["/".join(key.split("/")[2::2])] += 1
+    if key.endswith("/fix"):
+        fix = msgspec.json.decode(sample.payload.to_bytes(), type=Fix)
+        newest[fix.uav] = fix
+
+
+def _forged(newest: dict[str, Fix], victim: str) -> list[Message]:
+    """What only the victim, its head, or the operator may say."""
+    now: dict[str, Any] = {"instance": INSTANCE, "slot": newest[victim].slot, "sent_ns": time.time_ns()}
+    ends = {"from_x_m": 0.0, "from_y_m": 0.0, "to_x_m": 9.0, "to_y_m": 9.0}
+    return [
+        msgspec.structs.replace(newest[victim], instance=INSTANCE, term=TERM, waypoint_x_m=1.0),
+        Truth(uav=victim, **now, **ends),
+        *_commands(newest, victim),
+        Report(head=victim, term=TERM, status="planned", grants=sorted(newest), quorum=3, **now),
+        Event(source=victim, kind="closed", detail="{}", **now),
+        Event(source="operator", kind="end", **now),
+    ]
+
+
+def _claims(newest: dict[str, Fix], name: str) -> list[Message]:
+    """Under its own id, as if it led, but without a quorum."""
+    messages: list[Message] = []
+    for seq, (status, quorum) in enumerate((s, q) for s in ("planned", "claim", "no-qp-needed") for q in (1, 3)):
+        report = Report(head=name, term=TERM, status=status, grants=[name], quorum=quorum, slot=newest[name].slot)
+        messages.append(msgspec.structs.replace(report, instance=INSTANCE, seq=seq, sent_ns=time.time_ns()))
+    return messages + _commands(newest, name)
+
+
+def _commands(newest: dict[str, Fix], head: str) -> list[Message]:
+    """To everybody, for the next slots, from where each is, of the term that each grants and of a new one."""
+    return [
+        Command(
+            head=head,
+            uav=fix.uav,
+            instance=INSTANCE,
+            seq=seq,
+            sent_ns=time.time_ns() + (slots - 1) * 500_000_000,
+            slot=fix.slot + slots,
+            term=term,
+            start_x_m=fix.waypoint_x_m,
+            start_y_m=fix.waypoint_y_m,
+            target_x_m=fix.waypoint_x_m + 1.0,
+            target_y_m=fix.waypoint_y_m,
+        )
+        for fix in newest.values()
+        for seq, (slots, term) in enumerate((s, t) for s in (1, 2, 3) for t in (fix.term, TERM))
+    ]
+
+
+if __name__ == "__main__":
+    sys.exit(main())

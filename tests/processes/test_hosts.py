@@ -1,0 +1,99 @@
+"""Several hosts: a network namespace each, with links that are really cut."""
+
+from __future__ import annotations
+
+import os
+import shutil
+import subprocess
+from collections.abc import Iterator
+
+import pytest
+
+from edc_swarm.errors import RecordingError
+from edc_swarm.recording import find_gaps, read_recording
+from tests.processes.conftest import Started
+
+HOME, NEAR, FAR = (f"edc{os.getpid()}-{name}" for name in ("home", "near", "far"))
+PORT = 7447
+SETTLED = 12
+"""So many slots after the cut, a lease and an election, the others have a head again, whoever was cut off."""
+
+
+def ip(*words: str) -> None:
+    """Run `ip`."""
+    subprocess.run(["ip", *words], check=True, capture_output=True)
+
+
+@pytest.fixture
+def hosts() -> Iterator[dict[str, str]]:
+    """Three hosts, two of them linked to the first; where each finds the router of the first."""
+    if os.geteuid() != 0 or shutil.which("ip") is None:
+        pytest.skip("network namespaces need root and the tool ip (package iproute2)")
+    try:
+        for name in (HOME, NEAR, FAR):
+            ip("netns", "add", name)
+            ip("-n", name, "link", "set", "lo", "up")
+        yield {name: link(name, f"10.77.{number}") for number, name in enumerate((NEAR, FAR))}
+    except subprocess.CalledProcessError as error:
+        pytest.skip(f"no network namespaces here: {error.stderr.decode().strip()}")
+    finally:
+        for name in (HOME, NEAR, FAR):
+            subprocess.run(["ip", "netns", "del", name], check=False, capture_output=True)
+
+
+def link(name: str, net: str) -> str:
+    """Lay a cable between a host and the first one; the router's address at its end."""
+    ip("-n", HOME, "link", "add", end_of(name), "type", "veth", "peer", "name", "eth0", "netns", name)
+    for host, device, address in ((HOME, end_of(name), f"{net}.1/24"), (name, "eth0", f"{net}.2/24")):
+        ip("-n", host, "addr", "add", address, "dev", device)
+        ip("-n", host, "link", "set", device, "up")
+    return f"tcp/{net}.1:{PORT}"
+
+
+def end_of(name: str) -> str:
+    """The first host's end of the cable to another."""
+    return f"to-{name.rpartition('-')[2]}"
+
+
+def on(name: str) -> tuple[str, ...]:
+    """The words that start a command on a host."""
+    return ("ip", "netns", "exec", name)
+
+
+def newest_slot(run: Started) -> int:
+    """The newest slot that the recorder has flushed."""
+    try:
+        recording = read_recording(run.path.with_name(run.path.name + ".part"), salvage=True)
+    except RecordingError:
+        return -1
+    return max((fix.slot for fix in recording.fixes), default=-1)
+
+
+def test_a_cut_link_between_hosts(hosts: dict[str, str], start):
+    """The far host's UAVs hold while it is cut off, the others fly on, and in the end all arrive."""
+    options = ("--uavs", "9", "--time-scale", "2", "--listen", f"tcp/0.0.0.0:{PORT}", "--remote", "6")
+    run = start("run", "--json", *options, prefix=on(HOME))
+    joined = [start("join", address, "--uavs", "3", prefix=on(name)) for name, address in hosts.items()]
+    run.await_file(lambda: newest_slot(run) >= 6)
+    cut = newest_slot(run)
+    ip("-n", HOME, "link", "set", end_of(FAR), "down")
+    run.await_file(lambda: newest_slot(run) >= cut + SETTLED + 6)
+    ip("-n", HOME, "link", "set", end_of(FAR), "up")
+    ended = run.end()
+    assert [command.end().status for command in joined] == [0, 0]
+
+    assert ended.json["arrived"] == 9, ended.stdout
+    broken = {verdict["guarantee"] for verdict in ended.json["guarantees"] if verdict["status"] == "broken"}
+    assert broken <= {"G5"}, ended.stdout
+    recording = ended.recording
+    hosts_of = dict(zip((entry.uav for entry in recording.mission.roster), recording.mission.claimants, strict=True))
+    slots = range(cut + SETTLED, cut + SETTLED + 6)
+    led = {report.slot: report for report in recording.reports if report.slot in slots and report.has_quorum}
+    assert led.keys() == set(slots)
+    (far,) = {hosts_of[uav] for report in led.values() for uav in report.unheard}
+    cut_off = {uav for uav, host in hosts_of.items() if host == far}
+    assert all(set(report.unheard) == cut_off for report in led.values())
+    held = [fix for fix in recording.fixes if fix.uav in cut_off and fix.slot in slots]
+    assert len(held) >= len(cut_off) == 3
+    assert not any(fix.executing for fix in held)
+    assert {gap.key.split("/")[1] for gap in find_gaps(recording)} <= cut_off

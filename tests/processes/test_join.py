@@ -1,0 +1,273 @@
+"""`edc-swarm join`: UAVs flown by others, and a mission in which everything is run by others."""
+
+from __future__ import annotations
+
+import os
+import signal
+import subprocess
+import sys
+from collections.abc import Callable, Iterator
+from pathlib import Path
+
+import pytest
+
+from edc_swarm.config import JOIN
+from edc_swarm.messages import PREFIX
+from edc_swarm.recording import find_gaps
+from processes.address import free_endpoint
+from processes.bus import open_client
+from tests.processes.conftest import Ended, Started, await_true
+
+SAFE = {"G1", "G2", "G3", "G4", "G7"}
+FAST = ("--json", "--time-scale", "4", "--uavs", "5", "--area", "3000")
+
+
+def broken(ended: Ended) -> set[str]:
+    """Guarantees that are broken."""
+    return {verdict["guarantee"] for verdict in ended.json["guarantees"] if verdict["status"] == "broken"}
+
+
+def ids_of(joined: Started, folder: Path, count: int = 1) -> set[str]:
+    """The ids that a joiner with a folder of state flies."""
+    joined.await_file(lambda: len(list(folder.glob("missions/*/*.promise"))) == count)
+    return {file.stem for file in folder.glob("missions/*/*.promise")}
+
+
+def await_gone(address: str, name: str) -> None:
+    """Wait until nobody of that name is on the bus."""
+    with open_client(address) as session:
+        tokens = f"{PREFIX}/*/alive/{name}/*"
+        await_true(lambda: not [reply for reply in session.liveliness().get(tokens) if reply.ok is not None])
+
+
+@pytest.fixture
+def hosted(start) -> Callable[..., tuple[Started, str]]:
+    """Start a run of five UAVs that leaves some to others: the command, and its router's address."""
+
+    def go(remote: int, *arguments: str) -> tuple[Started, str]:
+        address = free_endpoint()
+        return start("run", *FAST, "--listen", address, "--remote", str(remote), *arguments), address
+
+    return go
+
+
+def test_two_hosts_fly_one_mission(start, hosted):
+    """Each id by one claimant, each joiner ends with the mission."""
+    run, address = hosted(3)
+    joined = [start("join", address, "--uavs", number) for number in ("2", "1")]
+    ended = run.end()
+    assert ended.status == 0, ended.stderr
+    mission = ended.recording.mission
+    flown = {(fix.uav, fix.instance) for fix in ended.recording.fixes}
+    assert len(flown) == 5
+    assert mission.claimants[:2] == ("", "")
+    assert len(set(mission.claimants)) == 3
+    assert all(instance.endswith(mission.claimant_of(uav)) for uav, instance in flown)
+    assert [command.end().status for command in joined] == [0, 0]
+
+
+@pytest.mark.parametrize(("seed", "leads"), [("2", False), ("1", True)], ids=["weakest", "strongest"])
+def test_a_uav_alone_stays_small(start, hosted, seed: str, leads: bool):
+    """Neither it nor who started it imports numpy, unless it may lead from the start."""
+    run, address = hosted(1, "--seed", seed)
+    joined = start("join", address)
+    run.await_flight(4)
+    assert any("numpy" in Path(f"/proc/{pid}/maps").read_text() for pid in joined.pids()) == leads
+    for command in (run, joined):
+        command.process.send_signal(signal.SIGINT)
+        command.end()
+
+
+def test_faults_reach_the_uavs_of_other_hosts(start, hosted):
+    """Killed for good, killed and started again without memory, frozen and resumed."""
+    faults = ("kill u003 @8", "kill u004 @8 for 4", "freeze u005 @8 for 2s", "restart u004 lose-memory @20")
+    run, address = hosted(3, "--speed-max", "2", *(word for fault in faults for word in ("--fault", fault)))
+    joined = start("join", address, "--uavs", "3")
+    ended = run.end()
+    assert not broken(ended) & SAFE, ended.stdout
+    instances = {uav: {fix.instance for fix in ended.recording.fixes if fix.uav == uav} for uav in ("u003", "u004")}
+    assert [len(instances[uav]) for uav in ("u003", "u004")] == [1, 3]
+    assert "u003" in ended.json["not_living"]
+    assert any(not fix.voter for fix in ended.recording.fixes if fix.uav == "u004")
+    assert joined.end().status == 0
+
+
+def test_started_again_with_its_folder_it_is_the_same_uav(start, hosted, tmp_path: Path):
+    """Its promise is in there; a stranger gets nothing meanwhile."""
+    run, address = hosted(2)
+    others = start("join", address)
+    folder = tmp_path / "kept"
+    joined = start("join", address, "--state", str(folder))
+    run.await_flight(3)
+    uavs = ids_of(joined, folder)
+    joined.process.kill()
+    await_true(lambda: not joined.pids())
+    stranger = start("join", address).end()
+    assert stranger.status == 2
+    assert "--uavs = 1: must be at most 0" in stranger.stderr
+    again = start("join", address, "--state", str(folder))
+    ended = run.end()
+    assert not broken(ended) & SAFE, ended.stdout
+    assert ended.json["arrived"] == 5
+    (uav,) = uavs
+    assert len({fix.instance for fix in ended.recording.fixes if fix.uav == uav}) == 2
+    assert {fix.instance[-16:] for fix in ended.recording.fixes if fix.uav == uav} == {
+        ended.recording.mission.claimant_of(uav)
+    }
+    assert [command.end().status for command in (others, again)] == [0, 0]
+
+
+def test_ctrl_c_of_a_joiner_is_in_order(start, hosted):
+    """Its UAVs say their last words."""
+    run, address = hosted(2)
+    joined = start("join", address, "--uavs", "2")
+    run.await_flight(3)
+    joined.process.send_signal(signal.SIGINT)
+    left = joined.end()
+    assert left.status == 1
+    assert "interrupted" in left.stderr
+    assert "Traceback" not in left.stderr
+    run.process.send_signal(signal.SIGINT)
+    recording = run.end().recording
+    assert {event.source for event in recording.events if event.kind == "closed"} >= {"u004", "u005"}
+    assert not find_gaps(recording)
+
+
+def test_more_than_are_left_is_refused(start, hosted):
+    """One line, and the mission waits for a better offer."""
+    run, address = hosted(2)
+    greedy = start("join", address, "--uavs", "3").end()
+    assert greedy.status == 2
+    assert "--uavs = 3: must be at most 2" in greedy.stderr
+    run.process.send_signal(signal.SIGINT)
+    assert run.end().status == 1
+
+
+def test_who_was_away_flies_what_is_left(start, hosted, tmp_path: Path):
+    """Before the mission its id is issued to another; when it is back it asks again."""
+    run, address = hosted(2)
+    folder = tmp_path / "away"
+    away = start("join", address, "--state", str(folder))
+    (first,) = ids_of(away, folder)
+    pids = away.pids()
+    for pid in pids:
+        os.kill(pid, signal.SIGSTOP)
+    await_gone(address, JOIN)
+    other = start("join", address, "--uavs", "2", "--state", str(tmp_path / "other"))
+    assert ids_of(other, tmp_path / "other", 2) == {"u004", "u005"}
+    other.process.send_signal(signal.SIGINT)
+    other.end()
+    await_gone(address, JOIN)
+    third = start("join", address, "--state", str(tmp_path / "third"))
+    assert ids_of(third, tmp_path / "third") == {first}
+    for pid in pids:
+        os.kill(pid, signal.SIGCONT)
+    ended = run.end()
+    assert ended.status == 0, ended.stderr
+    claimants = {fix.uav: fix.instance[-16:] for fix in ended.recording.fixes}
+    assert claimants[first] == (tmp_path / "third" / "claimant").read_text()
+    assert (folder / "claimant").read_text() in claimants.values()
+    assert [command.end().status for command in (away, third)] == [0, 0]
+
+
+class Parts:
+    """Router, recorder and visualiser, each started by itself, as services would be."""
+
+    def __init__(self, start: Callable[..., Started], folder: Path) -> None:
+        self._start = start
+        self.folder = folder
+        self.address = free_endpoint()
+        self.parts = {name: self._run(name, self.address) for name in ("recorder", "viz")}
+        self.start_router()
+
+    def start_router(self) -> None:
+        """Start it, for one mission."""
+        self.parts["router"] = self._run("router", self.address, "mission")
+
+    def _run(self, module: str, *arguments: str) -> subprocess.Popen[bytes]:
+        command = [sys.executable, "-m", f"processes.{module}", *arguments]
+        return subprocess.Popen(command, stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL)
+
+    def operate(self, *arguments: str) -> Started:
+        """Start an operator."""
+        return self._start("run", *FAST, "--operate", self.address, *arguments)
+
+    def join(self, name: str) -> Started:
+        """Start a joiner with a folder of its own."""
+        return self._start("join", self.address, "--state", str(self.folder / name))
+
+    def await_end(self) -> None:
+        """Every part ends by itself."""
+        assert [part.wait(30) for part in self.parts.values()] == [0] * len(self.parts)
+
+    def kill(self) -> None:
+        """Leave nothing."""
+        for part in self.parts.values():
+            part.kill()
+            part.wait()
+
+
+@pytest.fixture
+def parts(start, tmp_path: Path) -> Iterator[Parts]:
+    """A bus with its parts."""
+    made = Parts(start, tmp_path)
+    yield made
+    made.kill()
+
+
+def test_everything_run_by_others(parts: Parts):
+    """The operator is the first to leave, and everything else ends by itself."""
+    joined = [parts.join(f"{number}") for number in range(5)]
+    operator = parts.operate()
+    operator.process.wait()
+    assert all(command.process.poll() is None for command in joined)
+    ended = operator.end()
+    assert ended.status == 0, ended.stderr
+    assert not find_gaps(ended.recording)
+    assert ended.recording.run_end is not None
+    assert [command.end().status for command in joined] == [0] * 5
+    parts.await_end()
+
+
+def test_an_operator_that_died_is_taken_over_from(parts: Parts):
+    """The mission goes on, is recorded in one file, and nobody new is let in."""
+    joined = [parts.join(f"{number}") for number in range(5)]
+    first = parts.operate()
+    part = first.path.with_name("run.mcap.part")
+    first.await_file(first._has_fixes)
+    first.process.kill()
+    second = parts.operate()
+    stranger = parts.join("stranger").end()
+    assert stranger.status == 2
+    ended = second.end()
+    assert "taking over mission" in ended.stderr
+    assert not part.exists()
+    assert not broken(ended) & SAFE, ended.stdout
+    assert ended.json["arrived"] == 5
+    assert len({fix.instance for fix in ended.recording.fixes}) == 5
+    assert [command.end().status for command in joined] == [0] * 5
+    parts.await_end()
+
+
+@pytest.mark.parametrize("lost", ["operator", "router"])
+def test_ids_are_known_again_after_a_restart(parts: Parts, tmp_path: Path, lost: str):
+    """Before the mission: from the tokens of whoever is there."""
+    operator = parts.operate()
+    early = [parts.join(name) for name in ("a", "b")]
+    before = [ids_of(command, tmp_path / name) for command, name in zip(early, ("a", "b"), strict=True)]
+    if lost == "operator":
+        operator.process.kill()
+        operator = parts.operate()
+    else:
+        parts.parts["router"].kill()
+        parts.parts["router"].wait()
+        parts.start_router()
+    late = [parts.join(name) for name in ("c", "d", "e")]
+    ended = operator.end()
+    assert ended.status == 0, ended.stderr
+    claimants = {fix.uav: fix.instance[-16:] for fix in ended.recording.fixes}
+    for name, uavs in zip(("a", "b"), before, strict=True):
+        assert {claimants[uav] for uav in uavs} == {(tmp_path / name / "claimant").read_text()}
+    assert len(set(claimants.values())) == 5
+    assert [command.end().status for command in early + late] == [0] * 5
+    await_true(lambda: all(part.poll() is not None for part in parts.parts.values()), 30)

@@ -1,0 +1,171 @@
+"""A secured bus: what rogue processes can and cannot do there, while a mission is flown on it."""
+
+from __future__ import annotations
+
+import json
+import os
+import shutil
+import subprocess
+import sys
+from collections.abc import Iterator
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import pytest
+import zenoh
+
+from edc_swarm.invariants import check
+from edc_swarm.messages import Command, Fix, MissionMessage, Truth
+from edc_swarm.recording import Recording, read_recording
+from processes.address import free_endpoint
+from processes.bus import open_client
+from processes.credentials import Credentials
+from tests.processes.conftest import start_command
+from tests.processes.rogue import INSTANCE, TERM
+
+ROGUE = "u002"
+POSE = """
+import pathlib, sys
+from processes.bus import open_router
+from processes.credentials import Credentials
+session = open_router(sys.argv[1], Credentials(pathlib.Path(sys.argv[2]), sys.argv[3]))
+print("ready", flush=True)
+sys.stdin.read()
+"""
+"""A router in somebody's name, until its standard input ends."""
+
+
+@dataclass
+class Flight:
+    """A secured mission of five, and what the rogues among it said that they did and heard."""
+
+    recording: Recording
+    strangers: dict[str, dict[str, Any]]
+    insider: dict[str, Any]
+
+    def of_rogue(self) -> list[Any]:
+        """Every recorded message of the insider."""
+        return [m for messages in self.recording.lists().values() for m in messages if m.instance == INSTANCE]
+
+
+@pytest.fixture(scope="module")
+def flight(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Flight]:
+    """One mission for all tests: four strangers and an insider go at it at the same time."""
+    folder = tmp_path_factory.mktemp("secured")
+    certs, endpoint = _certs(folder / "certs"), free_endpoint("tls")
+    flown = start_command(
+        *("run", "--json", "--secure", "--certs", str(certs), "--listen", endpoint),
+        *("--uavs", "5", "--seed", "3", "--time-scale", "1.5"),
+        path=folder / "run.mcap",
+    )
+    try:
+        flown.await_flight(5)
+        mission = read_recording(folder / "run.mcap.part", salvage=True).mission.name
+        strangers = {
+            "another authority": (endpoint, _certs(folder / "other")),
+            "its certificate, ours believed": (endpoint, _with_our_authority(folder, certs)),
+            "no certificate": (endpoint, _bare(folder, certs)),
+            "no encryption": (endpoint.replace("tls/", "tcp/"), certs),
+        }
+        started = {name: _rogue(*where, mission) for name, where in strangers.items()}
+        insider = json.loads(_rogue(endpoint, certs, mission).communicate()[0])
+        said = {name: json.loads(process.communicate()[0]) for name, process in started.items()}
+        yield Flight(flown.end().recording, said, insider)
+    finally:
+        for pid in flown.pids():
+            os.kill(pid, 9)
+
+
+def test_who_has_no_certificate_of_this_swarm_is_not_connected(flight: Flight):
+    """None at all, another authority's, one that only claims to be ours; and no plain TCP."""
+    assert {name: said["connected"] for name, said in flight.strangers.items()} == dict.fromkeys(
+        flight.strangers, False
+    )
+    assert flight.insider["connected"]
+
+
+def test_the_router_refuses_to_speak_for_others(flight: Flight):
+    """Under the keys of another UAV, of another head, of the operator, or of many at once."""
+    assert {_speaker(message) for message in flight.of_rogue()} == {ROGUE}
+    assert flight.recording.garbage == []
+    assert all(topic.startswith("/viz/") for topic in flight.recording.unknown)
+    assert [event.detail for event in flight.recording.events if event.kind == "end"] == ["completed"]
+
+
+def test_commands_without_a_quorum_are_not_flown_and_no_term_moves(flight: Flight):
+    """The rogue did say them, under its own id; the check of the record accuses it, and nobody else."""
+    recording = flight.recording
+    commands = [message for message in flight.of_rogue() if isinstance(message, Command)]
+    assert {command.term for command in commands} > {TERM}
+    assert {command.uav for command in commands} == {entry.uav for entry in recording.mission.roster}
+    assert max(fix.term for fix in recording.fixes) < TERM
+    assert ROGUE not in {fix.head for fix in recording.fixes}
+    broken = [result.guarantee for result in check(recording) if not result.held]
+    assert broken == ["G1"]
+    assert _arrived(recording)
+    assert any(event.kind == "malformed" and "without a quorum" in event.detail for event in recording.events)
+
+
+def test_subscribing_to_what_is_for_others_hears_nothing(flight: Flight):
+    """Whatever it asks for, it hears all fixes and its answer, the mission: no command to others, no truth."""
+    heard = flight.insider["heard"]
+    assert heard.pop("uav/fix") > 5
+    assert heard.pop(f"reply swarm/{flight.recording.mission.name}/mission") == 1
+    assert heard == {}
+
+
+def _arrived(recording: Recording) -> bool:
+    last: dict[str, Fix] = {fix.uav: fix for fix in recording.fixes}
+    return all(fix.arrived for fix in last.values())
+
+
+def _speaker(message: Any) -> str:
+    """Whose key a message was on."""
+    assert not isinstance(message, MissionMessage)
+    return str(message.uav if isinstance(message, Fix | Truth) else getattr(message, "head", "") or message.source)
+
+
+def _certs(folder: Path) -> Path:
+    """Certificates for five UAVs, by the command that makes them."""
+    command = [sys.executable, "-m", "processes.cli", "certs", "--uavs", "5", "--out", str(folder)]
+    subprocess.run(command, check=True, capture_output=True)
+    return folder
+
+
+def _with_our_authority(folder: Path, certs: Path) -> Path:
+    mixed = _certs(folder / "mixed")
+    shutil.copy(certs / "ca.pem", mixed / "ca.pem")
+    return mixed
+
+
+def _bare(folder: Path, certs: Path) -> Path:
+    (folder / "bare").mkdir()
+    shutil.copy(certs / "ca.pem", folder / "bare" / "ca.pem")
+    return folder / "bare"
+
+
+def _rogue(endpoint: str, folder: Path, mission: str) -> subprocess.Popen[str]:
+    command = [sys.executable, "-m", "tests.processes.rogue", endpoint, str(folder), ROGUE, mission]
+    return subprocess.Popen(command, stdout=subprocess.PIPE, text=True)
+
+
+def test_no_uav_can_pose_as_the_router(tmp_path: Path):
+    """Its certificate is for connecting, and for no host: whoever it invites does not come."""
+    certs = _certs(tmp_path / "certs")
+    for name, comes in (("u001", False), ("router", True)):
+        endpoint = free_endpoint("tls")
+        command = [sys.executable, "-c", POSE, endpoint, str(certs), name]
+        with subprocess.Popen(command, stdin=subprocess.PIPE, stdout=subprocess.PIPE, text=True) as router:
+            assert router.stdout is not None
+            router.stdout.readline()
+            assert _comes(endpoint, Credentials(certs, "u002")) is comes
+            router.communicate("")
+
+
+def _comes(endpoint: str, credentials: Credentials) -> bool:
+    try:
+        open_client(endpoint, credentials, timeout_ms=1500).close()
+    except zenoh.ZError:
+        return False
+    return True

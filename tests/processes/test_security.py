@@ -1,0 +1,128 @@
+"""Certificates and the router's rules, without a bus: who is who, and who may what."""
+
+from __future__ import annotations
+
+import stat
+import subprocess
+import sys
+from datetime import UTC, datetime, timedelta
+from pathlib import Path
+
+import pytest
+from cryptography import x509
+
+from edc_swarm.config import ROLES
+from edc_swarm.errors import InputError
+from processes.access import access_control
+from processes.address import check_endpoint, parse_endpoint
+from processes.certificates import write_certificates
+from processes.security import secure
+
+UAVS = ["u001", "u002"]
+
+
+def certificate(folder: Path, name: str) -> x509.Certificate:
+    """A certificate that was written."""
+    return x509.load_pem_x509_certificate((folder / f"{name}.pem").read_bytes())
+
+
+def test_everybody_gets_a_certificate_in_its_own_name(tmp_path: Path):
+    """Signed by the one authority, for a month, for its use; keys are for their owner's eyes."""
+    folder = tmp_path / "certs"
+    write_certificates(folder, UAVS, hosts=["swarm.example", "10.0.0.7"])
+    authority = certificate(folder, "ca")
+    assert stat.S_IMODE(folder.stat().st_mode) == 0o700
+    assert not (folder / "ca.key").exists()
+    for name in (*ROLES, *UAVS):
+        made = certificate(folder, name)
+        made.verify_directly_issued_by(authority)
+        assert made.subject.rfc4514_string() == f"CN={name}"
+        assert timedelta(days=30) <= made.not_valid_after_utc - made.not_valid_before_utc < timedelta(days=31)
+        assert made.not_valid_before_utc < datetime.now(UTC)
+        assert stat.S_IMODE((folder / f"{name}.key").stat().st_mode) == 0o600
+        uses = made.extensions.get_extension_for_class(x509.ExtendedKeyUsage).value
+        assert (x509.oid.ExtendedKeyUsageOID.SERVER_AUTH in uses) is (name == "router")
+    names = certificate(folder, "router").extensions.get_extension_for_class(x509.SubjectAlternativeName).value
+    assert names.get_values_for_type(x509.DNSName) == ["localhost", "swarm.example"]
+    assert [str(ip) for ip in names.get_values_for_type(x509.IPAddress)] == ["127.0.0.1", "::1", "10.0.0.7"]
+
+
+def test_certificates_are_replaced_only_by_force(tmp_path: Path):
+    """A folder with anything in it is left alone."""
+    write_certificates(tmp_path / "certs", UAVS)
+    before = (tmp_path / "certs" / "u001.key").read_bytes()
+    with pytest.raises(InputError, match="a new or empty folder"):
+        write_certificates(tmp_path / "certs", UAVS)
+    assert (tmp_path / "certs" / "u001.key").read_bytes() == before
+    write_certificates(tmp_path / "certs", UAVS, force=True)
+    assert (tmp_path / "certs" / "u001.key").read_bytes() != before
+
+
+def test_a_given_folder_must_have_everybody(tmp_path: Path):
+    """Who is missing is named before anything is started."""
+    write_certificates(tmp_path / "certs", UAVS)
+    with pytest.raises(InputError, match=r"--certs = .*u003\.pem is missing"):
+        secure(tmp_path / "certs", tmp_path, "m", [*UAVS, "u003"], [])
+
+
+@pytest.mark.parametrize(
+    ("arguments", "field"),
+    [
+        (["certs", "--uavs", "0"], "--uavs"),
+        (["certs", "--uavs", "2001"], "--uavs"),
+        (["certs", "--days", "0"], "--days"),
+        (["certs", "--host", "a b"], "--host"),
+        (["certs", "--out", "/proc/certs"], "--out"),
+        (["certs", "nowhere.toml"], "mission file"),
+        (["run", "--certs", "somewhere"], "--certs"),
+        (["run", "--secure", "--certs", "nowhere"], "--certs"),
+        (["run", "--secure", "--listen", "udp/localhost:1"], "--listen"),
+        (["run", "--listen", "tls/localhost:7447"], "--listen"),
+        (["run", "--secure", "--remote", "2"], "--remote"),
+        (["run", "--secure", "--operate", "tcp/localhost:1"], "--operate"),
+        (["run", "--secure", "--fault", "link u001>u002 range 30 @5"], "--secure"),
+        (["join", "tls/localhost:7447"], "address"),
+    ],
+)
+def test_bad_input_is_one_line(arguments: list[str], field: str, tmp_path: Path):
+    """With the field, the value and what is allowed; status 2."""
+    command = [sys.executable, "-m", "processes.cli", *arguments]
+    said = subprocess.run(command, capture_output=True, text=True, cwd=tmp_path, check=False)
+    assert said.returncode == 2
+    assert said.stderr.startswith(f"error: {field} = ")
+    assert said.stderr.count("\n") == 1
+
+
+def test_rules_let_a_uav_say_only_what_is_its_own():
+    """No rule for one UAV names another, none lets any of them hear the truth or all commands."""
+    rules = {rule["id"]: rule for rule in access_control("m", UAVS)["rules"]}
+    own = [rule for name, rule in rules.items() if name.startswith("u001 ")]
+    assert {key for rule in own for key in rule["key_exprs"] if "u002" in key} == set()
+    assert rules["u001 says"]["key_exprs"] == [
+        "swarm/m/uav/u001/fix",
+        "swarm/m/uav/u001/truth",
+        "swarm/m/head/u001/command/*",
+        "swarm/m/head/u001/report",
+        "swarm/m/event/u001",
+    ]
+    heard = [key for name in ("uavs hears", "u001 hears") for key in rules[name]["key_exprs"]]
+    assert heard[-1] == "swarm/m/head/*/command/u001"
+    assert not [key for key in heard if "truth" in key or "**" in key]
+
+
+def test_whoever_is_not_in_the_roster_may_nothing():
+    """All is denied but what a rule allows, and every rule is somebody's."""
+    access = access_control("m", UAVS)
+    assert (access["enabled"], access["default_permission"]) == (True, "deny")
+    named = {name for subject in access["subjects"] for name in subject["cert_common_names"]}
+    assert named == {*UAVS, *ROLES} - {"router"}
+    used = {rule for policy in access["policies"] for rule in policy["rules"]}
+    assert used == {rule["id"] for rule in access["rules"]}
+    assert {rule["permission"] for rule in access["rules"]} == {"allow"}
+
+
+def test_addresses_of_a_secured_bus():
+    """The same, with another protocol."""
+    assert parse_endpoint("--listen", "tls/[::1]:7447", "tls") == ("::1", 7447)
+    with pytest.raises(InputError, match="tls/HOST:PORT"):
+        check_endpoint("tcp/localhost:7447", "tls")

@@ -1,0 +1,137 @@
+"""Property: nothing that decodes makes a UAV raise, whatever state it is in, nor move a term without a quorum."""
+
+from __future__ import annotations
+
+import math
+from typing import Any
+
+import msgspec
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from edc_swarm.admission import Admission
+from edc_swarm.config import RosterEntry
+from edc_swarm.errors import MessageError
+from edc_swarm.messages import Command, Event, Fix, Keys, Message, MissionMessage, Report, Truth, decode, encode
+from edc_swarm.node import PeerGone, PlannerReady, Publish, Received, Tick, UavNode
+from edc_swarm.planner import make_planner
+from edc_swarm.vehicle import first_airframe, first_promise
+from tests.property.test_node_properties import North
+
+SLOT_NS = 500_000_000
+EPOCH_NS = 1_000 * SLOT_NS
+IDS = ("a", "b", "c")
+ROSTER = [
+    RosterEntry(
+        uav=uav, start_x_m=40.0 * k, start_y_m=0, target_x_m=40.0 * k, target_y_m=90, r_m=5, body_m=1, energy_j=2e6
+    )
+    for k, uav in enumerate(IDS)
+]
+MISSION = MissionMessage(name="m", uavs=3, roster=ROSTER, epoch_ns=EPOCH_NS, tau_s=0.2, max_slots=100)
+KEYS = Keys("m")
+EDC = make_planner("edc", MISSION)
+
+numbers = st.sampled_from(
+    [0, 1, 2, -1, 5, 40, 0.5, -0.0, 1e7, -1e7, 1e12, 5e-324, (1 << 40) - 1, 1 << 40, (1 << 53) - 1, 1 << 63, 1e308]
+)
+texts = st.sampled_from(
+    [*IDS, "", "zz", "*", "a/b", "planned", "claim", "failed", "operator", "fault", "kill a @1", "m", "x" * 70]
+)
+plain = st.recursive(
+    st.one_of(numbers, texts, st.booleans(), st.none(), st.lists(texts, max_size=4), st.lists(numbers, max_size=4)),
+    lambda inner: st.one_of(st.lists(inner, max_size=2), st.dictionaries(texts, inner, max_size=2)),
+    max_leaves=4,
+)
+slots = st.integers(-1, 12)
+
+
+def _sane(slot: int, term: int, uav: str) -> list[Message]:
+    """A message of every kind, all well formed."""
+    stamp: dict[str, Any] = {"slot": slot, "sent_ns": EPOCH_NS + max(slot, 0) * SLOT_NS + 1}
+    place = dict.fromkeys(("x_m", "y_m", "waypoint_x_m", "waypoint_y_m"), 1.0)
+    ends = dict.fromkeys(("from_x_m", "from_y_m", "to_x_m", "to_y_m"), 1.0)
+    step = {"start_x_m": 0.0, "start_y_m": 0.0, "target_x_m": 0.0, "target_y_m": 1.0}
+    return [
+        Fix(uav=uav, term=term, head="b", r_m=5.0, **stamp, **place),
+        Truth(uav=uav, **stamp, **ends),
+        Command(head=uav, uav="a", term=term, **stamp, **step),
+        Report(head=uav, term=term, status="planned", grants=list(IDS), quorum=2, **stamp),
+        Event(source=uav, kind="fault", **stamp),
+        MISSION,
+    ]
+
+
+@st.composite
+def hostile(draw: st.DrawFn) -> Message | None:
+    """A message with some of its fields replaced by anything, if it still decodes."""
+    message = draw(st.sampled_from(_sane(draw(slots), draw(st.integers(0, 5)), draw(st.sampled_from(IDS)))))
+    raw = msgspec.to_builtins(message)
+    names = [name for name in raw if name not in {"uav", "head", "source"} or draw(st.booleans())]
+    changed = {name: draw(plain) for name in draw(st.lists(st.sampled_from(names), max_size=3))}
+    try:
+        return decode(KEYS.of(message), msgspec.json.encode({**raw, **changed}))
+    except MessageError:
+        return None
+
+
+said = st.one_of(hostile().filter(lambda message: message is not None).map(Received), st.builds(PeerGone, texts))
+story = st.lists(st.tuples(st.one_of(st.just(Tick()), said), st.floats(-1, 12)), min_size=4, max_size=30)
+
+
+@settings(max_examples=100, deadline=None)
+@given(story, st.sampled_from(IDS), st.booleans())
+def test_nothing_that_decodes_makes_a_step_raise(story: list[tuple[Any, float]], uav: str, leads: bool) -> None:
+    """Judged or not; and what the UAV says about it is well formed itself."""
+    entry = ROSTER[IDS.index(uav)]
+    node = UavNode(MISSION, uav, "i", first_promise(entry), first_airframe(entry))
+    node.step(PlannerReady(EDC if leads else North()), EPOCH_NS - 1)
+    for event, slot in sorted(story, key=lambda each: each[1]):
+        now_ns = EPOCH_NS + round(slot * SLOT_NS)
+        effects = node.step(Tick(), now_ns)
+        followers = _followers(node, math.floor(slot)) if leads else []
+        for each in [*followers, event, Tick()]:
+            effects += node.step(each, now_ns)
+        for effect in effects:
+            if isinstance(effect, Publish):
+                key = KEYS.of(effect.message)
+                assert decode(key, encode(effect.message)) == effect.message
+
+
+def _followers(node: UavNode, slot: int) -> list[Received]:
+    """Fixes by which all others grant what the UAV grants, so that it leads when it grants itself."""
+    term, head = node.grant
+    fixes = [
+        Fix(
+            uav=entry.uav, term=term, head=head, slot=slot, sent_ns=EPOCH_NS + slot * SLOT_NS, r_m=5.0, x_m=0.0,
+            y_m=0.0, waypoint_x_m=entry.start_x_m, waypoint_y_m=entry.start_y_m, suspects=True,
+        )
+        for entry in ROSTER
+        if entry.uav != node.uav and slot >= 0
+    ]  # fmt: skip
+    return [Received(fix) for fix in fixes]
+
+
+@settings(max_examples=200, deadline=None)
+@given(st.lists(hostile().filter(lambda message: message is not None), max_size=6))
+def test_no_term_moves_on_anything_short_of_a_quorum(messages: list[Message]) -> None:
+    """One liar under its own id, whatever it says in reports and commands, cannot make a UAV follow it."""
+    entry = ROSTER[0]
+    node = UavNode(MISSION, "a", "i", first_promise(entry), first_airframe(entry))
+    node.step(Tick(), EPOCH_NS)
+    for message in messages:
+        if isinstance(message, Report | Command) and not (isinstance(message, Report) and _is_backed(message)):
+            node.step(Received(message), EPOCH_NS + 1)
+            assert node.grant == (0, "")
+
+
+def _is_backed(report: Report) -> bool:
+    return len(set(report.grants) & set(IDS)) >= MISSION.quorum
+
+
+@settings(max_examples=200, deadline=None)
+@given(hostile().filter(lambda message: message is not None))
+def test_what_is_admitted_is_about_the_mission(message: Message) -> None:
+    """The judge never raises, and lets in nobody that is not in the roster."""
+    if Admission(MISSION).refusal(message) is None and not isinstance(message, Event | MissionMessage):
+        assert {getattr(message, name) for name in ("uav", "head") if hasattr(message, name)} <= {*IDS, ""}
+        assert message.slot <= MISSION.max_slots + 1000

@@ -1,0 +1,79 @@
+"""Which messages can be true: one test line per reason to refuse one."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import msgspec
+import pytest
+
+from edc_swarm.admission import Admission
+from edc_swarm.errors import MessageError
+from edc_swarm.messages import Command, Event, Fix, Message, Report, Truth
+from tests.unit.synthetic import EPOCH_NS, SLOT_NS, flight, mission_of, parallel
+
+MISSION = mission_of(parallel(5), max_slots=50, sent_ns=EPOCH_NS - 1)
+UAVS = [entry.uav for entry in MISSION.roster]
+NOW: dict[str, Any] = {"slot": 4, "sent_ns": EPOCH_NS + 4 * SLOT_NS}
+FIX = Fix(uav="u1", term=1, head="u0", x_m=12, y_m=0, r_m=5, waypoint_x_m=12, waypoint_y_m=0, **NOW)
+TRUTH = Truth(uav="u1", from_x_m=0, from_y_m=0, to_x_m=0, to_y_m=0, **NOW)
+COMMAND = Command(
+    head="u0", uav="u1", term=1, start_x_m=0, start_y_m=0, target_x_m=0, target_y_m=0, slot=5, sent_ns=NOW["sent_ns"]
+)
+REPORT = Report(head="u0", term=1, status="planned", grants=UAVS[:3], heard=UAVS[:3], quorum=3, **NOW)
+EVENT = Event(source="operator", kind="fault", detail="kill u1 @5", sent_ns=EPOCH_NS)
+
+
+def test_a_whole_mission_is_admitted():
+    """Nothing that a faultless swarm says is refused."""
+    admission = Admission(mission_of(parallel()))
+    assert [admission.refusal(message) for message in flight(parallel())] == [None] * len(flight(parallel()))
+
+
+@pytest.mark.parametrize(
+    ("message", "changes", "reason"),
+    [
+        (FIX, {"uav": "zz"}, "no UAV zz in the roster"),
+        (FIX, {"head": "zz"}, "no UAV zz in the roster"),
+        (FIX, {"slot": 1051}, "slot 1051 is after the end"),
+        (FIX, {"sent_ns": NOW["sent_ns"] - 1}, "sent before slot 4 began"),
+        (FIX, {"term": 1 << 39}, "there is no term 549755813888"),
+        (FIX, {"waypoint_y_m": 13.0}, "13 m from the start in slot 4"),
+        (TRUTH, {"uav": "zz"}, "no UAV zz"),
+        (COMMAND, {"head": "zz"}, "no UAV zz"),
+        (COMMAND, {"uav": "zz"}, "no UAV zz"),
+        (COMMAND, {"sent_ns": NOW["sent_ns"] - 1}, "sent before slot 4 began"),
+        (COMMAND, {"term": 1 << 39}, "there is no term"),
+        (REPORT, {"head": "zz"}, "no UAV zz"),
+        (REPORT, {"grants": [*UAVS[:2], "zz"]}, "no UAV zz"),
+        (REPORT, {"grants": ["u0", "u1", "u1"]}, "a UAV is named twice"),
+        (REPORT, {"grants": UAVS[:2]}, "without a quorum"),
+        (REPORT, {"grants": UAVS[:2], "quorum": 2}, "without a quorum"),
+        (REPORT, {"grants": UAVS[:1], "quorum": 1, "status": "claim"}, "without a quorum"),
+        (REPORT, {"quorum": 2}, "without a quorum"),
+        (REPORT, {"grants": UAVS[1:4]}, "without a quorum"),
+        (REPORT, {"successor": "zz", "next_term": 2}, "no UAV zz"),
+        (REPORT, {"next_term": 1 << 39}, "there is no term"),
+        (REPORT, {"standby": ["zz"]}, "no UAV zz"),
+        (REPORT, {"unheard": ["zz"]}, "no UAV zz"),
+        (REPORT, {"hull_uav": ["u4"], "hull_ax_m": [1.0]}, "lists of hulls differ in length"),
+        (EVENT, {"source": "zz"}, "no UAV zz"),
+        (EVENT, {"sent_ns": EPOCH_NS - 2}, "sent before the mission"),
+        (EVENT, {"detail": "kill zz @5"}, "about a UAV of the roster"),
+        (EVENT, {"detail": "nonsense"}, "a fault such as"),
+    ],
+)
+def test_what_cannot_be_true_is_refused(message: Message, changes: dict[str, Any], reason: str):
+    """As it is it is admitted; with one thing wrong it is not, and the reason says which."""
+    admission = Admission(MISSION)
+    assert admission.refusal(message) is None
+    wrong = msgspec.structs.replace(message, **changes)
+    assert reason in str(admission.refusal(wrong))
+    with pytest.raises(MessageError, match=r"^key: "):
+        admission.check("key", wrong)
+
+
+def test_a_report_without_a_plan_needs_no_quorum():
+    """It claims nothing."""
+    powerless = msgspec.structs.replace(REPORT, status="no-quorum", grants=[])
+    assert Admission(MISSION).refusal(powerless) is None

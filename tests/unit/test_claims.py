@@ -1,0 +1,98 @@
+"""The book of ids: each is issued to one claimant."""
+
+from __future__ import annotations
+
+import pytest
+
+from edc_swarm.claims import Claim, Claims, claimant_of, instance_name
+
+ANNE, BERT, CARL = (letter * 16 for letter in "abc")
+
+
+@pytest.fixture
+def book() -> Claims:
+    """Three ids, and two claimants that are there."""
+    book = Claims(["u1", "u2", "u3"])
+    for claimant in (ANNE, BERT):
+        book.see_claimant(claimant, True)
+    return book
+
+
+def claim(claimant: str, uavs: int = 1) -> Claim:
+    """A claim."""
+    return Claim(claimant=claimant, uavs=uavs)
+
+
+def test_ids_are_issued_in_order_all_or_none(book: Claims):
+    """Who asks for more than there are gets nothing."""
+    assert book.issue(claim(ANNE, 2)) == ["u1", "u2"]
+    assert book.issue(claim(BERT, 2)) == []
+    assert book.issue(claim(BERT)) == ["u3"]
+    assert book.free() == []
+
+
+def test_a_repeated_claim_has_the_same_answer(book: Claims):
+    """The answer may have been lost, or the claimant started again, also when the mission has begun."""
+    assert book.issue(claim(ANNE)) == book.issue(claim(ANNE)) == ["u1"]
+    book.see_claimant(ANNE, False)
+    book.begin()
+    assert book.issue(claim(ANNE)) == ["u1"]
+
+
+def test_before_the_mission_a_claimant_that_has_gone_leaves_its_ids(book: Claims):
+    """It has promised nothing yet."""
+    book.issue(claim(ANNE, 3))
+    assert book.issue(claim(BERT)) == []
+    book.see_claimant(ANNE, False)
+    assert book.issue(claim(BERT, 2)) == ["u1", "u2"]
+    assert book.issue(claim(ANNE)) == ["u3"]
+
+
+def test_ids_of_claimants_that_have_gone_are_issued_last(book: Claims):
+    """All seem to have gone while the router is started again."""
+    book.issue(claim(ANNE))
+    book.see_claimant(ANNE, False)
+    assert book.issue(claim(BERT)) == ["u2"]
+    assert book.issue(claim(ANNE)) == ["u1"]
+
+
+def test_a_claim_that_overtakes_the_token_counts():
+    """Two claimants that nobody has announced yet get an id each."""
+    again = Claims(["u1", "u2"])
+    assert again.issue(claim(ANNE)) == ["u1"]
+    assert again.issue(claim(BERT)) == ["u2"]
+
+
+def test_once_begun_nothing_is_issued_to_anybody_else(book: Claims):
+    """Its promises are in the folder of the claimant that has gone."""
+    book.issue(claim(ANNE, 2))
+    book.begin()
+    book.see_claimant(ANNE, False)
+    assert book.issue(claim(BERT)) == []
+    assert book.claimants(["u0", "u1", "u2", "u3"]) == ("", ANNE, ANNE, "")
+
+
+def test_the_book_is_written_again_from_tokens():
+    """In whatever order they come, and the first holder stays."""
+    again = Claims(["u1", "u2", "u3"])
+    again.see_uav("u2", instance_name("12-00ff00ff", BERT))
+    again.see_claimant(BERT, True)
+    again.see_uav("u2", instance_name("13-00ff00ff", ANNE))
+    again.see_uav("u9", instance_name("14-00ff00ff", ANNE))
+    again.see_uav("u1", "15-00ff00ff")
+    assert again.held_by(BERT) == ["u2"]
+    again.see_claimant(CARL, True)
+    assert again.issue(claim(CARL, 2)) == ["u1", "u3"]
+
+
+def test_the_mission_message_says_who_holds_what(book: Claims):
+    """An operator that takes over has the whole book at once."""
+    book.resume({"u1": ANNE, "u2": BERT, "u3": ""})
+    assert book.issue(claim(BERT)) == ["u2"]
+    assert book.issue(claim(CARL)) == []
+
+
+def test_names_of_instances():
+    """The claimant is the end of the name, if there is one."""
+    assert claimant_of(instance_name("12-00ff00ff", ANNE)) == ANNE
+    assert claimant_of(instance_name("12-00ff00ff", "")) == ""

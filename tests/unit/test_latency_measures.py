@@ -1,0 +1,141 @@
+"""What is measured of a run, on a mission whose every time is known, and what is made of many runs."""
+
+from __future__ import annotations
+
+import msgspec
+import pytest
+
+from edc_swarm.config import Link, Mission
+from edc_swarm.latency.declared import sweep_of
+from edc_swarm.latency.findings import findings, is_safe
+from edc_swarm.latency.measures import Sample, sample_of
+from edc_swarm.latency.table import CellRow, flat, row_of
+from edc_swarm.links import DELAY_ERROR, DelayError
+from edc_swarm.messages import Event, Report
+from processes.trials import simulate
+from tests.unit.synthetic import change, flight, parallel, recorded
+
+SWEEP = sweep_of({"delays_ms": [0, 300], "jitters_ms": [0], "losses": [0], "uavs": [3], "repeats": 2})
+FLOWN, HELD = SWEEP.cells
+
+
+def sample(**fields: object) -> Sample:
+    """A run of the mission in which nothing fails."""
+    return msgspec.structs.replace(sample_of(recorded(flight(parallel()))), **fields)
+
+
+def rows(*samples: Sample, at_300_ms: Sample | None = None) -> list[CellRow]:
+    """The rows of both cells."""
+    held = at_300_ms or sample(completed=False, others_flew=0)
+    return [row_of(SWEEP, "sim", FLOWN, samples), row_of(SWEEP, "sim", HELD, [held])]
+
+
+def test_ages_of_a_faultless_mission() -> None:
+    """Fixes leave 2 ms into a slot and commands 12 ms, so that is what their ages lack to a slot."""
+    found = sample()
+    assert found.fix_age_ms == pytest.approx(498.0)
+    assert found.command_age_ms == pytest.approx(488.0)
+    assert found.fix_to_command_ms == pytest.approx(10.0)
+    assert (found.held_pct, found.completed, found.broken, found.others_flew) == (0.0, True, [], 2 * 8)
+
+
+def test_a_fix_that_no_plan_counts_ages() -> None:
+    """One UAV unheard in one of eight slots: its fix is a slot older there."""
+    messages = flight(parallel())
+    assert change(messages, {"slot": 3}, Report, heard=["u0", "u2"]) == 1
+    assert sample_of(recorded(messages)).fix_age_ms == pytest.approx(498.0 + 500.0 / (8 * 3))
+
+
+def test_a_swarm_that_only_holds() -> None:
+    """Nobody but the head flies; the share held is that of the others, and commands grow old."""
+    recording, _ = simulate(Mission(uavs=3, max_slots=40, link=[Link(delay_ms=300)]))
+    found = sample_of(recording)
+    assert (found.others_flew, found.completed, found.extra_distance_pct) == (0, False, None)
+    assert found.held_pct is not None
+    assert found.held_pct > 60.0
+    assert found.command_age_ms is not None
+    assert found.command_age_ms > 2000.0
+
+
+def test_a_swarm_without_a_head() -> None:
+    """Where nobody hears anybody everything is held, and there is nothing else to measure."""
+    recording, _ = simulate(Mission(uavs=3, max_slots=30, link=[Link(loss=1.0)]))
+    found = sample_of(recording)
+    assert (found.held_pct, found.terms, found.fix_to_command_ms) == (100.0, 0, None)
+
+
+def test_delay_error_is_over_all_uavs() -> None:
+    """The median of medians, the worst of the rest."""
+    told = [DelayError(10, 0.1, 0.5, 0.9), DelayError(30, 0.3, 0.4, 2.0), DelayError(20, 0.2, 0.7, 1.0)]
+    events = [
+        Event(source=f"u{k}", instance=f"i{k}", kind=DELAY_ERROR, detail=msgspec.json.encode(one).decode())
+        for k, one in enumerate(told)
+    ]
+    messages = flight(parallel())
+    assert sample_of(recorded([*messages, *events])).delay_error == DelayError(60, 0.2, 0.7, 2.0)
+    assert sample_of(recorded(messages)).delay_error is None
+
+
+def test_overloaded_runs_are_told_apart() -> None:
+    """Their times are left out, their safety is not."""
+    good, slow = sample(), sample(ticks_late_pct=3.0, fix_age_ms=9e9, potential_collisions=1, min_disc_gap_m=-1.0)
+    (row, _) = rows(good, slow)
+    assert (row.runs, row.invalid_runs, row.potential_collisions, row.min_disc_gap_m) == (2, 1, 1, -1.0)
+    assert row.quantities["fix_age_ms"].mean == good.fix_age_ms
+    assert any("1 runs are invalid" in found.text for found in findings([row]))
+
+
+def test_a_cell_of_invalid_runs_alone() -> None:
+    """It has a row, and no numbers."""
+    (row, _) = rows(sample(ticks_late_pct=3.0))
+    assert (row.quantities, row.completed_pct) == ({}, None)
+    assert flat(row)["makespan_s"] is None
+
+
+def test_findings_of_a_sweep_as_promised() -> None:
+    """Nothing overlaps, all is completed, and holding begins where two delays fill a slot."""
+    found = findings(rows(sample(), sample()))
+    assert [one.kept for one in found] == [True, True, True]
+    assert "first with which the swarm only holds is 300 ms (expected 300 ms)" in found[1].text
+
+
+@pytest.mark.parametrize(
+    ("broken", "which"),
+    [
+        ({"potential_collisions": 1}, 0),
+        ({"true_collisions": 1}, 0),
+        ({"broken": ["G1"]}, 0),
+        ({"others_flew": 0}, 1),
+        ({"completed": False}, 2),
+    ],
+)
+def test_findings_of_a_broken_promise(broken: dict[str, object], which: int) -> None:
+    """Each kind of failure in one of two runs is told by the sentence about it."""
+    made = rows(sample(**broken), sample(**broken) if which == 1 else sample())
+    assert [one.kept for one in findings(made)] == [index != which for index in range(3)]
+    assert is_safe(made) is (which != 0)
+
+
+def test_a_swarm_that_flies_where_it_should_hold() -> None:
+    """Is told too."""
+    assert findings(rows(sample(), at_300_ms=sample()))[1].kept is False
+
+
+def test_a_line_of_the_table_has_every_number() -> None:
+    """Cell, counts, and every quantity with its interval."""
+    (row, _) = rows(sample(makespan_s=4.0), sample(makespan_s=6.0))
+    line = flat(row)
+    assert (line["uavs"], line["delay_ms"], line["runs"], line["makespan_s"]) == (3, 0.0, 2, 5.0)
+    assert line["makespan_s_low"] < 4.0
+    assert line["makespan_s_high"] > 6.0
+    assert line["mean_min_disc_gap_m"] == pytest.approx(line["min_disc_gap_m"])
+
+
+def test_a_cell_that_cannot_be_completed_breaks_no_promise() -> None:
+    """Too few commands in time for the longest way: told, but not promised otherwise."""
+    (row, _) = rows(sample(completed=False))
+    starved = msgspec.structs.replace(row, predicted_to_starve=True)
+    assert [found.kept for found in findings([row])][-1] is False
+    (*_, told) = findings([starved])
+    assert told.kept is None
+    assert "0 of 1 cells" in told.text
