@@ -52,11 +52,13 @@ class Case:
     runs: int = 30
     circle: bool = False
     target: str = ""
+    planner: str = "edc"
 
 
 CASES = {
     "open": Case(50, 40_000, target="3.5 % 1.12 p 4/12 ms"),
     "lossy": Case(50, 40_000, loss=0.2, target="5 % 1.28"),
+    "lossy-floor": Case(50, 40_000, loss=0.2, planner="straight", target="no avoidance: the least makespan"),
     "energy": Case(50, 40_000, minimise="energy", target="energy 12 %"),
     "time": Case(50, 40_000, minimise="time"),
     "dense": Case(50, 10_000, target="40 % 2.2 p 12/45 ms"),
@@ -101,7 +103,7 @@ def fly(name: str, seed: int) -> dict[str, Any]:
     case = CASES[name]
     mission, start_m, target_m = mission_of(case, seed)
     warm_up(mission)
-    planner = make_planner("edc", mission, time.thread_time_ns)
+    planner = make_planner(case.planner, mission, time.thread_time_ns)
     log = Log(mission, start_m, target_m)
     lost = np.random.default_rng([seed, 1])
     position_m, r_m = start_m, np.full(case.uavs, case.r_m)
