@@ -304,7 +304,7 @@ DEFECTS: list[tuple[Defect, int, int]] = [
     (memory_of_an_older_term_used, 0, 200),
     (never_heard_uav_left_out, 0, 200),
     (hull_reset_by_a_duplicate_fix, 0, 200),
-    (joint_row_only, 0, 60),
+    (joint_row_only, 0, 200),
     (negative_gap_taken, 0, 60),
 ]
 
