@@ -20,17 +20,17 @@ RUN pip install --quiet --no-deps --no-build-isolation . \
 
 FROM python:3.11-slim
 RUN useradd --uid 1000 --create-home edc \
-    && install -d -o edc -g edc /work /work/recordings /home/edc/state \
+    && install -d -o edc -g edc /swarm /swarm/recordings /home/edc/state \
     && install -d -m 1777 /var/cache/edc-swarm
 # For services that are started as root only to become whoever owns the recordings on the host.
-RUN printf '%s\n' '#!/bin/sh' 'owner=$(stat -c "--reuid=%u --regid=%g" /work/recordings)' \
+RUN printf '%s\n' '#!/bin/sh' 'owner=$(stat -c "--reuid=%u --regid=%g" /swarm/recordings)' \
         'exec setpriv $owner --clear-groups "$@"' > /usr/local/bin/as-owner \
     && chmod 755 /usr/local/bin/as-owner
 COPY --from=build /opt/edc-swarm /opt/edc-swarm
 ENV PATH=/opt/edc-swarm/bin:$PATH PYTHONUNBUFFERED=1 \
     NUMBA_CPU_NAME=generic NUMBA_CACHE_DIR=/var/cache/edc-swarm
 USER edc
-WORKDIR /work
+WORKDIR /swarm
 RUN python -c "from edc_swarm.config import Mission; from processes.planning import warm_planner; warm_planner(Mission())" \
     && chmod -R a+rwX /var/cache/edc-swarm/*
 ENTRYPOINT ["edc-swarm"]

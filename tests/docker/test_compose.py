@@ -129,7 +129,7 @@ def test_the_image(image: str):
         return said("docker", "run", "--rm", "--network", "none", "--entrypoint", "sh", *options, image, "-c", script)
 
     assert run("id -u").strip() == str(USER)
-    assert run("find /opt /home /root /tmp /var /work -name '*.whl' 2>/dev/null || true") == ""
+    assert run("find /opt /home /root /tmp /var /swarm -name '*.whl' 2>/dev/null || true") == ""
     hits = (
         "from edc_swarm.config import Mission; from processes.planning import warm_planner; warm_planner(Mission());"
         "from edc_swarm.planner import guidance_kernel as kernel;"
