@@ -22,6 +22,7 @@ Ints = NDArray[np.int64]
 
 ARRIVED_M = 1e-9
 ROUNDING_M = 1e-6
+"""A plan that keeps its distance to within this is no conflict: local search ends on the very edge."""
 OPEN, PRICED, CLOSED = 0, 1, 2
 ENTRY_BITS = 4
 """A vehicle has 2**ENTRY_BITS entries in each slot of the grid, of which it uses nine."""
@@ -36,7 +37,9 @@ SLACK = 1.0
 GAIN = 1e-3
 """Slots by which moving a way point must pay."""
 TIE = 1e-12
+"""What the order of additions may make of equal costs."""
 HALVINGS = 4
+"""Bisections when a way point is drawn towards the straight connection."""
 REPEATS = 4
 """Times that a way point is moved on in one direction."""
 
@@ -69,9 +72,8 @@ class World(NamedTuple):
     track (N, W+1, 2) predicted positions in metres, one a slot; start_m (N, 2); goal_m (N, 2);
     r_m (N,); luck (N,) lateness drawn for right of way; gamma (W+1,) discount of a conflict;
     head (W+1, cells) and link (W+1, 16 N) linked lists, for each slot and square cell, of the vehicles
-    whose step of that slot has its middle in this cell or in one of the eight around it (entry
-    16 l + i is vehicle l's i-th cell). A cell is as wide as the middles of two steps in conflict
-    can be apart.
+    whose step of that slot has its middle in this cell or in one of the eight around it (entry 16 l + i
+    is vehicle l's i-th cell). A cell is as wide as the middles of two steps in conflict can be apart.
 
     Loops unpack the arrays they use first: reading them from the tuple each time costs more than
     all the arithmetic.
