@@ -16,7 +16,7 @@ from typing import Annotated, Any, Literal, TypeVar, cast, get_args, get_origin,
 import msgspec
 from msgspec import Meta, Struct
 
-from edc_swarm.errors import MissionError
+from edc_swarm.errors import InputError, MissionError
 
 MAX_UAVS = 2000
 MAX_FAULTS = 1000
@@ -196,17 +196,27 @@ def load_mission(path: str | Path) -> Mission:
     MissionError
         The file is missing, too large, not TOML, or a field is not acceptable.
     """
+    return mission_from_dict(read_toml("mission file", path, MissionError))
+
+
+def read_toml(what: str, path: str | Path, refused: type[InputError] = InputError) -> dict[str, Any]:
+    """The content of a TOML file of moderate size, not checked yet; `what` names it to the user.
+
+    Raises
+    ------
+    InputError
+        As `refused`: the file cannot be read, is too large, or is not TOML.
+    """
     file = Path(path)
     try:
         size = file.stat().st_size
         if size > MAX_MISSION_BYTES:
-            raise MissionError("mission file", str(file), f"at most {MAX_MISSION_BYTES} bytes, not {size}")
-        raw = msgspec.toml.decode(file.read_bytes())
+            raise refused(what, str(file), f"at most {MAX_MISSION_BYTES} bytes, not {size}")
+        return cast("dict[str, Any]", msgspec.toml.decode(file.read_bytes()))
     except OSError as error:
-        raise MissionError("mission file", str(file), f"a readable file ({error.strerror})") from None
+        raise refused(what, str(file), f"a readable file ({error.strerror})") from None
     except (msgspec.DecodeError, UnicodeDecodeError) as error:
-        raise MissionError("mission file", str(file), f"valid TOML ({error})") from None
-    return mission_from_dict(cast("dict[str, Any]", raw))
+        raise refused(what, str(file), f"valid TOML ({error})") from None
 
 
 def mission_from_dict(raw: Mapping[str, Any]) -> Mission:

@@ -9,14 +9,12 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from itertools import product
-from pathlib import Path
-from typing import Annotated, Any, Literal, TypeVar, cast
+from typing import Annotated, Any, Literal, TypeVar
 
 import msgspec
 from msgspec import Meta, Struct
 
 from edc_swarm.config import (
-    MAX_MISSION_BYTES,
     MAX_UAVS,
     MOST_SLOTS,
     Link,
@@ -27,7 +25,7 @@ from edc_swarm.config import (
     refuse_unknown,
     with_options,
 )
-from edc_swarm.errors import InputError, MissionError
+from edc_swarm.errors import MissionError
 from edc_swarm.faults import parse_faults
 from edc_swarm.latency.arithmetic import only_holds
 from edc_swarm.planner import check_planner
@@ -107,25 +105,6 @@ class Cell:
     jitter_ms: float
     loss: float
     delay_ms: float
-
-
-def load_sweep(path: str | Path) -> dict[str, Any]:
-    """The content of a sweep file, not checked yet.
-
-    Raises
-    ------
-    InputError
-        The file cannot be read, is too large, or is not TOML.
-    """
-    file = Path(path)
-    try:
-        if file.stat().st_size > MAX_MISSION_BYTES:
-            raise InputError("sweep file", str(file), f"at most {MAX_MISSION_BYTES} bytes")
-        return cast("dict[str, Any]", msgspec.toml.decode(file.read_bytes()))
-    except OSError as error:
-        raise InputError("sweep file", str(file), f"a readable file ({error.strerror})") from None
-    except (msgspec.DecodeError, UnicodeDecodeError) as error:
-        raise InputError("sweep file", str(file), f"valid TOML ({error})") from None
 
 
 def sweep_of(raw: Mapping[str, Any]) -> LatencySweep:

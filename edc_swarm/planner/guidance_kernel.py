@@ -305,25 +305,8 @@ def first_conflict(world: World, k: int, track: Floats) -> int:
     rules, tracks, start_m, r_m, luck = world.rules, world.track, world.start_m, world.r_m, world.luck
     gamma, head, link = world.gamma, world.head, world.link
     for t in range(1, track.shape[0]):
-        if (
-            step_conflict(
-                rules,
-                tracks,
-                start_m,
-                r_m,
-                luck,
-                gamma,
-                head,
-                link,
-                k,
-                t,
-                track[t - 1, 0],
-                track[t - 1, 1],
-                track[t, 0],
-                track[t, 1],
-            )
-            > 0.0
-        ):
+        x0, y0, x, y = track[t - 1, 0], track[t - 1, 1], track[t, 0], track[t, 1]
+        if step_conflict(rules, tracks, start_m, r_m, luck, gamma, head, link, k, t, x0, y0, x, y) > 0.0:
             return t
     return len(track)
 

@@ -13,9 +13,9 @@ from cyclopts import Parameter
 from msgspec import Struct
 from rich.table import Table
 
-from edc_swarm.config import load_mission
+from edc_swarm.config import load_mission, read_toml
 from edc_swarm.errors import InputError
-from edc_swarm.latency.declared import Cell, Engine, LatencySweep, in_turn, load_sweep, run_name, runs_of, sweep_of
+from edc_swarm.latency.declared import Cell, Engine, LatencySweep, in_turn, run_name, runs_of, sweep_of
 from edc_swarm.latency.findings import Finding, findings, is_safe
 from edc_swarm.latency.measures import Sample
 from edc_swarm.latency.quantities import QUANTITIES, Quantity
@@ -121,7 +121,7 @@ class LatencyOptions:
 
     def sweep(self, file: Path | None) -> LatencySweep:
         """The sweep: file, then options, then defaults."""
-        raw = load_sweep(file) if file is not None else {}
+        raw = read_toml("sweep file", file) if file is not None else {}
         given = {name: getattr(self, name) for name in ("engine", "repeats", "max_slots", "hold_slots")}
         raw |= {name: value for name, value in given.items() if value is not None}
         raw |= {field: _numbers(option, text) for option, field in LISTS.items() if (text := getattr(self, option))}

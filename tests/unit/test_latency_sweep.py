@@ -8,10 +8,10 @@ from typing import Any
 import msgspec
 import pytest
 
-from edc_swarm.config import Link, Mission, RosterEntry
+from edc_swarm.config import Link, Mission, RosterEntry, read_toml
 from edc_swarm.errors import InputError
 from edc_swarm.latency.arithmetic import hold_delay_ms, in_time_share, only_holds, starves
-from edc_swarm.latency.declared import DEFAULTS, Cell, in_turn, load_sweep, mission_of, run_name, runs_of, sweep_of
+from edc_swarm.latency.declared import DEFAULTS, Cell, in_turn, mission_of, run_name, runs_of, sweep_of
 
 SMALL: dict[str, Any] = {"delays_ms": [0, 250], "jitters_ms": [0], "losses": [0, 0.5], "uavs": [3], "repeats": 2}
 
@@ -105,7 +105,7 @@ def test_files_that_are_no_sweeps(tmp_path: Path, text: str | None) -> None:
     if text is not None:
         file.write_text(text, encoding="utf-8")
     with pytest.raises(InputError, match="sweep file"):
-        load_sweep(file)
+        read_toml("sweep file", file)
 
 
 @pytest.mark.parametrize(("delay_ms", "holds"), [(0, False), (249.4, False), (249.5, True), (400, True)])
