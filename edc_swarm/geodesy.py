@@ -6,12 +6,16 @@ Every UAV process imports this module, so it does not import numpy.
 from __future__ import annotations
 
 import math
+from functools import lru_cache
 
 from geographiclib.geodesic import Geodesic
 
 _LAT_LON = Geodesic.LATITUDE | Geodesic.LONGITUDE
+_REMEMBERED = 8192
+"""Points whose answer is kept: where each of a large swarm is, and is about to be."""
 
 
+@lru_cache(_REMEMBERED)
 def to_wgs84(x_m: float, y_m: float, origin_lat_deg: float, origin_lon_deg: float) -> tuple[float, float]:
     """Latitude and longitude, in degrees, of the point `x_m` east and `y_m` north of the origin.
 

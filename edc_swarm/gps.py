@@ -50,6 +50,11 @@ class GpsReceiver:
         x_m, y_m = self._error_m
         return -x_m, -y_m
 
+    @property
+    def error_m(self) -> tuple[float, float]:
+        """Reported minus true position of the newest fix."""
+        return self._error_m
+
     def next_error_m(self) -> tuple[float, float]:
         """Reported minus true position of the next fix; the first one undoes the true offset."""
         if not self._fresh:

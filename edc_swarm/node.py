@@ -194,6 +194,11 @@ class UavNode:
         return self._election.grant
 
     @property
+    def leads(self) -> bool:
+        """Whether this UAV is the head that it grants."""
+        return self._election.leads
+
+    @property
     def last_seqs(self) -> dict[str, int]:
         """Last sequence number of every key published on, for the `closed` event."""
         return dict(self._seq)
@@ -322,6 +327,14 @@ class UavNode:
             self._election.hear_command()
         if command.slot > self.slot and len(self._pending) < MAX_PENDING:
             self._pending.setdefault(command.slot, command)
+            self._foresee((command.target_x_m, command.target_y_m))
+
+    def _foresee(self, waypoint_m: tuple[float, float]) -> None:
+        """Do the geodesy of the next fix (half the work of a tick) while there is time; `to_wgs84` remembers it."""
+        self._wgs84(self._vehicle.expected_position_m(waypoint_m))
+
+    def _wgs84(self, position_m: tuple[float, float]) -> tuple[float, float]:
+        return to_wgs84(*position_m, self._mission.origin_lat_deg, self._mission.origin_lon_deg)
 
     def _take_own_command(self, now_ns: int) -> None:
         """Receive what this head commanded itself: in the step after planning, which may have taken too long."""
@@ -481,9 +494,9 @@ class UavNode:
         return msgspec.structs.replace(message, instance=self._instance, seq=seq)
 
     def _fix(self) -> Fix:
-        mission, vehicle, flown = self._mission, self._vehicle, self._flown
+        vehicle, flown = self._vehicle, self._flown
         x_m, y_m = vehicle.position_m
-        lat_deg, lon_deg = to_wgs84(x_m, y_m, mission.origin_lat_deg, mission.origin_lon_deg)
+        lat_deg, lon_deg = self._wgs84(vehicle.position_m)
         term, head = self.grant
         return Fix(
             uav=self.uav,

@@ -145,9 +145,15 @@ class Vehicle:
         length_m = math.hypot(self.waypoint_m[0] - self.from_m[0], self.waypoint_m[1] - self.from_m[1])
         hovered_j = self.step_energy_j(0.0) * (slots - 1)
         self.energy_j = max(0.0, self.energy_j - self.step_energy_j(length_m) - hovered_j)
-        true_x_m, true_y_m, *_ = self.truth_m
-        error_x_m, error_y_m = self._gps.next_error_m()
-        self.position_m = (true_x_m + error_x_m, true_y_m + error_y_m)
+        self.position_m = self._reported_m(self.waypoint_m, self._gps.next_error_m())
+
+    def expected_position_m(self, waypoint_m: tuple[float, float]) -> tuple[float, float]:
+        """What a fix at `waypoint_m` will say if the GPS error stays what it is."""
+        return self._reported_m(waypoint_m, self._gps.error_m)
+
+    def _reported_m(self, waypoint_m: tuple[float, float], error_m: tuple[float, float]) -> tuple[float, float]:
+        (wx, wy), (ox, oy), (ex, ey) = waypoint_m, self._offset_m, error_m
+        return wx + ox + ex, wy + oy + ey
 
     def spend(self, energy_j: float) -> None:
         """Draw energy for radio or computation."""

@@ -63,6 +63,11 @@ class Ears:
             self._subscribe(key)
         session.liveliness().declare_subscriber(keys.all_alive, hand_over(self._take_token), history=True)
 
+    @property
+    def hears_fixes(self) -> bool:
+        """Whether it hears every UAV's fixes."""
+        return self._fixes is not None
+
     def ask_for_mission(self) -> None:
         """Ask for what a late joiner has missed: the mission, and the faults in force."""
         for key in (self._keys.mission, self._keys.event(OPERATOR)):

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import queue
+import time
 from typing import Generic, TypeVar
 
 Item = TypeVar("Item")
@@ -10,6 +11,8 @@ Item = TypeVar("Item")
 LIMIT = 100_000
 LIMIT_BYTES = 256 << 20
 BATCH = 256
+SETTLE_S = 0.01
+"""For so long whoever only looks on lets a burst gather: every wake-up at a slot's start takes a turn from a UAV."""
 
 
 class Inbox(Generic[Item]):
@@ -39,11 +42,16 @@ class Inbox(Generic[Item]):
         """Hand over one of the few items that must not be lost, such as the order to stop."""
         self._queue.put((item, 0))
 
-    def wait(self, timeout_s: float | None) -> list[Item]:
-        """Wait for the next items, at most `BATCH`; none when the time is over."""
+    def wait(self, timeout_s: float | None, settle_s: float = 0.0) -> list[Item]:
+        """Wait for the next items, at most `BATCH`; none when the time is over.
+
+        `settle_s`: how long to wait for more after the first one.
+        """
         items: list[Item] = []
         try:
             items.append(self._next(block=True, timeout_s=timeout_s))
+            if settle_s and self._queue.qsize() < BATCH:
+                time.sleep(settle_s)
             while len(items) < BATCH:
                 items.append(self._next(block=False))
         except queue.Empty:

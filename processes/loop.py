@@ -15,7 +15,7 @@ from dataclasses import dataclass
 
 from edc_swarm.errors import SwarmError
 from processes.console import note
-from processes.inbox import Inbox
+from processes.inbox import SETTLE_S, Inbox
 
 START_TIMEOUT_S = 600.0
 """Longest wait at the start: on a new machine the planner is compiled first, which takes a minute."""
@@ -86,7 +86,7 @@ class Loop:
         SwarmError
             The `failure`, if there is one.
         """
-        for item in self.inbox.wait(timeout_s):
+        for item in self.inbox.wait(timeout_s, SETTLE_S):
             if isinstance(item, Interrupt):
                 self.interrupted = True
             else:

@@ -31,7 +31,7 @@ from processes.bus import hand_over, open_client, put
 from processes.console import complain
 from processes.credentials import credentials
 from processes.ears import Gate, Heard
-from processes.inbox import Inbox
+from processes.inbox import SETTLE_S, Inbox
 from processes.operators import GIVE_UP_S, Operators
 from processes.orders import orders, outlast_operator
 from processes.parent import die_with_parent
@@ -100,7 +100,7 @@ class Recorder:
         """Write until the operator's last word, or until told to stop."""
         next_flush_s = time.monotonic() + FLUSH_S
         while not self._stopping:
-            for item in self._inbox.wait(next_flush_s - time.monotonic()):
+            for item in self._inbox.wait(next_flush_s - time.monotonic(), SETTLE_S):
                 if isinstance(item, zenoh.Query):
                     self._answer(item)
                 else:

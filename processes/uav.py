@@ -57,6 +57,9 @@ IDLE_S = 1.0
 """Longest wait of the loop while there is no mission."""
 RETRY_S = 0.02
 """Longest wait of the loop while messages wait for a router."""
+STANDBY_SETTLE_S = 0.002
+TRUTH_WAITS_S = 0.02
+"""The truth, which is for the record, is said when nothing has come for so long: a slot's start is for the fixes."""
 
 
 class UavSettings(Struct, frozen=True, kw_only=True):
@@ -95,6 +98,7 @@ class UavProcess:
         self._peers = Peers()
         self._flight: Flight | None = None
         self._leaving = False
+        self._untold: Truth | None = None
         self._response_ms = measured_response_ms() if settings.measure_response else 0.0
         self._session = open_client(settings.endpoint, credentials(settings.certs, settings.uav))
         self._outbox = Outbox(self._session)
@@ -119,10 +123,20 @@ class UavProcess:
 
     def _wait(self) -> list[Item]:
         timeout_s = min(self._timeout_s(), RETRY_S if self._outbox.holds_back else IDLE_S)
+        if self._untold is not None:
+            timeout_s = min(timeout_s, TRUTH_WAITS_S)
         start_s = time.monotonic()
-        items = self._inbox.wait(timeout_s)
+        items = self._inbox.wait(timeout_s, min(self._settle_s, max(timeout_s, 0.0)))
         self._outbox.note_delay(time.monotonic() - start_s - timeout_s)
+        if not items:
+            self._tell_truth()
         return items
+
+    @property
+    def _settle_s(self) -> float:
+        """A standby lets the fixes of a slot's start gather: until it leads, the processor is the head's."""
+        stands_by = self._flight is not None and self._ears.hears_fixes and not self._flight.node.leads
+        return STANDBY_SETTLE_S if stands_by else 0.0
 
     def _timeout_s(self) -> float:
         if self._flight is None:
@@ -253,7 +267,18 @@ class UavProcess:
 
     def _publish(self, message: Message) -> None:
         if isinstance(message, Truth):
+            self._tell_truth()
             self._place(message)
+            self._untold = message
+        else:
+            self._say(message)
+
+    def _tell_truth(self) -> None:
+        truth, self._untold = self._untold, None
+        if truth is not None:
+            self._say(truth)
+
+    def _say(self, message: Message) -> None:
         stamped = msgspec.structs.replace(message, sent_ns=self._clock.now_ns())
         self._outbox.put(self._keys.of(stamped), encode(stamped))
 
@@ -266,6 +291,7 @@ class UavProcess:
         self._inbox.put_always(PlannerReady(faulty.planner))
 
     def _close(self) -> None:
+        self._tell_truth()
         if self._flight is not None:
             self._tell_delay_error(self._flight)
             last = msgspec.json.encode(self._flight.node.last_seqs).decode()

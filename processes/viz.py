@@ -27,7 +27,7 @@ from processes.bus import hand_over, open_client
 from processes.console import complain
 from processes.credentials import credentials
 from processes.ears import Gate, Heard, heard_from
-from processes.inbox import Inbox
+from processes.inbox import SETTLE_S, Inbox
 from processes.live import HOST, Live, Subscribed
 from processes.operators import GIVE_UP_S, Operators
 from processes.orders import orders, outlast_operator
@@ -106,7 +106,7 @@ class Visualiser:
     def show(self) -> None:
         """Publish scenes until the operator says that the mission is over, then the last word."""
         while not self._over:
-            for item in self._inbox.wait(self._patience_s()):
+            for item in self._inbox.wait(self._patience_s(), SETTLE_S):
                 self._take_item(item)
             self._publish(self._scenery.advance(time.time_ns()))
             self._outbox.flush()

@@ -54,6 +54,17 @@ def test_inbox_is_bounded_in_bytes_too():
     assert (inbox.wait(0), inbox.dropped) == (["d"], 1)
 
 
+def test_who_looks_on_lets_a_burst_gather(monkeypatch: pytest.MonkeyPatch):
+    """What comes while it settles is taken together with the first; with nothing there it does not settle."""
+    inbox: Inbox[int] = Inbox()
+    monkeypatch.setattr("processes.inbox.time.sleep", lambda _: inbox.put(2))
+    assert inbox.wait(0, settle_s=0.01) == []
+    inbox.put(1)
+    assert inbox.wait(0) == [1]
+    inbox.put(1)
+    assert inbox.wait(0, settle_s=0.01) == [1, 2]
+
+
 def test_the_gate_counts_tells_and_drops():
     """What does not decode and, once there is a mission, what cannot be true; the first mission counts."""
     told: list[str] = []

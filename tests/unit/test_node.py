@@ -8,6 +8,7 @@ import msgspec
 import pytest
 
 from edc_swarm.config import RosterEntry
+from edc_swarm.geodesy import to_wgs84
 from edc_swarm.messages import Command, Event, Fix, Message, MissionMessage, Report, Truth
 from edc_swarm.node import (
     MAX_PENDING,
@@ -119,6 +120,17 @@ def test_a_step_is_persisted_before_it_is_said() -> None:
     assert effects[0].promise is not None
     assert effects[0].promise.waypoint_y_m == 1.0
     assert effects[0].airframe.y_m == 1.0
+
+
+def test_no_geodesy_is_left_for_the_tick() -> None:
+    """Where the next fix will be is converted when the command comes, not when the slot begins."""
+    uav = node()
+    uav.step(Tick(), at(5))
+    uav.step(Received(command(6, target_y_m=1.0625)), at(5.5))
+    converted = to_wgs84.cache_info().misses
+    (found,) = said(uav.step(Tick(), at(6)), Fix)
+    assert found.y_m == 1.0625
+    assert to_wgs84.cache_info().misses == converted
 
 
 def test_a_new_grant_is_persisted_before_it_is_said() -> None:

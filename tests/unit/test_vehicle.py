@@ -85,6 +85,16 @@ def test_a_step() -> None:
     assert flying.airframe.x_m == 3.3
 
 
+def test_the_next_fix_is_foreseen() -> None:
+    """While the GPS error stays, what a fix will say is known to the bit before the step is flown."""
+    flying = vehicle()
+    flying.begin_slot(1, None)
+    step = msgspec.structs.replace(COMMAND, start_x_m=1.0, start_y_m=2.0, target_x_m=3.3, target_y_m=2.1)
+    expected_m = flying.expected_position_m((3.3, 2.1))
+    flying.begin_slot(1, step)
+    assert flying.position_m == expected_m
+
+
 def test_energy() -> None:
     """A step costs its power for the flown part and hovering for the rest; slept-through slots hover."""
     mission = Mission(guard_s=0.05)
