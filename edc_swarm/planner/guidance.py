@@ -22,7 +22,8 @@ dense missions jam. The denser the swarm, the more those with the longest way go
 they decide when the mission ends: FAR_FIRST * coverage^2 * remaining slots is added, coverage being the
 share of the swarm's rectangle that its discs cover (at most 0.4). In the slot to come nobody has less
 than the right of way IMMINENT: a step into another's corner is not flown anyway, and whoever insists on
-it is never seen to need room.
+it is never seen to need room. Insisting pays now and then, since the QP grants a part of the step; but who
+has stood still for STUCK slots plans no such step at all any more, so that the others see what it waits for.
 
 The best response is found by A* over a lattice in space and time (nodes (layer, a, b), two slots a
 layer, spacing 2 u_max / sqrt(20); moves: stay, 12 of about half and 32 of nearly full speed; distances
@@ -51,6 +52,8 @@ from edc_swarm.geometry import Floats, Indices, length_m
 from edc_swarm.planner import guidance_kernel as kernel
 from edc_swarm.solver.slot_qp import DELTA_M
 
+STILL_SHARE = 0.02
+"""Who moves by less than this share of a full step has stood still."""
 MAX_CELLS = 160
 """Cells along one side of the grid at most."""
 
@@ -73,6 +76,8 @@ class Tuning:
         Largest right-of-way ratio.
     imminent
         Least right of way of all others in the slot to come.
+    stuck
+        Slots of standing still after which a UAV no longer insists in the slot to come.
     far_first
         Lateness that each slot of the remaining way counts as, per squared coverage.
     greed
@@ -96,6 +101,7 @@ class Tuning:
     patience: float = 20.0
     cap: float = 8.0
     imminent: float = 8.0
+    stuck: int = 12
     far_first: float = 20.0
     greed: float = 1.6
     expand: int = 400
@@ -174,6 +180,11 @@ class Guidance:
         lost = elapsed - (memory.distance_m[scene.uav] - distance_m) / self._u_max_m
         late = memory.late[scene.uav]
         late = np.where(distance_m < ARRIVED_M, late * (1 - 1 / self._tuning.patience), late + lost)
+        went_m = length_m(scene.position_m - memory.position_m[scene.uav])
+        memory.still[scene.uav] = np.where(
+            known & (went_m < STILL_SHARE * self._u_max_m), memory.still[scene.uav] + 1, 0
+        )
+        memory.position_m[scene.uav] = scene.position_m
         memory.advance(scene.uav, known, elapsed)
         memory.late[scene.uav] = np.where(known, np.maximum(late, 0.0), 0.0)
         memory.distance_m[scene.uav] = distance_m
@@ -187,6 +198,12 @@ class Guidance:
         way_slots = memory.distance_m[scene.uav] / self._u_max_m
         luck = memory.late[scene.uav] * chance + tuning.far_first * min(coverage(scene), 0.4) ** 2 * way_slots
         return np.concatenate([luck, np.full(len(scene.obstacle_r_m), tuning.patience * tuning.cap)])
+
+    def _imminent(self, scene: Scene, vehicles: int) -> Floats:
+        """Least right of way of all others over each vehicle in the slot to come."""
+        still = np.zeros(vehicles, np.int64)
+        still[: len(scene.uav)] = self._memory.still[scene.uav]
+        return np.where(still >= self._tuning.stuck, kernel.UNYIELDING, self._tuning.imminent)
 
     def _world(self, scene: Scene) -> kernel.World:
         tuning = self._tuning
@@ -205,6 +222,7 @@ class Guidance:
             goal_m=np.concatenate([scene.goal_m, scene.obstacle_m]),
             r_m=np.maximum(r_m, 1e-6),
             luck=self._luck(scene),
+            imminent=self._imminent(scene, len(r_m)),
             gamma=np.power(tuning.gamma, np.arange(slots), dtype=np.float64),
             head=np.empty((slots, int(cells.prod())), np.int32),
             link=np.empty((slots, len(r_m) << kernel.ENTRY_BITS), np.int32),
@@ -217,7 +235,6 @@ class Guidance:
                 depth=tuning.depth,
                 patience=tuning.patience,
                 cap=tuning.cap,
-                imminent=tuning.imminent,
                 low_x_m=float(low_m[0]) - margin * cell_m,
                 low_y_m=float(low_m[1]) - margin * cell_m,
                 per_cell=1 / cell_m,
@@ -241,13 +258,16 @@ class _Memory:
     present: NDArray[np.bool_]
     late: Floats
     distance_m: Floats
+    still: Indices
+    position_m: Floats
     plans: kernel.Plans
 
     @staticmethod
     def empty(size: int, points: int) -> _Memory:
         counts, slots = np.zeros((2, size), np.int64), np.zeros((size, points), np.int64)
         plans = kernel.Plans(counts[0], counts[1], slots, np.zeros((size, points, 2)))
-        return _Memory(np.zeros(size, dtype=bool), np.zeros(size), np.zeros(size), plans)
+        present, still, position_m = np.zeros(size, dtype=bool), np.zeros(size, np.int64), np.zeros((size, 2))
+        return _Memory(present, np.zeros(size), np.zeros(size), still, position_m, plans)
 
     def grown(self, size: int) -> _Memory:
         """At least `size` rows."""
@@ -256,6 +276,7 @@ class _Memory:
             return self
         more = _Memory.empty(size, self.plans.slot.shape[1])
         more.present[:have], more.late[:have], more.distance_m[:have] = self.present, self.late, self.distance_m
+        more.still[:have], more.position_m[:have] = self.still, self.position_m
         for mine, theirs in zip(self.plans, more.plans, strict=True):
             theirs[:have] = mine
         return more

@@ -24,6 +24,8 @@ ARRIVED_M = 1e-9
 ROUNDING_M = 1e-6
 """A plan that keeps its distance to within this is no conflict: local search ends on the very edge."""
 OPEN, PRICED, CLOSED = 0, 1, 2
+UNYIELDING = 1e4
+"""Right of way of all others in the slot to come over a UAV that has stood still for long."""
 ENTRY_BITS = 4
 """A vehicle has 2**ENTRY_BITS entries in each slot of the grid, of which it uses nine."""
 EXPANSION = 8
@@ -58,7 +60,6 @@ class Rules(NamedTuple):
     depth: float
     patience: float
     cap: float
-    imminent: float
     low_x_m: float
     low_y_m: float
     per_cell: float
@@ -70,7 +71,8 @@ class World(NamedTuple):
     """What a plan is judged against.
 
     track (N, W+1, 2) predicted positions in metres, one a slot; start_m (N, 2); goal_m (N, 2);
-    r_m (N,); luck (N,) lateness drawn for right of way; gamma (W+1,) discount of a conflict;
+    r_m (N,); luck (N,) lateness drawn for right of way; imminent (N,) least right of way
+    of all others over each in the slot to come; gamma (W+1,) discount of a conflict;
     head (W+1, cells) and link (W+1, 16 N) linked lists, for each slot and square cell, of the vehicles
     whose step of that slot has its middle in this cell or in one of the eight around it (entry 16 l + i
     is vehicle l's i-th cell). A cell is as wide as the middles of two steps in conflict can be apart.
@@ -84,6 +86,7 @@ class World(NamedTuple):
     goal_m: Floats
     r_m: Floats
     luck: Floats
+    imminent: Floats
     gamma: Floats
     head: NDArray[np.int32]
     link: NDArray[np.int32]
@@ -212,18 +215,18 @@ def separation(rules: Rules, start_m: Floats, r_m: Floats, k: int, other: int) -
 
 
 @compiled
-def toll(rules: Rules, luck: Floats, r_m: Floats, k: int, other: int, t: int, lack: float) -> float:
+def toll(rules: Rules, luck: Floats, imminent: Floats, r_m: Floats, k: int, other: int, t: int, lack: float) -> float:
     """Undiscounted price for k of lacking `lack` metres of distance to another vehicle in slot t."""
     way = (luck[other] + rules.patience) / (luck[k] + rules.patience)
     way = min(max(way, 1.0 / rules.cap), rules.cap)
     if t == 1:
-        way = max(way, rules.imminent)
+        way = max(way, imminent[k])
     return float(way * (rules.touch + rules.depth * lack / (r_m[k] + r_m[other])))
 
 
 @compiled
 def conflict_at(
-    rules: Rules, track: Floats, start_m: Floats, r_m: Floats, luck: Floats, gamma: Floats,
+    rules: Rules, track: Floats, start_m: Floats, r_m: Floats, luck: Floats, imminent: Floats, gamma: Floats,
     head: NDArray[np.int32], link: NDArray[np.int32], k: int, t: int, x: float, y: float,
 ) -> float:  # fmt: skip
     """Price of vehicle k being at (x, y) in slot t; the arrays are those of `World`."""
@@ -239,7 +242,7 @@ def conflict_at(
         if squared < reach * reach and other != k:
             lack = separation(rules, start_m, r_m, k, other) - math.sqrt(squared)
             if lack > 0.0:
-                price += toll(rules, luck, r_m, k, other, t, lack)
+                price += toll(rules, luck, imminent, r_m, k, other, t, lack)
         entry = link[t, entry]
     return float(price * gamma[t])
 
@@ -272,7 +275,7 @@ def clearance(px: float, py: float, ax: float, ay: float, bx: float, by: float) 
 
 @compiled
 def step_conflict(
-    rules: Rules, track: Floats, start_m: Floats, r_m: Floats, luck: Floats, gamma: Floats,
+    rules: Rules, track: Floats, start_m: Floats, r_m: Floats, luck: Floats, imminent: Floats, gamma: Floats,
     head: NDArray[np.int32], link: NDArray[np.int32], k: int, t: int, x0: float, y0: float, x: float, y: float,
 ) -> float:  # fmt: skip
     """Price of vehicle k's step from (x0, y0) in slot t - 1 to (x, y) in slot t.
@@ -294,7 +297,7 @@ def step_conflict(
         if mx * mx + my * my < far * far and other != k:
             lack = separation(rules, start_m, r_m, k, other) - math.sqrt(clearance(px, py, ax, ay, bx, by))
             if lack > 0.0:
-                price += toll(rules, luck, r_m, k, other, t, lack)
+                price += toll(rules, luck, imminent, r_m, k, other, t, lack)
         entry = link[t, entry]
     return float(price * gamma[t])
 
@@ -303,10 +306,10 @@ def step_conflict(
 def first_conflict(world: World, k: int, track: Floats) -> int:
     """First slot in which the track of vehicle k is in conflict, W + 1 if there is none."""
     rules, tracks, start_m, r_m, luck = world.rules, world.track, world.start_m, world.r_m, world.luck
-    gamma, head, link = world.gamma, world.head, world.link
+    imminent, gamma, head, link = world.imminent, world.gamma, world.head, world.link
     for t in range(1, track.shape[0]):
         x0, y0, x, y = track[t - 1, 0], track[t - 1, 1], track[t, 0], track[t, 1]
-        if step_conflict(rules, tracks, start_m, r_m, luck, gamma, head, link, k, t, x0, y0, x, y) > 0.0:
+        if step_conflict(rules, tracks, start_m, r_m, luck, imminent, gamma, head, link, k, t, x0, y0, x, y) > 0.0:
             return t
     return len(track)
 
@@ -391,7 +394,7 @@ def search(  # noqa: PLR0912, PLR0915 (one loop: splitting it costs a third of t
     """
     layers, side, limit = limits.layers, limits.side, limits.expand
     rules, tracks, start_m, r_m, luck = world.rules, world.track, world.start_m, world.r_m, world.luck
-    gamma, head, link = world.gamma, world.head, world.link
+    imminent, gamma, head, link = world.imminent, world.gamma, world.head, world.link
     stamp, cost, price, parent = scratch.stamp, scratch.cost, scratch.price, scratch.parent
     heap_cost, heap_node = scratch.heap_cost, scratch.heap_node
     move, move_length = scratch.move, scratch.move_length
@@ -429,10 +432,21 @@ def search(  # noqa: PLR0912, PLR0915 (one loop: splitting it costs a third of t
         if state == OPEN:
             x, y = sx + a * spacing, sy + b * spacing
             here = 0.0
-            # A layer is two slots: the three nearest slots stand for it.
-            for t in range(2 * layer - 1, min(2 * layer + 1, last) + 1):
-                here += conflict_at(rules, tracks, start_m, r_m, luck, gamma, head, link, k, t, x, y)
-            price[node] = here * (2.0 / 3.0)
+            if layer == 1 and imminent[k] >= UNYIELDING:
+                # Only the start leads here, so the two steps are known; at the end of both alone they may look free.
+                x0, y0 = sx, sy
+                for t in (1, 2):
+                    x1, y1 = sx + 0.5 * t * (x - sx), sy + 0.5 * t * (y - sy)
+                    here += step_conflict(
+                        rules, tracks, start_m, r_m, luck, imminent, gamma, head, link, k, t, x0, y0, x1, y1
+                    )
+                    x0, y0 = x1, y1
+            else:
+                # A layer is two slots: the three nearest slots stand for it.
+                for t in range(2 * layer - 1, min(2 * layer + 1, last) + 1):
+                    here += conflict_at(rules, tracks, start_m, r_m, luck, imminent, gamma, head, link, k, t, x, y)
+                here *= 2.0 / 3.0
+            price[node] = here
             stamp[node] = epoch + PRICED
             if here > 0.0:
                 cost[node] += price[node]
@@ -527,14 +541,14 @@ def refly(world: World, k: int, draft: Draft, count: int, n: int, shift: int) ->
 def reprice(world: World, k: int, draft: Draft, first: int, end: int, total: float, limit: float) -> float:
     """Add the conflicts of the slots flown anew to their cost; infinite as soon as that is above `limit`."""
     rules, tracks, start_m, r_m, luck = world.rules, world.track, world.start_m, world.r_m, world.luck
-    gamma, head, link = world.gamma, world.head, world.link
+    imminent, gamma, head, link = world.imminent, world.gamma, world.head, world.link
     track, price = draft.new_track, draft.new_price
     x0, y0 = draft.track[first - 1, 0], draft.track[first - 1, 1]
     for t in range(first, end):
         if total > limit:
             break
         x, y = track[t, 0], track[t, 1]
-        price[t] = step_conflict(rules, tracks, start_m, r_m, luck, gamma, head, link, k, t, x0, y0, x, y)
+        price[t] = step_conflict(rules, tracks, start_m, r_m, luck, imminent, gamma, head, link, k, t, x0, y0, x, y)
         total += price[t]
         draft.work[0] += 1
         x0, y0 = x, y

@@ -53,7 +53,7 @@ def price(world: kernel.World, k: int, t: int, point_m: np.ndarray, before_m: np
         sep = min(radii + rules.delta_m, 0.9995 * math.dist(world.start_m[k], world.start_m[other])) - 1e-6
         way = (world.luck[other] + rules.patience) / (world.luck[k] + rules.patience)
         way = min(max(way, 1 / rules.cap), rules.cap)
-        way = max(way, rules.imminent) if t == 1 else way
+        way = max(way, world.imminent[k]) if t == 1 else way
         if distance < sep:
             total += way * world.gamma[t] * (rules.touch + rules.depth * (sep - distance) / radii)
     return total
@@ -212,9 +212,22 @@ def test_the_slot_to_come_is_nobodys_to_insist_on() -> None:
     """However late a UAV is, a step that the slot QP will refuse costs it the full price."""
     world, _ = world_of(2)
     world.luck[:] = [1e6, *([0.0] * 9)]
-    at_once, later = (kernel.toll(world.rules, world.luck, world.r_m, 0, 1, t, 0.0) for t in (1, 2))
+    at_once, later = (kernel.toll(world.rules, world.luck, world.imminent, world.r_m, 0, 1, t, 0.0) for t in (1, 2))
     assert at_once == TUNING.imminent * TUNING.touch
     assert later == TUNING.touch / TUNING.cap
+
+
+def test_who_has_stood_still_for_long_no_longer_insists() -> None:
+    """After `stuck` slots of not moving everyone has the right of way in the slot to come; moving ends it."""
+    position_m, goal_m = np.array([[0.0, 0.0], [20.0, 0.0]]), np.array([[0.0, 20.0], [20.0, 5.0]])
+    guidance, seen = Guidance(2.5, (0.5, 0.5), 0, TUNING), []
+    for slot in range(TUNING.stuck + 2):
+        moved_m = np.array([[0.0, float(slot > TUNING.stuck)], [0.0, 0.1 * slot]])
+        scene = Scene(slot, np.arange(2), position_m + moved_m, goal_m, np.full(2, 5.0), np.empty((0, 2)), np.empty(0))
+        guidance._remember(scene)
+        seen.append(guidance._world(scene).imminent.tolist())
+    mild, hard = TUNING.imminent, kernel.UNYIELDING
+    assert seen == [[mild, mild]] * TUNING.stuck + [[hard, mild], [mild, mild]]
 
 
 def test_those_with_the_longest_way_go_first_where_it_is_dense() -> None:

@@ -108,6 +108,17 @@ def test_a_gap_that_only_looks_wide_enough_is_not_waited_at_for_ever() -> None:
     assert flight.least_gap_m >= -1e-9
 
 
+def test_two_face_to_face_do_not_wait_for_each_other_for_ever() -> None:
+    """One insists on a step that the QP refuses, the other waits for it to go: the first ends that, dense as it is."""
+    flight = Flight(Mission(uavs=50, seed=28))
+    for _ in range(200):
+        flight.step()
+        if flight.done():
+            break
+    assert flight.done()
+    assert flight.least_gap_m >= -1e-9
+
+
 def test_exact_symmetry_is_broken() -> None:
     """Ten UAVs that swap places across a circle, perfectly symmetric, all get there."""
     flight = Flight(Mission(uavs=10, area_m2=10_000, seed=6))
