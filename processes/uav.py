@@ -19,6 +19,7 @@ from functools import partial
 from pathlib import Path
 
 import msgspec
+import zenoh
 from msgspec import Struct
 
 from edc_swarm.claims import LAUNCHED, instance_name
@@ -57,6 +58,8 @@ IDLE_S = 1.0
 """Longest wait of the loop while there is no mission."""
 RETRY_S = 0.02
 """Longest wait of the loop while messages wait for a router."""
+SPARE_S = 0.005
+"""With less time to the next thing to be done, nobody is answered who asks for old messages."""
 
 
 class UavSettings(Struct, frozen=True, kw_only=True):
@@ -97,7 +100,7 @@ class UavProcess:
         self._leaving = False
         self._response_ms = measured_response_ms() if settings.measure_response else 0.0
         self._session = open_client(settings.endpoint, credentials(settings.certs, settings.uav))
-        self._outbox = Outbox(self._session)
+        self._outbox = Outbox(self._session, self._keys.again(settings.uav, self._instance), self._inbox)
         self._ears = Ears(self._session, self._keys, settings.uav, self._inbox)
         self._token = self._session.liveliness().declare_token(self._keys.alive(settings.uav, self._instance))
         self._ears.ask_for_mission()
@@ -119,6 +122,9 @@ class UavProcess:
 
     def _wait(self) -> list[Item]:
         timeout_s = min(self._timeout_s(), RETRY_S if self._outbox.holds_back else IDLE_S)
+        if self._outbox.is_asked and timeout_s > SPARE_S:
+            self._outbox.answer()
+            timeout_s = 0.0
         start_s = time.monotonic()
         items = self._inbox.wait(timeout_s)
         self._outbox.note_delay(time.monotonic() - start_s - timeout_s)
@@ -144,6 +150,8 @@ class UavProcess:
                 self._step(item)
             case Leave():
                 self._leaving = True
+            case zenoh.Query():
+                self._outbox.hear(item)
 
     def _hear(self, heard: Heard) -> None:
         match message := self._gate.admit(heard):
@@ -255,7 +263,7 @@ class UavProcess:
         if isinstance(message, Truth):
             self._place(message)
         stamped = msgspec.structs.replace(message, sent_ns=self._clock.now_ns())
-        self._outbox.put(self._keys.of(stamped), encode(stamped))
+        self._outbox.put(self._keys.of(stamped), encode(stamped), stamped.seq)
 
     def _want_planner(self) -> None:
         assert self._flight is not None
@@ -270,6 +278,7 @@ class UavProcess:
             self._tell_delay_error(self._flight)
             last = msgspec.json.encode(self._flight.node.last_seqs).decode()
             self._carry_out([self._flight.node.event("closed", last)])
+        self._outbox.stay(self._inbox)
         self._session.close()
 
     def _tell_delay_error(self, flight: Flight) -> None:
