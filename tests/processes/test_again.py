@@ -59,11 +59,14 @@ class Bench:
         """Publish something that nobody is asked for again."""
         self.session.put(key, payload, congestion_control=zenoh.CongestionControl.BLOCK)
 
-    def end(self) -> list[Raw]:
-        """Say the operator's last word; what was recorded, in the order of the file."""
+    def say_last_word(self) -> None:
+        """Say, as the operator, that nothing more comes."""
         tails = msgspec.json.encode({KEYS.mission: 0}).decode()
         last = Event(source="operator", instance="o-1", sent_ns=time.time_ns(), kind="closed", detail=tails)
         self.put(KEYS.event("operator"), encode(last))
+
+    def end(self) -> list[Raw]:
+        """Wait for the recorder; what was recorded, in the order of the file."""
         assert self.recorder.wait(30) == 0
         self.session.close()
         return list(McapFile(self.out).messages())
@@ -126,6 +129,7 @@ def test_lost_messages_are_recorded_once_as_they_were(bench: Bench, lose: Lose) 
     for publisher, its_inbox in ((uav, inbox), (viz, viz_inbox)):
         publisher.flush()
         publisher.stay(its_inbox)
+    bench.say_last_word()
     recorded = bench.end()
     fixes = sorted((seq, payload) for channel, seq, _, _, payload in recorded if channel.topic == FIX)
     assert fixes == list(enumerate(said))
@@ -155,6 +159,7 @@ def test_what_the_publisher_no_longer_keeps_stays_a_gap(bench: Bench, lose: Lose
     uav.put(KEYS.event("u001"), closed("u001", {FIX: 6}), 0)
     uav.flush()
     uav.stay(inbox)
+    bench.say_last_word()
     bench.end()
     recording = read_recording(bench.out)
     (gap,) = find_gaps(recording)
@@ -162,6 +167,20 @@ def test_what_the_publisher_no_longer_keeps_stays_a_gap(bench: Bench, lose: Lose
     assert 1 < gap.last < 5
     (complete,) = (result for result in check(recording) if result.guarantee == "G5")
     assert [violation.kind for violation in complete.violations] == ["gap"]
+
+
+def test_the_recorder_waits_for_answers_after_the_last_word(bench: Bench, lose: Lose) -> None:
+    """The operator's last word may come before the last answers of those who fly."""
+    inbox = Inbox[object]()
+    uav = Outbox(bench.session, KEYS.again("u001", "p-1"), inbox)
+    lose(FIX, {1, 2})
+    for seq in range(3):
+        uav.put(FIX, fix(seq), seq)
+    uav.put(KEYS.event("u001"), closed("u001", {FIX: 2}), 0)
+    uav.flush()
+    bench.say_last_word()
+    uav.stay(inbox)
+    assert sorted(seq for channel, seq, *_ in bench.end() if channel.topic == FIX) == [0, 1, 2]
 
 
 def test_an_answer_is_taken_for_what_was_asked_and_nothing_else(bench: Bench) -> None:
@@ -185,6 +204,7 @@ def test_an_answer_is_taken_for_what_was_asked_and_nothing_else(bench: Bench) ->
         return len(asked) == 3
 
     await_true(all_answered)
+    bench.say_last_word()
     recorded = bench.end()
     assert [(seq, payload) for channel, seq, _, _, payload in recorded if "/fix" in channel.topic][2:] == [(1, right)]
     assert all(ask == asked[0] for ask in asked)
