@@ -44,7 +44,7 @@ class Kept(Struct, frozen=True, array_like=True):
 
 
 class Ask(Struct, frozen=True):
-    """What is missing of one publisher, the most urgent first."""
+    """What is missing of one publisher."""
 
     wanted: list[Span]
 

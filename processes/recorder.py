@@ -29,7 +29,7 @@ from edc_swarm import again
 from edc_swarm.config import OPERATOR, RECORDER, ROLES
 from edc_swarm.errors import InputError, SwarmError
 from edc_swarm.messages import Event, Keys, MissionMessage, decode, encode, kind_of
-from edc_swarm.recording import CLOSED, Holes, RecordingWriter, is_mission, stamp_of, tails_in
+from edc_swarm.recording import CLOSED, Holes, RecordingWriter, Stamp, is_mission, stamp_of, tails_in
 from edc_swarm.recording.holes import Publisher
 from edc_swarm.recording.ordering import FETCHED
 from edc_swarm.viz import TOPICS, channel_of, topic_of
@@ -112,6 +112,7 @@ class Recorder:
         self._foreign: set[str] = set()
         self._left_out = self._told_left_out = 0
         self._holes = Holes(settings.mission, self._known)
+        self._scenes = f"{self._keys.root}/viz/"
         self._fetched = 0
         self._end_s = math.inf
         self.has_mission = False
@@ -223,23 +224,28 @@ class Recorder:
             answer = again.decode_answer(payload)
         except msgspec.DecodeError:
             return
-        honest = [kept for kept in answer.found if _number(kept) == (publisher[1], kept.seq)]
+        honest = [kept for kept in answer.found if self._number(kept) == (publisher[1], kept.seq)]
         taken = self._holes.answered(publisher, msgspec.structs.replace(answer, found=honest), time.monotonic())
-        for kept in taken:
+        for kept in filter(lambda kept: self._has_place(kept.key), taken):
             self._write(Said(kept.key, kept.payload, time.time_ns(), kept.stamp))
-        self._fetched += len(taken)
+            self._fetched += 1
+
+    def _number(self, kept: again.Kept) -> tuple[str, int]:
+        """Instance and number of a message as it says itself."""
+        stamp = self._stamp(kept)
+        return stamp.instance, stamp.seq
+
+    def _stamp(self, said: Said | again.Kept) -> Stamp:
+        """The stamp in a message, or beside a scene."""
+        return stamp_of(said.stamp if said.key.startswith(self._scenes) else said.payload)
 
     # --- writing -----------------------------------------------------------------------------
 
     def _hear(self, said: Said) -> None:
-        """Write what is wanted, has room and is not there yet."""
-        if not self._is_wanted(said.key):
-            self._left_out += 1
+        """Write what has a place in the file and is not there yet."""
+        if not self._has_place(said.key):
             return
-        if not self._writer.has_room_for(said.key):
-            self._inbox.dropped += 1
-            return
-        stamp = stamp_of(said.stamp or said.payload)
+        stamp = self._stamp(said)
         if self._holes.heard(said.key, stamp.instance, stamp.seq, said.payload, time.monotonic()):
             self._write(said)
 
@@ -247,6 +253,13 @@ class Recorder:
         self._record(said)
         self._messages += 1
         self._look_for_last_words(said.key, said.payload)
+
+    def _has_place(self, key: str) -> bool:
+        """Whether a message on `key` is wanted and has room; counted if not."""
+        wanted, room = self._is_wanted(key), self._writer.has_room_for(key)
+        self._left_out += not wanted
+        self._inbox.dropped += wanted and not room
+        return wanted and room
 
     def _is_wanted(self, key: str) -> bool:
         """Whether `key` is one of the mission's, or one of the first of all others.
@@ -275,7 +288,7 @@ class Recorder:
         topic = topic_of(said.key)
         channel = channel_of(topic) if topic is not None else None
         if channel is not None:
-            stamp = stamp_of(said.stamp)
+            stamp = self._stamp(said)
             self._writer.write_as(channel, said.payload, said.time_ns, stamp.sent_ns, stamp.seq)
             return
         self._writer.write(said.key, said.payload, said.time_ns)
@@ -298,12 +311,6 @@ class Recorder:
         if self._left_out > self._told_left_out:
             self._told_left_out = self._left_out
             self.tell("malformed", f"{self._left_out} on more keys of nobody than are recorded")
-
-
-def _number(kept: again.Kept) -> tuple[str, int]:
-    """Instance and number of a message as it says itself."""
-    stamp = stamp_of(kept.stamp or kept.payload)
-    return stamp.instance, stamp.seq
 
 
 def reason_of(error: OSError) -> str:

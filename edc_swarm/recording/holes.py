@@ -78,7 +78,7 @@ class Holes:
     def __init__(self, mission: str, known: Container[str]) -> None:
         self._root = f"{PREFIX}/{mission}/"
         self._known = known
-        self._streams: dict[tuple[str, str], _Stream | None] = {}
+        self._streams: dict[tuple[str, str], _Stream] = {}
         self._publishers: dict[Publisher, _Asked] = {}
         self._wanting: dict[Publisher, _Asked] = {}
         self._count = 0
@@ -179,17 +179,12 @@ class Holes:
 
     def _stream(self, key: str, instance: str) -> _Stream | None:
         """The stream, None for what no publisher of a mission counts."""
-        try:
-            return self._streams[key, instance]
-        except KeyError:
-            if len(self._streams) >= MAX_STREAMS:
-                return None
-        source = source_of(key)
-        stream = None
-        if source not in {"", RECORDER} and _is_instance(instance):
-            publisher = self._publishers.setdefault((source, instance), _Asked((source, instance)))
-            stream = publisher.streams[key] = _Stream(publisher)
-        self._streams[key, instance] = stream
+        stream = self._streams.get((key, instance))
+        if stream is None and len(self._streams) < MAX_STREAMS and _is_instance(instance):
+            source = source_of(key)
+            if source not in {"", RECORDER}:
+                publisher = self._publishers.setdefault((source, instance), _Asked((source, instance)))
+                stream = publisher.streams[key] = self._streams[key, instance] = _Stream(publisher)
         return stream
 
 

@@ -26,7 +26,7 @@ from processes import outbox
 from processes.bus import hand_over, open_client
 from processes.inbox import Inbox
 from processes.outbox import Outbox
-from processes.recorder import RecorderSettings
+from processes.recorder import MAX_FOREIGN_KEYS, RecorderSettings
 from tests.processes.conftest import await_true
 
 KEYS = Keys("m")
@@ -181,6 +181,25 @@ def test_the_recorder_waits_for_answers_after_the_last_word(bench: Bench, lose: 
     bench.say_last_word()
     uav.stay(inbox)
     assert sorted(seq for channel, seq, *_ in bench.end() if channel.topic == FIX) == [0, 1, 2]
+
+
+def test_what_is_fetched_takes_no_more_room_than_what_comes_by_itself(bench: Bench, lose: Lose) -> None:
+    """Keys of nobody are recorded up to their number, whoever names them in its last word."""
+    inbox = Inbox[object]()
+    uav = Outbox(bench.session, KEYS.again("u001", "p-1"), inbox)
+    keys = [f"{KEYS.event('u001')}/{number}" for number in range(MAX_FOREIGN_KEYS + 200)]
+    for key in keys:
+        lose(key, {0})
+        uav.put(key, b'{"instance":"p-1"}', 0)
+    uav.put(KEYS.event("u001"), closed("u001", dict.fromkeys(keys, 0)), 0)
+    uav.flush()
+    uav.stay(inbox)
+    bench.say_last_word()
+    fetched = {channel.topic for channel, *_ in bench.end()} & set(keys)
+    assert len(fetched) == MAX_FOREIGN_KEYS
+    run_end = read_recording(bench.out).run_end
+    assert run_end is not None
+    assert (run_end["foreign_left_out"], run_end["fetched"]) == ("200", str(MAX_FOREIGN_KEYS))
 
 
 def test_an_answer_is_taken_for_what_was_asked_and_nothing_else(bench: Bench) -> None:
