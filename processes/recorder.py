@@ -275,7 +275,7 @@ class Recorder:
 
     def _look_for_last_words(self, key: str, payload: bytes) -> None:
         """Take in who has closed; with the operator's last word the end begins."""
-        if kind_of(key) is not Event or CLOSED.encode() not in payload:
+        if CLOSED.encode() not in payload or kind_of(key) is not Event:
             return
         message = self._gate.admit(Heard(key, payload))
         if isinstance(message, Event) and message.kind == CLOSED:
