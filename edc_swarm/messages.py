@@ -276,6 +276,10 @@ class Keys:
         """Key on which a part that nobody launched, such as the recorder, is told what to do."""
         return f"{self.root}/orders/{name}"
 
+    def again(self, source: str, instance: str) -> str:
+        """Key on which a publisher is asked for messages that have not arrived."""
+        return f"{self.root}/again/{source}/{instance}"
+
     def alive(self, uav: str, instance: str) -> str:
         """Key of a process's liveliness token."""
         return f"{self.root}/alive/{uav}/{instance}"

@@ -23,7 +23,7 @@ from edc_swarm.config import ARRIVED_M, Mission
 from edc_swarm.energy import compute_energy_j, propulsion_power_w, propulsion_powers_w
 from edc_swarm.errors import RecordingError
 from edc_swarm.messages import Report
-from edc_swarm.recording import Recording, find_gaps
+from edc_swarm.recording import Recording, fetched_count, find_gaps
 from edc_swarm.recording.living import living_at_end
 from edc_swarm.recording.tracks import Tracks, tracks_of
 from edc_swarm.separation import encounters, least_gap_m
@@ -73,7 +73,7 @@ class Metrics(Struct, frozen=True, kw_only=True):
     the first commanded slot to completion, in which a UAV that is not at its target executed no
     command; `slots_missed` the slots in that range for which nobody published a command.
     `failover_slots`: slots without commands at each change of head. `gaps` counts messages that are
-    missing by sequence number.
+    missing by sequence number, `fetched` those that the recorder lacked and had again from their publishers.
     """
 
     uavs: int
@@ -102,6 +102,7 @@ class Metrics(Struct, frozen=True, kw_only=True):
     ticks_late_pct: float
     messages: int
     gaps: int
+    fetched: int
     heads: list[HeadTerm]
     failover_slots: list[int]
 
@@ -216,6 +217,7 @@ def compute_metrics(recording: Recording, timings: Sequence[Timing] = ()) -> Met
         ticks_late_pct=_ticks_late_pct(recording, int(tracks.heard.sum())),
         messages=recording.message_count,
         gaps=sum(gap.count for gap in find_gaps(recording) if not gap.duplicate),
+        fetched=fetched_count(recording),
         heads=heads,
         failover_slots=[max(0, new.first_slot - old.last_slot - 1) for old, new in pairwise(heads)],
     )

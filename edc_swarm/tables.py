@@ -26,7 +26,7 @@ def metric_rows(m: Metrics) -> list[tuple[str, str]]:
         ("plan time", _quantiles(m.plan_ms)),
         ("fix to command", _quantiles(m.fix_to_command_ms)),
         ("late ticks", f"{m.ticks_late_pct:.2f} %"),
-        ("messages", f"{m.messages}, {m.gaps} gaps"),
+        ("messages", f"{m.messages}, {m.gaps} gaps" + (f", {m.fetched} fetched again" if m.fetched else "")),
     ]
 
 

@@ -47,7 +47,8 @@ def _shared_by_uavs(keys: Keys) -> list[Rule]:
 
 def _of_uav(keys: Keys, uav: str) -> list[Rule]:
     own = [keys.fix(uav), keys.truth(uav), keys.command(uav, "*"), keys.report(uav), keys.event(uav)]
-    return [_says(uav, own), *_hears(uav, [keys.commands_to(uav)]), _lives(uav, keys)]
+    asked_again = _answers(uav, [keys.again(uav, "*")])
+    return [_says(uav, own), *_hears(uav, [keys.commands_to(uav)]), *asked_again, _lives(uav, keys)]
 
 
 def _of_roles(keys: Keys) -> dict[str, list[Rule]]:
@@ -57,19 +58,21 @@ def _of_roles(keys: Keys) -> dict[str, list[Rule]]:
         OPERATOR: [
             _says(OPERATOR, asked),
             *_hears(OPERATOR, [keys.all_fixes, keys.all_reports, keys.event("*")]),
-            *_answers(OPERATOR, [*asked, keys.claims]),
+            *_answers(OPERATOR, [*asked, keys.claims, keys.again(OPERATOR, "*")]),
             _lives(OPERATOR, keys),
             *_sees_the_living(OPERATOR, keys),
         ],
         RECORDER: [
             _says(RECORDER, [keys.event(RECORDER)]),
             *_hears(RECORDER, [keys.everything]),
+            *_asks(RECORDER, [keys.again("*", "*")]),
             _lives(RECORDER, keys),
         ],
         VISUALISER: [
             _says(VISUALISER, [keys.event(VISUALISER), f"{keys.root}/viz/**"]),
             *_hears(VISUALISER, seen),
             *_asks(VISUALISER, asked),
+            *_answers(VISUALISER, [keys.again(VISUALISER, "*")]),
             _lives(VISUALISER, keys),
         ],
     }

@@ -32,6 +32,8 @@ MAX_RECEIVED_BYTES = 16 << 20
 CONNECT_RETRY = {"period_init_ms": 100, "period_max_ms": 1000, "period_increase_factor": 2}
 OBSERVER_RETRY = {"period_init_ms": 20, "period_max_ms": 20, "period_increase_factor": 1}
 """Who only listens must be back at a restarted router before those who speak."""
+ASIDE_TIMEOUT_S = 10.0
+"""When Zenoh forgets a question that stands back for all else."""
 
 DEEP_QUEUE: dict[str, Any] = {"transport/link/tx/queue/size/data": 16}
 """Batches of 64 kB that may wait for a link, made when needed: bursts of large scenes fit in."""
@@ -105,9 +107,24 @@ def hand_over(take: Callable[[Item], None]) -> zenoh.handlers.Callback[Item]:
     return zenoh.handlers.Callback(take, indirect=False)
 
 
-def put(session: zenoh.Session, key: str, payload: bytes) -> None:
+def put(session: zenoh.Session, key: str, payload: bytes, attachment: bytes | None = None) -> None:
     """Publish `payload`; never blocks."""
-    session.put(key, payload, congestion_control=zenoh.CongestionControl.DROP, express=False)
+    session.put(
+        key, payload, congestion_control=zenoh.CongestionControl.DROP, express=False, attachment=attachment or None
+    )
+
+
+def ask_aside(session: zenoh.Session, key: str, payload: bytes, take: Callable[[zenoh.Reply], None]) -> None:
+    """Ask in such a way that question and answers, which are sent as the question was, stand back for all else."""
+    session.get(
+        key,
+        hand_over(take),
+        payload=payload,
+        consolidation=zenoh.ConsolidationMode.NONE,
+        congestion_control=zenoh.CongestionControl.DROP,
+        priority=zenoh.Priority.BACKGROUND,
+        timeout=ASIDE_TIMEOUT_S,
+    )
 
 
 def is_connected(session: zenoh.Session) -> bool:

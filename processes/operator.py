@@ -51,7 +51,7 @@ class Operator:
         self.first_flown_slot = -1
         self.monitor: MissionMonitor | None = None
         self._session = session
-        self._outbox = Outbox(self._session)
+        self._outbox = Outbox(self._session, self._keys.again(OPERATOR, self._instance), inbox)
         self._declare()
         self._token = session.liveliness().declare_token(self._keys.alive(OPERATOR, self._instance))
 
@@ -76,7 +76,7 @@ class Operator:
         )
         self.monitor = MissionMonitor(mission)
         self._gate.know(self._mission)
-        self._say(self._keys.mission, encode(self._mission))
+        self._say(self._keys.mission, encode(self._mission), self._mission.seq)
 
     def take_over(self, mission: MissionMessage) -> None:
         """Go on with a mission that an operator before this one has started."""
@@ -101,7 +101,7 @@ class Operator:
         payload = encode(event)
         if kind == "fault" and detail.split(maxsplit=1)[0] not in PROCESS_VERBS:
             self._in_force.append(payload)
-        self._say(self._keys.event(OPERATOR), payload)
+        self._say(self._keys.event(OPERATOR), payload, event.seq)
 
     def close(self) -> None:
         """Say the last sequence numbers; the recorder ends with this."""
@@ -137,7 +137,10 @@ class Operator:
             case Token():
                 self._see(item)
             case zenoh.Query():
-                self._answer(item)
+                if self._outbox.hear(item):
+                    self._outbox.answer()
+                else:
+                    self._answer(item)
 
     def _see(self, token: Token) -> None:
         """Take in who has come and who has gone."""
@@ -147,8 +150,8 @@ class Operator:
             self._tokens.add((token.uav, token.instance))
         self._desk.see(token)
 
-    def _say(self, key: str, payload: bytes) -> None:
-        self._outbox.put(key, payload)
+    def _say(self, key: str, payload: bytes, seq: int) -> None:
+        self._outbox.put(key, payload, seq)
         self._outbox.flush()
 
     def _hear(self, key: str, payload: bytes) -> None:

@@ -2,18 +2,21 @@
 
 It subscribes to everything of one mission, outside the link model, and writes the bytes it
 received. Zenoh's thread only queues; the main thread writes, and flushes every second, so a killed
-recorder loses at most that. The file is NAME.mcap.part until it is whole.
+recorder loses at most that. The file is NAME.mcap.part until it is whole. What has not arrived, as the
+numbers of what has show, is asked for again of its publishers.
 """
 
 from __future__ import annotations
 
 import errno
 import fcntl
+import math
 import os
 import secrets
 import signal
 import sys
 import time
+from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
 from typing import BinaryIO, cast
@@ -22,12 +25,15 @@ import msgspec
 import zenoh
 from msgspec import Struct
 
+from edc_swarm import again
 from edc_swarm.config import OPERATOR, RECORDER, ROLES
 from edc_swarm.errors import InputError, SwarmError
 from edc_swarm.messages import Event, Keys, MissionMessage, decode, encode, kind_of
-from edc_swarm.recording import CLOSED, RecordingWriter, is_mission
+from edc_swarm.recording import CLOSED, Holes, RecordingWriter, Stamp, is_mission, stamp_of, tails_in
+from edc_swarm.recording.holes import Publisher
+from edc_swarm.recording.ordering import FETCHED
 from edc_swarm.viz import TOPICS, channel_of, topic_of
-from processes.bus import hand_over, open_client, put
+from processes.bus import ask_aside, hand_over, open_client, put
 from processes.console import complain
 from processes.credentials import credentials
 from processes.ears import Gate, Heard
@@ -47,9 +53,34 @@ KEY_WORDS = frozenset({"mission", "uav", "fix", "truth", "head", "command", "rep
 MAX_FOREIGN_KEYS = 1000
 """Keys of nobody in the mission that are recorded all the same, one topic each."""
 
-Sample = tuple[str, bytes, int]
-STOP: Sample = ("", b"", 0)
-"""Stands in the queue for the order to stop."""
+CLOSING_S = 1.0
+"""For at most so long after the operator's last word answers are waited for."""
+
+
+@dataclass(frozen=True, slots=True)
+class Said:
+    """Bytes from the bus, when they came, and the stamp beside those that carry none."""
+
+    key: str
+    payload: bytes
+    time_ns: int
+    stamp: bytes = b""
+
+
+@dataclass(frozen=True, slots=True)
+class Answered:
+    """A publisher's answer."""
+
+    publisher: Publisher
+    payload: bytes
+
+
+@dataclass(frozen=True, slots=True)
+class Stop:
+    """The order to stop."""
+
+
+Item = Said | Answered | Stop | zenoh.Query
 
 
 class RecorderSettings(Struct, frozen=True, kw_only=True):
@@ -71,7 +102,7 @@ class Recorder:
         self._keys = Keys(settings.mission)
         self._stream = stream
         self._writer = RecordingWriter(stream, settings.run)
-        self._inbox: Inbox[Sample | zenoh.Query] = Inbox(QUEUE_LIMIT)
+        self._inbox: Inbox[Item] = Inbox(QUEUE_LIMIT)
         self._instance = f"{os.getpid()}-{secrets.token_hex(4)}"
         self._seq = -1
         self._told_dropped = 0
@@ -80,7 +111,10 @@ class Recorder:
         self._gate = Gate(partial(self.tell, "malformed"))
         self._foreign: set[str] = set()
         self._left_out = self._told_left_out = 0
-        self._stopping = False
+        self._holes = Holes(settings.mission, self._known)
+        self._scenes = f"{self._keys.root}/viz/"
+        self._fetched = 0
+        self._end_s = math.inf
         self.has_mission = False
         self._mission = settings.mission
         self._session = open_client(settings.endpoint, credentials(settings.certs, NAME), observer=True)
@@ -94,21 +128,43 @@ class Recorder:
 
     def stop(self) -> None:
         """Ask to end after what is queued; may be called from a signal handler."""
-        self._inbox.put_always(STOP)
+        self._inbox.put_always(Stop())
 
     def record(self) -> None:
-        """Write until the operator's last word, or until told to stop."""
+        """Write until the operator's last word and what is hoped for after it, or until told to stop."""
         next_flush_s = time.monotonic() + FLUSH_S
-        while not self._stopping:
-            for item in self._inbox.wait(next_flush_s - time.monotonic(), SETTLE_S):
-                if isinstance(item, zenoh.Query):
-                    self._answer(item)
-                else:
-                    self._write(*item)
+        while not self._is_done():
+            for item in self._inbox.wait(self._patience_s(next_flush_s), SETTLE_S):
+                self._take_in(item)
+            self._ask()
             if time.monotonic() >= next_flush_s:
                 self._flush()
-                self._stopping |= self._is_deserted()
+                if self._is_deserted():
+                    self._end_by(time.monotonic())
                 next_flush_s = time.monotonic() + FLUSH_S
+
+    def _is_done(self) -> bool:
+        """Whether the end has come and nothing more is hoped for, or no longer."""
+        return self._end_s < math.inf and (not self._holes.outstanding or time.monotonic() >= self._end_s)
+
+    def _end_by(self, end_s: float) -> None:
+        self._end_s = min(self._end_s, end_s)
+
+    def _patience_s(self, next_flush_s: float) -> float:
+        next_ask_s = self._holes.next_s
+        due_s = min(next_flush_s, self._end_s, next_ask_s if next_ask_s is not None else math.inf)
+        return due_s - time.monotonic()
+
+    def _take_in(self, item: Item) -> None:
+        match item:
+            case Said():
+                self._hear(item)
+            case Answered(publisher, payload):
+                self._take_answer(publisher, payload)
+            case zenoh.Query():
+                self._answer(item)
+            case Stop():
+                self._end_by(time.monotonic())
 
     def finish(self) -> None:
         """Make the file whole."""
@@ -117,6 +173,7 @@ class Recorder:
             "messages": str(self._messages),
             "dropped": str(self._inbox.dropped),
             "foreign_left_out": str(self._left_out),
+            FETCHED: str(self._fetched),
         }
         self._writer.finish(facts)
         self._stream.flush()
@@ -145,22 +202,64 @@ class Recorder:
         query.drop()
 
     def _take(self, sample: zenoh.Sample) -> None:
-        payload = sample.payload.to_bytes()
-        self._inbox.put((str(sample.key_expr), payload, time.time_ns()), len(payload))
+        payload, stamp = sample.payload.to_bytes(), sample.attachment
+        said = Said(str(sample.key_expr), payload, time.time_ns(), stamp.to_bytes() if stamp is not None else b"")
+        self._inbox.put(said, len(payload))
 
-    def _write(self, key: str, payload: bytes, received_ns: int) -> None:
-        if not key:
-            self._stopping = True
+    # --- what has not arrived ----------------------------------------------------------------
+
+    def _ask(self) -> None:
+        for publisher, ask in self._holes.due(time.monotonic()):
+            take = partial(self._take_reply, publisher)
+            ask_aside(self._session, self._keys.again(*publisher), again.encode(ask), take)
+
+    def _take_reply(self, publisher: Publisher, reply: zenoh.Reply) -> None:
+        if reply.ok is not None:
+            payload = reply.ok.payload.to_bytes()
+            self._inbox.put(Answered(publisher, payload), len(payload))
+
+    def _take_answer(self, publisher: Publisher, payload: bytes) -> None:
+        """Record what was missing, and nothing that says that it is something else."""
+        try:
+            answer = again.decode_answer(payload)
+        except msgspec.DecodeError:
             return
-        if not self._is_wanted(key):
-            self._left_out += 1
+        honest = [kept for kept in answer.found if self._number(kept) == (publisher[1], kept.seq)]
+        taken = self._holes.answered(publisher, msgspec.structs.replace(answer, found=honest), time.monotonic())
+        for kept in filter(lambda kept: self._has_place(kept.key), taken):
+            self._write(Said(kept.key, kept.payload, time.time_ns(), kept.stamp))
+            self._fetched += 1
+
+    def _number(self, kept: again.Kept) -> tuple[str, int]:
+        """Instance and number of a message as it says itself."""
+        stamp = self._stamp(kept)
+        return stamp.instance, stamp.seq
+
+    def _stamp(self, said: Said | again.Kept) -> Stamp:
+        """The stamp in a message, or beside a scene."""
+        return stamp_of(said.stamp if said.key.startswith(self._scenes) else said.payload)
+
+    # --- writing -----------------------------------------------------------------------------
+
+    def _hear(self, said: Said) -> None:
+        """Write what has a place in the file and is not there yet."""
+        if not self._has_place(said.key):
             return
-        if not self._writer.has_room_for(key):
-            self._inbox.dropped += 1
-            return
-        self._record(key, payload, received_ns)
+        stamp = self._stamp(said)
+        if self._holes.heard(said.key, stamp.instance, stamp.seq, said.payload, time.monotonic()):
+            self._write(said)
+
+    def _write(self, said: Said) -> None:
+        self._record(said)
         self._messages += 1
-        self._stopping |= self._is_last_word(key, payload)
+        self._look_for_last_words(said.key, said.payload)
+
+    def _has_place(self, key: str) -> bool:
+        """Whether a message on `key` is wanted and has room; counted if not."""
+        wanted, room = self._is_wanted(key), self._writer.has_room_for(key)
+        self._left_out += not wanted
+        self._inbox.dropped += wanted and not room
+        return wanted and room
 
     def _is_wanted(self, key: str) -> bool:
         """Whether `key` is one of the mission's, or one of the first of all others.
@@ -174,24 +273,29 @@ class Recorder:
             self._foreign.add(key)
         return key in self._foreign
 
-    def _is_last_word(self, key: str, payload: bytes) -> bool:
-        if key != self._keys.event(OPERATOR) or CLOSED.encode() not in payload:
-            return False
+    def _look_for_last_words(self, key: str, payload: bytes) -> None:
+        """Take in who has closed; with the operator's last word the end begins."""
+        if CLOSED.encode() not in payload or kind_of(key) is not Event:
+            return
         message = self._gate.admit(Heard(key, payload))
-        return isinstance(message, Event) and message.kind == CLOSED
+        if isinstance(message, Event) and message.kind == CLOSED:
+            self._holes.closed(message.source, message.instance, tails_in(message), time.monotonic())
+            if message.source == OPERATOR:
+                self._end_by(time.monotonic() + CLOSING_S)
 
-    def _record(self, key: str, payload: bytes, received_ns: int) -> None:
+    def _record(self, said: Said) -> None:
         """Record a message of the swarm, or of the visualiser under the topic that viewers' layouts know."""
-        topic = topic_of(key)
+        topic = topic_of(said.key)
         channel = channel_of(topic) if topic is not None else None
         if channel is not None:
-            self._writer.write_as(channel, payload, received_ns)
+            stamp = self._stamp(said)
+            self._writer.write_as(channel, said.payload, said.time_ns, stamp.sent_ns, stamp.seq)
             return
-        self._writer.write(key, payload, received_ns)
-        if not self.has_mission and is_mission(key, payload):
+        self._writer.write(said.key, said.payload, said.time_ns)
+        if not self.has_mission and is_mission(said.key, said.payload):
             self.has_mission = True
-            self._answers[key] = payload
-            self._begin(cast("MissionMessage", decode(key, payload)))
+            self._answers[said.key] = said.payload
+            self._begin(cast("MissionMessage", decode(said.key, said.payload)))
 
     def _begin(self, mission: MissionMessage) -> None:
         self._gate.know(mission)

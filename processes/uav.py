@@ -19,6 +19,7 @@ from functools import partial
 from pathlib import Path
 
 import msgspec
+import zenoh
 from msgspec import Struct
 
 from edc_swarm.claims import LAUNCHED, instance_name
@@ -60,6 +61,8 @@ RETRY_S = 0.02
 STANDBY_SETTLE_S = 0.002
 TRUTH_WAITS_S = 0.02
 """The truth, which is for the record, is said when nothing has come for so long: a slot's start is for the fixes."""
+SPARE_S = 0.005
+"""With less time to the next thing to be done, nobody is answered who asks for old messages."""
 
 
 class UavSettings(Struct, frozen=True, kw_only=True):
@@ -101,7 +104,7 @@ class UavProcess:
         self._untold: Truth | None = None
         self._response_ms = measured_response_ms() if settings.measure_response else 0.0
         self._session = open_client(settings.endpoint, credentials(settings.certs, settings.uav))
-        self._outbox = Outbox(self._session)
+        self._outbox = Outbox(self._session, self._keys.again(settings.uav, self._instance), self._inbox)
         self._ears = Ears(self._session, self._keys, settings.uav, self._inbox)
         self._token = self._session.liveliness().declare_token(self._keys.alive(settings.uav, self._instance))
         self._ears.ask_for_mission()
@@ -125,6 +128,9 @@ class UavProcess:
         timeout_s = min(self._timeout_s(), RETRY_S if self._outbox.holds_back else IDLE_S)
         if self._untold is not None:
             timeout_s = min(timeout_s, TRUTH_WAITS_S)
+        if self._outbox.is_asked and timeout_s > SPARE_S:
+            self._outbox.answer()
+            timeout_s = 0.0
         start_s = time.monotonic()
         items = self._inbox.wait(timeout_s, min(self._settle_s, max(timeout_s, 0.0)))
         self._outbox.note_delay(time.monotonic() - start_s - timeout_s)
@@ -158,6 +164,8 @@ class UavProcess:
                 self._step(item)
             case Leave():
                 self._leaving = True
+            case zenoh.Query():
+                self._outbox.hear(item)
 
     def _hear(self, heard: Heard) -> None:
         match message := self._gate.admit(heard):
@@ -280,7 +288,7 @@ class UavProcess:
 
     def _say(self, message: Message) -> None:
         stamped = msgspec.structs.replace(message, sent_ns=self._clock.now_ns())
-        self._outbox.put(self._keys.of(stamped), encode(stamped))
+        self._outbox.put(self._keys.of(stamped), encode(stamped), stamped.seq)
 
     def _want_planner(self) -> None:
         assert self._flight is not None
@@ -296,6 +304,7 @@ class UavProcess:
             self._tell_delay_error(self._flight)
             last = msgspec.json.encode(self._flight.node.last_seqs).decode()
             self._carry_out([self._flight.node.event("closed", last)])
+        self._outbox.stay(self._inbox)
         self._session.close()
 
     def _tell_delay_error(self, flight: Flight) -> None:

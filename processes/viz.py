@@ -22,6 +22,7 @@ from msgspec import Struct
 from edc_swarm.config import OPERATOR, VISUALISER
 from edc_swarm.errors import SwarmError
 from edc_swarm.messages import Event, Keys, MissionMessage, encode
+from edc_swarm.recording import Stamp
 from edc_swarm.viz import ROOT, Scenery, Shown
 from processes.bus import hand_over, open_client
 from processes.console import complain
@@ -40,6 +41,8 @@ BURST_BYTES = 32_768
 PAUSE_S = 0.004
 OVERHEAD_BYTES = 512
 """What a small message costs beside its bytes."""
+KEPT_BYTES = 16 << 20
+"""What is kept to be sent again: a minute of the scenes of 50 UAVs."""
 
 
 class VizSettings(Struct, frozen=True, kw_only=True):
@@ -68,7 +71,7 @@ class _Stop:
     """The order to end."""
 
 
-Item = _Said | Subscribed | _Stop
+Item = _Said | Subscribed | _Stop | zenoh.Query
 
 
 class Visualiser:
@@ -89,8 +92,8 @@ class Visualiser:
         if settings.live_port:
             self._live = Live(settings.live_host, settings.live_port, self._inbox.put_always)
         self._session = open_client(settings.endpoint, credentials(settings.certs, NAME), observer=True)
-        self._outbox = Outbox(self._session)
         keys, heard = self._keys, hand_over(self._take)
+        self._outbox = Outbox(self._session, keys.again(NAME, self._instance), self._inbox, KEPT_BYTES)
         for key in (keys.mission, f"{keys.root}/uav/**", f"{keys.root}/head/**", keys.event("*")):
             self._session.declare_subscriber(key, heard, allowed_origin=zenoh.Locality.REMOTE)
         self._session.get(keys.mission, hand_over(self._take_reply), consolidation=zenoh.ConsolidationMode.NONE)
@@ -127,6 +130,9 @@ class Visualiser:
                 self._over = True
             case Subscribed(topic) if self._live is not None:
                 self._live.repeat(topic)
+            case zenoh.Query():
+                if self._outbox.hear(item):
+                    self._outbox.answer()
             case _Said(key, payload, time_ns):
                 self._publish(self._scenery.advance(time_ns))
                 self._hear(key, payload, time_ns)
@@ -150,8 +156,9 @@ class Visualiser:
 
     def _put(self, shown: Shown) -> None:
         key = f"viz/{shown.topic.removeprefix(ROOT)}"
-        self._last[key] = self._last.get(key, -1) + 1
-        self._outbox.put(f"{self._keys.root}/{key}", shown.payload)
+        seq = self._last[key] = self._last.get(key, -1) + 1
+        stamp = msgspec.json.encode(Stamp(self._instance, seq, shown.time_ns))
+        self._outbox.put(f"{self._keys.root}/{key}", shown.payload, seq, stamp)
         self._outbox.flush()
         self._pause(len(shown.payload))
 
@@ -163,10 +170,11 @@ class Visualiser:
             time.sleep(PAUSE_S)
 
     def _close(self) -> None:
-        """Say how many messages of each topic there were; viewers' messages carry no numbers."""
+        """Say how many messages of each topic there were; in the record viewers' messages carry no numbers."""
         self._publish(self._scenery.advance(time.time_ns()))
         self._tell("closed", msgspec.json.encode(self._last).decode())
         self._outbox.flush()
+        self._outbox.stay(self._inbox)
         self._session.close()
         if self._live is not None:
             self._live.stop()
@@ -177,7 +185,7 @@ class Visualiser:
             return
         seq, now_ns = next(self._event_seq), time.time_ns()
         event = Event(source=NAME, instance=self._instance, seq=seq, sent_ns=now_ns, kind=kind, detail=detail)
-        self._outbox.put(self._keys.event(NAME), encode(event))
+        self._outbox.put(self._keys.event(NAME), encode(event), seq)
 
     def _take(self, sample: zenoh.Sample) -> None:
         heard = heard_from(sample)

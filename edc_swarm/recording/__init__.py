@@ -6,22 +6,29 @@ the simulator makes one without a file, by `Recording.from_messages`. Importing 
 `recording.tracks`, which does, is for metrics and guarantees.
 """
 
+from edc_swarm.recording.holes import Holes
 from edc_swarm.recording.mcap_file import McapFile
 from edc_swarm.recording.model import Garbage, Recording
+from edc_swarm.recording.ordering import fetched_count
 from edc_swarm.recording.reader import read_recording, recover
-from edc_swarm.recording.sequences import CLOSED, Gap, find_gaps, unknown_tails
-from edc_swarm.recording.writer import RecordingWriter, is_mission
+from edc_swarm.recording.sequences import CLOSED, Gap, find_gaps, tails_in, unknown_tails
+from edc_swarm.recording.writer import RecordingWriter, Stamp, is_mission, stamp_of
 
 __all__ = [
     "CLOSED",
     "Gap",
     "Garbage",
+    "Holes",
     "McapFile",
     "Recording",
     "RecordingWriter",
+    "Stamp",
+    "fetched_count",
     "find_gaps",
     "is_mission",
     "read_recording",
     "recover",
+    "stamp_of",
+    "tails_in",
     "unknown_tails",
 ]

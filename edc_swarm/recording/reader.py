@@ -15,6 +15,7 @@ from edc_swarm.errors import MessageError, RecordingError
 from edc_swarm.messages import MAX_MESSAGE_BYTES, Command, Fix, Message, MissionMessage, Truth, decode, kind_of
 from edc_swarm.recording.mcap_file import Channel, McapFile
 from edc_swarm.recording.model import Garbage, Recording
+from edc_swarm.recording.ordering import restore_order
 from edc_swarm.recording.sifting import sift
 from edc_swarm.recording.writer import FORMAT, MISSION_ATTACHMENT, RecordingWriter
 
@@ -50,6 +51,7 @@ def read_recording(path: str | Path, *, salvage: bool = False) -> Recording:
     if not recording.missions:
         recording.missions.append(_attached_mission(file))
     sift(recording)
+    restore_order(recording)
     return recording
 
 

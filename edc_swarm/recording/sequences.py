@@ -89,7 +89,7 @@ def _tails(recording: Recording) -> dict[Stream, int]:
     tails: dict[Stream, int] = {}
     for event in recording.events:
         if event.kind == CLOSED:
-            tails.update({(_relative(k), event.instance): last for k, last in _detail(event).items()})
+            tails.update({(_relative(k), event.instance): last for k, last in tails_in(event).items()})
     return tails
 
 
@@ -98,7 +98,8 @@ def _closing(recording: Recording) -> set[Stream]:
     return {(f"event/{event.source}", event.instance) for event in recording.events if event.kind == CLOSED}
 
 
-def _detail(event: Event) -> dict[str, int]:
+def tails_in(event: Event) -> dict[str, int]:
+    """What an event `closed` tells: the last number of each key; nothing where it is no such thing."""
     try:
         return _decode_tails(event.detail)
     except msgspec.DecodeError:

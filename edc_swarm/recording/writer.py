@@ -13,7 +13,7 @@ from mcap.writer import CompressionType, Writer
 from msgspec import Struct
 
 from edc_swarm.errors import MessageError
-from edc_swarm.messages import MissionMessage, Ns, Seq, decode, kind_of
+from edc_swarm.messages import Instance, MissionMessage, Ns, Seq, decode, kind_of
 from edc_swarm.recording.mcap_file import Channel
 from edc_swarm.recording.schemas import json_schema
 
@@ -57,20 +57,22 @@ class RecordingWriter:
 
         `log_time_ns` is the time of receipt; times that go back are recorded as the latest so far.
         """
-        stamp = _stamp(payload)
+        stamp = stamp_of(payload)
         if not self._has_mission and is_mission(key, payload):
             self._has_mission = True
             self.attach(MISSION_ATTACHMENT, "application/json", payload, log_time_ns)
         channel = self._channels.get(key) or self._json_channel(key)
         self._add(channel, payload, log_time_ns, stamp.sent_ns, stamp.seq)
 
-    def write_as(self, channel: Channel, payload: bytes, log_time_ns: int, publish_time_ns: int | None = None) -> None:
+    def write_as(
+        self, channel: Channel, payload: bytes, log_time_ns: int, publish_time_ns: int | None = None, seq: int = 0
+    ) -> None:
         """Record what is no message of the swarm, such as a `foxglove.SceneUpdate`, as `channel` describes it."""
         number = self._channels.get(channel.topic)
         if number is None:
             schema = self._schema(channel.schema_name, channel.schema_encoding, channel.schema_data)
             number = self._channel(channel.topic, channel.encoding, schema)
-        self._add(number, payload, log_time_ns, publish_time_ns, 0)
+        self._add(number, payload, log_time_ns, publish_time_ns, seq)
 
     def attach(self, name: str, media_type: str, data: bytes, log_time_ns: int = 0) -> None:
         """Add an attachment, such as the layout of a viewer."""
@@ -119,19 +121,20 @@ def is_mission(key: str, payload: bytes) -> bool:
         return False
 
 
-class _Stamp(Struct, gc=False):
-    """The two fields of every message that MCAP keeps beside the payload."""
+class Stamp(Struct, gc=False):
+    """What of every message says which one it is, and when it was sent."""
 
+    instance: Instance = ""
     seq: Seq = 0
     sent_ns: Ns | None = None
 
 
-_decode_stamp = msgspec.json.Decoder(_Stamp).decode
+_decode_stamp = msgspec.json.Decoder(Stamp).decode
 
 
-def _stamp(payload: bytes) -> _Stamp:
+def stamp_of(payload: bytes) -> Stamp:
     """The stamp of a message, or an empty one where the bytes are no message."""
     try:
         return _decode_stamp(payload)
     except (msgspec.DecodeError, UnicodeDecodeError, RecursionError):
-        return _Stamp()
+        return Stamp()

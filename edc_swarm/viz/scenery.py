@@ -117,10 +117,12 @@ class Scenery:
             case Fix() if (uav := self._uavs.get(message.uav)) is not None:
                 if message.voter and (uav.fix is None or message.slot >= uav.fix.slot):
                     uav.fix = message
-            case Truth() if message.uav in self._uavs:
-                self._uavs[message.uav].truth = message
-            case Command() if message.uav in self._uavs:
-                self._uavs[message.uav].command = message
+            case Truth() if (uav := self._uavs.get(message.uav)) is not None:
+                if uav.truth is None or message.slot >= uav.truth.slot:
+                    uav.truth = message
+            case Command() if (uav := self._uavs.get(message.uav)) is not None:
+                if uav.command is None or (message.slot, message.term) >= (uav.command.slot, uav.command.term):
+                    uav.command = message
             case Report() if self._mission is not None:
                 self._hear_report(message, now_ns)
             case Event():

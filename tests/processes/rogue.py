@@ -15,6 +15,8 @@ from typing import Any
 import msgspec
 import zenoh
 
+from edc_swarm.again import Ask, Span
+from edc_swarm.again import encode as encode_ask
 from edc_swarm.messages import Command, Event, Fix, Keys, Message, Report, Truth, encode
 from processes.bus import hand_over, open_client, put
 from processes.credentials import Credentials
@@ -38,8 +40,10 @@ def main() -> int:
         session.declare_subscriber(
             key, hand_over(lambda s: _hear(s, heard, newest)), allowed_origin=zenoh.Locality.REMOTE
         )
-    for key in (keys.mission, f"{keys.root}/**"):
-        session.get(key, hand_over(lambda r: heard.update([f"reply {r.ok.key_expr}" if r.ok else "error"])))
+    again = encode_ask(Ask([Span(keys.command("u001", uav), 0, 9) for uav in ("u001", "u002", "u003")]))
+    for key in (keys.mission, f"{keys.root}/**", keys.again("u001", "*"), keys.again("*", "*")):
+        take = hand_over(lambda r: heard.update([f"reply {r.ok.key_expr}" if r.ok else "error"]))
+        session.get(key, take, payload=again)
     time.sleep(LISTENS_S)
     stolen = session.liveliness().declare_token(keys.alive("u001", INSTANCE))
     for message in _forged(newest, "u001"):

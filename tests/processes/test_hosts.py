@@ -10,7 +10,7 @@ from collections.abc import Iterator
 import pytest
 
 from edc_swarm.errors import RecordingError
-from edc_swarm.recording import find_gaps, read_recording
+from edc_swarm.recording import read_recording
 from tests.processes.conftest import Started
 
 HOME, NEAR, FAR = (f"edc{os.getpid()}-{name}" for name in ("home", "near", "far"))
@@ -70,7 +70,7 @@ def newest_slot(run: Started) -> int:
 
 
 def test_a_cut_link_between_hosts(hosts: dict[str, str], start):
-    """The far host's UAVs hold while it is cut off, the others fly on, and in the end all arrive."""
+    """The far host's UAVs hold while it is cut off, the others fly on; in the end all arrive and all is recorded."""
     options = ("--uavs", "9", "--time-scale", "2", "--listen", f"tcp/0.0.0.0:{PORT}", "--remote", "6")
     run = start("run", "--json", *options, prefix=on(HOME))
     joined = [start("join", address, "--uavs", "3", prefix=on(name)) for name, address in hosts.items()]
@@ -83,8 +83,8 @@ def test_a_cut_link_between_hosts(hosts: dict[str, str], start):
     assert [command.end().status for command in joined] == [0, 0]
 
     assert ended.json["arrived"] == 9, ended.stdout
-    broken = {verdict["guarantee"] for verdict in ended.json["guarantees"] if verdict["status"] == "broken"}
-    assert broken <= {"G5"}, ended.stdout
+    assert [verdict for verdict in ended.json["guarantees"] if verdict["status"] == "broken"] == []
+    assert ended.json["fetched"] > 0
     recording = ended.recording
     hosts_of = dict(zip((entry.uav for entry in recording.mission.roster), recording.mission.claimants, strict=True))
     slots = range(cut + SETTLED, cut + SETTLED + 6)
@@ -96,4 +96,3 @@ def test_a_cut_link_between_hosts(hosts: dict[str, str], start):
     held = [fix for fix in recording.fixes if fix.uav in cut_off and fix.slot in slots]
     assert len(held) >= len(cut_off) == 3
     assert not any(fix.executing for fix in held)
-    assert {gap.key.split("/")[1] for gap in find_gaps(recording)} <= cut_off

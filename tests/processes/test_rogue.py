@@ -108,7 +108,9 @@ def test_commands_without_a_quorum_are_not_flown_and_no_term_moves(flight: Fligh
 
 
 def test_subscribing_to_what_is_for_others_hears_nothing(flight: Flight):
-    """Whatever it asks for, it hears all fixes and its answer, the mission: no command to others, no truth."""
+    """Whatever it asks for, it hears all fixes and its answer, the mission: no command to others, no truth, nor
+    anything again.
+    """
     heard = flight.insider["heard"]
     assert heard.pop("uav/fix") > 5
     assert heard.pop(f"reply swarm/{flight.recording.mission.name}/mission") == 1

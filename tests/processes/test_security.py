@@ -19,6 +19,8 @@ from processes.certificates import write_certificates
 from processes.security import secure
 
 UAVS = ["u001", "u002"]
+ANSWERING = [*UAVS, "operator", "viz"]
+"""Who publishes, and is asked for what has not arrived."""
 
 
 def certificate(folder: Path, name: str) -> x509.Certificate:
@@ -108,6 +110,18 @@ def test_rules_let_a_uav_say_only_what_is_its_own():
     heard = [key for name in ("uavs hears", "u001 hears") for key in rules[name]["key_exprs"]]
     assert heard[-1] == "swarm/m/head/*/command/u001"
     assert not [key for key in heard if "truth" in key or "**" in key]
+
+
+def test_the_recorder_alone_asks_again_and_each_answers_for_itself():
+    """By the key, in which each has a part of its own."""
+    again = [rule for rule in access_control("m", UAVS)["rules"] if "swarm/m/again/" in str(rule["key_exprs"])]
+    assert {rule["id"] for rule in again if rule["messages"] == ["query"] and rule["flows"] == ["ingress"]} == {
+        "recorder asks"
+    }
+    answering = {rule["id"]: rule["key_exprs"] for rule in again if rule["id"].endswith("offers answers")}
+    keys = {name: [key for key in answering[f"{name} offers answers"] if "/again/" in key] for name in ANSWERING}
+    assert keys == {name: [f"swarm/m/again/{name}/*"] for name in ANSWERING}
+    assert len(answering) == len(ANSWERING)
 
 
 def test_whoever_is_not_in_the_roster_may_nothing():

@@ -11,6 +11,8 @@ import msgspec
 import pytest
 import zenoh
 
+from edc_swarm import again
+from edc_swarm.again import Answer, Ask, Span
 from edc_swarm.config import Mission
 from edc_swarm.messages import Event, Fix, Keys, Report, decode, encode
 from edc_swarm.roster import complete_mission
@@ -82,6 +84,12 @@ class Bench:
         grants = [self.first, self.second]
         return Report(head=self.first, slot=newest, term=1, status="planned", grants=grants, quorum=2, **fields)  # type: ignore[arg-type]
 
+    def ask_again(self, *spans: Span) -> list[Answer]:
+        """Ask the UAV for messages once more, as the recorder does."""
+        key = self.keys.again(self.last, self.heard[0].instance)
+        replies = self.session.get(key, payload=again.encode(Ask(list(spans))), timeout=30)
+        return [again.decode_answer(reply.ok.payload.to_bytes()) for reply in replies if reply.ok is not None]
+
     def close(self) -> None:
         """End the mission; the UAV must go in peace."""
         self.say(Event(source="operator", kind="end"))
@@ -97,6 +105,22 @@ def bench(endpoint: str, tmp_path: Path) -> Iterator[Bench]:
     yield made
     made.process.kill()
     made.process.communicate()
+
+
+def test_what_has_not_arrived_is_said_again_also_after_the_last_word(bench: Bench):
+    """The same bytes, and what was never said is not; until nothing is wanted any more."""
+    bench.begin()
+    key = bench.keys.fix(bench.last)
+    fixes = bench.await_heard(Fix, 4)
+    (answer,) = bench.ask_again(Span(key, 1, 2), Span(key, 1 << 40, 1 << 40))
+    assert [(kept.key, kept.payload) for kept in answer.found] == [(key, encode(fix)) for fix in fixes[1:3]]
+    assert answer.gone == [(key, 1 << 40)]
+    bench.say(Event(source="operator", kind="end"))
+    (closed,) = (event for event in bench.await_heard(Event) if event.kind == "closed")
+    assert len(bench.ask_again(Span(key, 0, 0))) == 1
+    assert bench.ask_again() == []
+    assert bench.process.communicate(timeout=30) == (None, b"")
+    assert closed.instance == fixes[0].instance
 
 
 def test_imports_numpy_only_when_it_is_a_standby(bench: Bench):

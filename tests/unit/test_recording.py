@@ -61,6 +61,25 @@ def test_what_is_written_comes_back(tmp_path: Path, messages: list[Message]) -> 
     assert recording.problems == []
 
 
+@pytest.mark.parametrize(
+    ("run_end", "restored"), [({"fetched": "1"}, True), ({"recovered": "torn"}, True), ({"fetched": "0"}, False)]
+)
+def test_what_came_late_is_read_in_its_place(
+    tmp_path: Path, messages: list[Message], run_end: dict[str, str], restored: bool
+) -> None:
+    """By its number; a record in which nothing had to be fetched is not looked through."""
+    at = next(i for i, message in enumerate(messages) if isinstance(message, Fix) and message.slot == 2)
+    late = [*messages[:at], *messages[at + 1 :], messages[at]]
+    stream = io.BytesIO()
+    writer = RecordingWriter(stream, {})
+    for message in late:
+        writer.write(KEYS.of(message), encode(message), message.sent_ns)
+    writer.finish(run_end)
+    recording = read_recording(saved(tmp_path / "a.mcap", stream.getvalue()))
+    said = [fix for fix in recording.fixes if fix.uav == messages[at].uav]  # type: ignore[union-attr]
+    assert ([fix.seq for fix in said] == sorted(fix.seq for fix in said)) is restored
+
+
 def test_same_messages_same_bytes(messages: list[Message]) -> None:
     """The file depends on nothing but what was written."""
     assert record(messages) == record(messages)

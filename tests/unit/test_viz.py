@@ -19,7 +19,7 @@ from hypothesis import strategies as st
 from synthetic import EPOCH_NS, OFFSET_M, SLOT_NS, at, change, flight, mission_of, parallel
 
 from edc_swarm.geodesy import to_wgs84
-from edc_swarm.messages import Command, Event, Fix, Message, MissionMessage, Report
+from edc_swarm.messages import Command, Event, Fix, Message, MissionMessage, Report, Truth
 from edc_swarm.viz import Scenery, Shown, channel_of, layout, topic_of
 from edc_swarm.viz.channels import Status
 from edc_swarm.viz.layout import MAP_PX, TILE_MPP
@@ -54,6 +54,21 @@ def messages() -> list[Message]:
 def test_the_same_messages_give_the_same_bytes(messages: list[Message]) -> None:
     """Nothing of the view depends on anything else."""
     assert shown(messages) == shown(messages)
+
+
+def test_what_comes_late_takes_nothing_back(messages: list[Message]) -> None:
+    """Messages that were fetched again stand late in a record: what is newer stays in sight."""
+    messages = [msgspec.structs.replace(m, speed_mps=1.0) if isinstance(m, Command) else m for m in messages]
+    late = [m for m in messages if isinstance(m, Fix | Truth | Command | Report) and m.slot == 2]
+    assert {type(message) for message in late} == {Fix, Truth, Command, Report}
+    until_ns, scenes = EPOCH_NS + round(4.9 * SLOT_NS), []
+    for more in ([], late):
+        scenery = Scenery()
+        for message in [m for m in messages if m.sent_ns <= until_ns] + more:
+            scenery.hear(message, message.sent_ns)
+        scenery.advance(until_ns)
+        scenes.append(scenery.advance(until_ns + SLOT_NS))
+    assert scenes[0] == scenes[1] != []
 
 
 def test_every_scene_is_a_full_snapshot(messages: list[Message]) -> None:

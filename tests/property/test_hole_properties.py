@@ -1,0 +1,94 @@
+"""Property: however messages, asks and answers are lost and delayed, the record has each message once, or a gap."""
+
+from __future__ import annotations
+
+from hypothesis import given
+from hypothesis import strategies as st
+
+from edc_swarm.again import OVERHEAD_BYTES, Ask, Kept, Ring
+from edc_swarm.messages import Keys
+from edc_swarm.recording.holes import GATHER_S, MAX_TRIES, WAITS_S, Holes
+
+KEYS = Keys("m")
+STREAMS = (KEYS.fix("a"), KEYS.truth("a"), KEYS.event("a"))
+US = ("a", "1-x")
+LONG_S = sum(WAITS_S) + 1.0
+
+fates = st.sampled_from(["arrives", "is lost", "comes late"])
+said = st.lists(st.tuples(st.sampled_from(STREAMS), fates, st.booleans(), st.booleans()), max_size=60)
+
+
+class Bus:
+    """A publisher and a recorder, and what the bus between them does to each message, ask and answer."""
+
+    def __init__(self, kept: int) -> None:
+        self.ring = Ring(kept * (OVERHEAD_BYTES + 1))
+        self.holes = Holes("m", {"a"})
+        self.seqs = dict.fromkeys(STREAMS, -1)
+        self.recorded: list[tuple[str, int]] = []
+        self.late: list[tuple[str, int]] = []
+        self.asks = 0
+        self.released = False
+        self.now_s = 0.0
+
+    def publish(self, key: str, fate: str) -> None:
+        """Say one message."""
+        self.seqs[key] += 1
+        self.ring.keep(Kept(key, self.seqs[key], b"x"))
+        if fate == "arrives":
+            self.arrive(key, self.seqs[key])
+        elif fate == "comes late":
+            self.late.append((key, self.seqs[key]))
+
+    def arrive(self, key: str, seq: int) -> None:
+        """Let a message come by itself."""
+        if self.holes.heard(key, "1-x", seq, b"x", self.now_s):
+            self.recorded.append((key, seq))
+
+    def turn(self, after_s: float, *, asks_arrive: bool = True, twice: bool = False) -> None:
+        """Let time pass, carry asks, and answers once or twice."""
+        self.now_s += after_s
+        for name, ask in self.holes.due(self.now_s):
+            self.asks += 1
+            self.released |= ask == Ask([])
+            if asks_arrive:
+                for _ in range(2 if twice else 1):
+                    taken = self.holes.answered(name, self.ring.answer(ask), self.now_s)
+                    self.recorded += [(kept.key, kept.seq) for kept in taken]
+
+    def settle(self) -> None:
+        """Let the publisher close and everything be asked for that still is."""
+        self.holes.closed(*US, self.seqs, self.now_s)
+        for _ in range(100 + MAX_TRIES):
+            self.turn(GATHER_S)
+
+
+@given(said, st.integers(1, 80), st.data())
+def test_each_message_once_or_gone(said, kept: int, data: st.DataObject):
+    """What the publisher still keeps is recorded in the end, nothing twice, and nothing but a gap else."""
+    bus = Bus(kept)
+    for key, fate, asks_arrive, twice in said:
+        bus.publish(key, fate)
+        if bus.late and data.draw(st.booleans()):
+            bus.arrive(*bus.late.pop(0))
+        bus.turn(data.draw(st.sampled_from([0.0, GATHER_S, 1.0])), asks_arrive=asks_arrive, twice=twice)
+    bus.settle()
+    assert len(set(bus.recorded)) == len(bus.recorded)
+    everything = {(key, seq) for key, last in bus.seqs.items() for seq in range(last + 1)}
+    newest = {(one.key, one.seq) for one in bus.ring._order}
+    assert newest <= set(bus.recorded) <= everything
+    assert not bus.holes.outstanding
+    assert bus.released or not said
+
+
+@given(said)
+def test_silence_costs_a_bounded_number_of_asks(said):
+    """A publisher that never answers is asked so often for each hole that it shows, and then left alone."""
+    bus = Bus(kept=1)
+    for key, fate, *_ in said:
+        bus.publish(key, fate)
+    for _ in range(2 * MAX_TRIES):
+        bus.turn(LONG_S, asks_arrive=False)
+    assert bus.asks <= MAX_TRIES
+    assert not bus.holes.outstanding
+    assert bus.holes.next_s is None
