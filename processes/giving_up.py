@@ -1,6 +1,6 @@
 """The word of an operator that ends before it has a mission, so that nobody waits for it in vain.
 
-A bad option ends `run --operate` before it is on the bus. It then leaves a token at the router for a moment;
+A bad option ends `run --operate` before it is on the bus. It then leaves a token at the router for two seconds;
 a router for one mission (`processes.router`) that has had no operator passes it on to whoever waits. All
 others pay no heed: an operator that is tried again may still take over.
 """
@@ -20,6 +20,8 @@ WORD = f"{PREFIX}/-/alive/giving-up"
 TRY_FOR_S = 10.0
 """The router may be starting as well."""
 LOOK_EVERY_S = 0.1
+HOLD_S = 2.0
+"""A router that has just begun to listen sees tokens a moment later."""
 
 
 def give_up(arguments: Sequence[str]) -> None:
@@ -34,6 +36,7 @@ def give_up(arguments: Sequence[str]) -> None:
         time.sleep(LOOK_EVERY_S)
     if session is not None:
         token = session.liveliness().declare_token(f"{WORD}/{os.getpid()}")
+        time.sleep(HOLD_S)
         token.undeclare()
         session.close()
 
