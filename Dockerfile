@@ -28,7 +28,7 @@ RUN printf '%s\n' '#!/bin/sh' 'owner=$(stat -c "--reuid=%u --regid=%g" /swarm/re
     && chmod 755 /usr/local/bin/as-owner
 COPY --from=build /opt/edc-swarm /opt/edc-swarm
 ENV PATH=/opt/edc-swarm/bin:$PATH PYTHONUNBUFFERED=1 \
-    NUMBA_CPU_NAME=generic NUMBA_CACHE_DIR=/var/cache/edc-swarm
+    NUMBA_CPU_NAME=generic NUMBA_CACHE_DIR=/var/cache/edc-swarm MPLCONFIGDIR=/tmp/matplotlib
 USER edc
 WORKDIR /swarm
 RUN python -c "from edc_swarm.config import Mission; from processes.planning import warm_planner; warm_planner(Mission())" \

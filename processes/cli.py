@@ -11,7 +11,8 @@ from cyclopts import App, CoercionError, CycloptsError, MissingArgumentError, Pa
 from cyclopts.exceptions import RepeatArgumentError, UnknownCommandError, UnusedCliTokensError
 
 from edc_swarm.errors import SwarmError
-from processes.console import FAILED, complain, note
+from processes.console import BAD_INPUT, FAILED, complain, note
+from processes.giving_up import give_up
 
 app = App(
     name="edc-swarm",
@@ -41,6 +42,17 @@ app.command("processes.commands.report:report", help="Make a self-contained page
 
 def main(arguments: Sequence[str] | None = None) -> int:
     """Run one command; exit status 0 fine, 1 something is broken, 2 bad input."""
+    arguments = sys.argv[1:] if arguments is None else arguments
+    status = BAD_INPUT
+    try:
+        status = _run(arguments)
+    finally:
+        if status == BAD_INPUT:
+            give_up(arguments)
+    return status
+
+
+def _run(arguments: Sequence[str]) -> int:
     try:
         return int(app(arguments) or 0)
     except CycloptsError as error:

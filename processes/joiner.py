@@ -13,17 +13,17 @@ import zenoh
 
 from edc_swarm.claims import Claim, Issued
 from edc_swarm.config import JOIN, OPERATOR
-from edc_swarm.errors import InputError, MessageError, SwarmError
-from edc_swarm.messages import Event, Keys, decode
+from edc_swarm.errors import InputError, SwarmError
+from edc_swarm.messages import Event, Keys
 from edc_swarm.node import startup_candidates
 from processes import deeds, fork_source
 from processes.bus import hand_over, try_client
 from processes.children import Child, ChildExited
 from processes.claim_folder import ClaimFolder, make_state
 from processes.console import note
-from processes.ears import Heard, heard_from
+from processes.ears import Gate, Heard, heard_from
 from processes.loop import Interrupted, Loop
-from processes.operators import GIVE_UP_S, LINGER_S, Operators
+from processes.operators import LINGER_S, Operators
 from processes.orders import asked
 from processes.pool import UavPool
 from processes.uav import UavSettings
@@ -43,6 +43,7 @@ class Joiner:
         self._uavs = uavs
         self._folder = folder
         self._loop = Loop(self._take)
+        self._gate = Gate(lambda detail: note(f"malformed: {detail}"))
         self._session: zenoh.Session | None = None
         self._pool: UavPool | None = None
         self._source: Child | None = None
@@ -77,10 +78,10 @@ class Joiner:
         mission = self._found(lambda: operators.only_mission(self._endpoint), "a mission")
         keys = Keys(mission)
         token = session.liveliness().declare_token(keys.alive(JOIN, self._folder.claimant))
-        issued = self._claim(session, keys)
+        issued = self._claim(session, operators, mission)
         session.declare_subscriber(keys.event(OPERATOR), hand_over(self._hear))
         self._fly(self._start(issued), issued)
-        self._attend(operators, mission, partial(self._claim, session, keys))
+        self._attend(operators, mission, partial(self._claim, session, operators, mission))
         token.undeclare()
 
     def _found(self, look: Callable[[], str | None], what: str) -> str:
@@ -89,13 +90,14 @@ class Joiner:
         assert found is not None
         return found
 
-    def _claim(self, session: zenoh.Session, keys: Keys) -> Issued:
+    def _claim(self, session: zenoh.Session, operators: Operators, mission: str) -> Issued:
         """Ask until the operator answers; the same claim has the same answer, so it may be repeated."""
         claim = msgspec.json.encode(Claim(claimant=self._folder.claimant, uavs=self._uavs))
         answers: list[Issued] = []
 
         def ask() -> bool:
-            payload = asked(session, keys.claims, claim)
+            operators.check_there(mission)
+            payload = asked(session, Keys(mission).claims, claim)
             with contextlib.suppress(msgspec.DecodeError):
                 answers.extend([msgspec.json.decode(payload, type=Issued)] if payload is not None else [])
             return bool(answers)
@@ -151,10 +153,8 @@ class Joiner:
         assert pool is not None
         while not self._over:
             self._loop.pump(LOOK_EVERY_S)
-            away_s = operators.away_s(mission)
-            if away_s > GIVE_UP_S:
-                raise SwarmError(f"the operator of mission {mission} has been away for {GIVE_UP_S:g} s")
-            if not away_s and operators.absences > absences:
+            operators.check_there(mission)
+            if not operators.away_s(mission) and operators.absences > absences:
                 absences = operators.absences
                 self._fly_instead(pool, claim())
         self._loop.wait_quietly(lambda: not pool.living, CLOSE_TIMEOUT_S)
@@ -182,8 +182,8 @@ class Joiner:
 
     def _take(self, item: object) -> None:
         match item:
-            case Heard(key, payload):
-                self._take_event(key, payload)
+            case Heard():
+                self._take_event(item)
             case fork_source.Ready():
                 self._source_ready = True
             case fork_source.Failed(reason=reason):
@@ -195,16 +195,12 @@ class Joiner:
             case ChildExited(name, _, status) if not self._loop.ending:
                 self._loop.failure = SwarmError(f"the {name} ended with status {status}: {_tail(self._log(name))}")
 
-    def _take_event(self, key: str, payload: bytes) -> None:
-        try:
-            event = decode(key, payload)
-        except MessageError:
-            return
-        assert isinstance(event, Event)
-        if event.kind == "end":
-            self._over = True
-        elif event.kind == deeds.KIND:
-            self._obey(deeds.asked_for(event.detail))
+    def _take_event(self, heard: Heard) -> None:
+        match self._gate.admit(heard):
+            case Event(kind="end"):
+                self._over = True
+            case Event(kind=deeds.KIND, detail=detail):
+                self._obey(deeds.asked_for(detail))
 
     def _note_crash(self, news: fork_source.Exited) -> None:
         """A process that nobody asked to die is told of, with the last that it said."""

@@ -314,7 +314,7 @@ class Launcher:
         """Start the mission, or go on with one that has begun."""
         if self._takeover is not None and self._takeover.mission is not None:
             note(f"taking over mission {self._mission.name}")
-            self.bus.take_over(self._takeover.mission)
+            self.bus.take_over(self._takeover.mission, self._takeover.in_force)
             return self._takeover.mission
         mission = mission_message(self._mission, time.time_ns() + EPOCH_AHEAD_NS)
         self.bus.publish_mission(mission)

@@ -5,6 +5,7 @@ from __future__ import annotations
 import os
 import secrets
 import time
+from collections.abc import Sequence
 from functools import partial
 from itertools import count
 
@@ -78,9 +79,10 @@ class Operator:
         self._gate.know(self._mission)
         self._say(self._keys.mission, encode(self._mission), self._mission.seq)
 
-    def take_over(self, mission: MissionMessage) -> None:
-        """Go on with a mission that an operator before this one has started."""
+    def take_over(self, mission: MissionMessage, in_force: Sequence[Event]) -> None:
+        """Go on with a mission, and the faults in force, that an operator before this one has told of."""
         self._mission = mission
+        self._in_force = [encode(event) for event in in_force]
         self._gate.know(mission)
         uavs = (entry.uav for entry in mission.roster)
         self._desk.claims.resume(dict(zip(uavs, mission.claimants, strict=False)))
@@ -99,7 +101,7 @@ class Operator:
             detail=detail,
         )
         payload = encode(event)
-        if kind == "fault" and detail.split(maxsplit=1)[0] not in PROCESS_VERBS:
+        if is_in_force(event):
             self._in_force.append(payload)
         self._say(self._keys.event(OPERATOR), payload, event.seq)
 
@@ -188,3 +190,8 @@ class Operator:
     def _take_token(self, sample: zenoh.Sample) -> None:
         uav, instance = str(sample.key_expr).split("/")[-2:]
         self._inbox.put_always(Token(uav, instance, sample.kind == zenoh.SampleKind.PUT))
+
+
+def is_in_force(event: Event) -> bool:
+    """Whether an operator's event is a fault that whoever starts later must be told of."""
+    return event.kind == "fault" and event.detail.partition(" ")[0] not in PROCESS_VERBS

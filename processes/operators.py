@@ -7,7 +7,7 @@ import time
 import zenoh
 
 from edc_swarm.config import OPERATOR
-from edc_swarm.errors import InputError
+from edc_swarm.errors import InputError, SwarmError
 from edc_swarm.messages import PREFIX
 from processes.bus import hand_over
 
@@ -15,6 +15,11 @@ LINGER_S = 1.0
 """Who works for an operator leaves so long after it, so that the first to leave is the operator."""
 GIVE_UP_S = 60.0
 """An operator that has been away so long does not come back."""
+MAX_OPERATORS = 1000
+"""Operators that are remembered: a flood of tokens fills no memory."""
+MOST_NAMED = 10
+GAVE_UP = f"{PREFIX}/-/alive/gave-up"
+"""Token of a router whose operator has ended before it had a mission."""
 
 
 class Operators:
@@ -27,15 +32,17 @@ class Operators:
     """
 
     def __init__(self, session: zenoh.Session) -> None:
-        self._there: dict[str, set[str]] = {}
+        self._there: set[tuple[str, str]] = set()
         self._empty_since_s: dict[str, float] = {}
+        self._gave_up = False
         self.absences = 0
         tokens = f"{PREFIX}/*/alive/{OPERATOR}/*"
         self._subscriber = session.liveliness().declare_subscriber(tokens, hand_over(self._take), history=True)
+        self._notice = session.liveliness().declare_subscriber(GAVE_UP, hand_over(self._take_notice), history=True)
 
     def missions(self) -> list[str]:
         """Missions that have an operator."""
-        return [mission for mission, instances in self._there.copy().items() if instances]
+        return sorted({mission for mission, _ in self._there.copy()})
 
     def only_mission(self, endpoint: str) -> str | None:
         """The mission to take part in at the router `endpoint`; None while there is none.
@@ -44,24 +51,40 @@ class Operators:
         ------
         InputError
             There are several.
+        SwarmError
+            There will be none: the operator has ended.
         """
+        if self._gave_up:
+            raise SwarmError(f"the operator at {endpoint} has ended without a mission")
         missions = self.missions()
         if len(missions) > 1:
-            raise InputError("address", endpoint, f"the router of one mission, not of {', '.join(sorted(missions))}")
+            named = ", ".join(missions[:MOST_NAMED])
+            raise InputError("address", endpoint, f"the router of one mission, not of {named}")
         return missions[0] if missions else None
+
+    def check_there(self, mission: str) -> None:
+        """Raise `SwarmError` when the operator has been away for too long."""
+        if self.away_s(mission) > GIVE_UP_S:
+            raise SwarmError(f"the operator of mission {mission} has been away for {GIVE_UP_S:g} s")
 
     def away_s(self, mission: str) -> float:
         """For how long the mission has had no operator, 0 while it has one."""
-        if self._there.get(mission):
+        if mission in self.missions():
             return 0.0
         return time.monotonic() - self._empty_since_s.setdefault(mission, time.monotonic())
 
     def _take(self, sample: zenoh.Sample) -> None:
         _, mission, _, _, instance = str(sample.key_expr).split("/")
-        instances = self._there.setdefault(mission, set())
         if sample.kind == zenoh.SampleKind.PUT:
-            instances.add(instance)
+            self._come(mission, instance)
+        elif (mission, instance) in self._there:
+            self._there.discard((mission, instance))
+            self.absences += mission not in self.missions()
+
+    def _come(self, mission: str, instance: str) -> None:
+        if len(self._there) < MAX_OPERATORS:
+            self._there.add((mission, instance))
             self._empty_since_s.pop(mission, None)
-        else:
-            instances.discard(instance)
-            self.absences += not instances
+
+    def _take_notice(self, sample: zenoh.Sample) -> None:
+        self._gave_up |= sample.kind == zenoh.SampleKind.PUT

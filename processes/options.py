@@ -50,9 +50,9 @@ class MissionOptions:
     gps_model
         GPS error model (bias).
     seed
-        Seed of everything that is drawn (0).
+        Seed of everything that is drawn at random (0).
     slot
-        Length of a slot in seconds (0.5).
+        Length of a slot in seconds of the mission (0.5).
     speed_max
         Largest speed in metres per second (5).
     planner
@@ -64,11 +64,11 @@ class MissionOptions:
     fault
         Something to go wrong, such as "kill head @10"; may be given more than once.
     delay_ms
-        Delay of every link in milliseconds (0).
+        One-way delay of every link in wall milliseconds (0).
     jitter_ms
-        Jitter of every link in milliseconds (0).
+        Jitter of every link: more delay, drawn for every message from 0 to so many wall milliseconds (0).
     loss
-        Fraction of the messages that every link loses (0).
+        Fraction, 0 to 1, of the messages that every link loses (0).
     time_scale
         Fly this many times as fast as the clock (1).
     max_slots

@@ -39,7 +39,12 @@ def orders(kind: type[Kind], name: str) -> Kind:
     session = await_found(lambda: try_client(endpoint), f"a router at {endpoint}")
     operators = Operators(session)
     mission = await_found(lambda: operators.only_mission(endpoint), f"a mission at {endpoint}")
-    payload = await_found(lambda: asked(session, Keys(mission).orders(name)), f"orders from the operator of {mission}")
+
+    def ask() -> bytes | None:
+        operators.check_there(mission)
+        return asked(session, Keys(mission).orders(name))
+
+    payload = await_found(ask, f"orders from the operator of {mission}")
     session.close()
     return msgspec.structs.replace(msgspec.json.decode(payload, type=kind), endpoint=endpoint)
 

@@ -1,8 +1,9 @@
 """The router: `python -m processes.router ENDPOINT [PARENT | mission [ACCESS]]`. Says `ready` when it listens.
 
 It routes until SIGTERM. With a parent it dies with it; with the word `mission` it ends when a mission
-has been flown, its operator and all who took part have gone. On a secured bus, ACCESS is the file of a
-`RouterAccess`.
+has been flown, its operator and all who took part have gone. When the operator gives up before it has a
+mission (`processes.giving_up`), it tells everybody, and for a while whoever comes. On a secured bus, ACCESS
+is the file of a `RouterAccess`.
 """
 
 from __future__ import annotations
@@ -20,10 +21,13 @@ from edc_swarm.messages import PREFIX
 from processes.access import access_control
 from processes.bus import hand_over, open_router
 from processes.credentials import credentials
-from processes.operators import LINGER_S
+from processes.giving_up import WORD
+from processes.operators import GAVE_UP, LINGER_S
 from processes.parent import die_with_parent
 
 ONE_MISSION = "mission"
+NOTICE_S = 30.0
+"""For so long whoever starts late is told that there will be no mission."""
 
 
 class RouterAccess(Struct, frozen=True, kw_only=True):
@@ -64,20 +68,27 @@ def main() -> int:
 
 
 def _route_one_mission(session: zenoh.Session, signals: set[signal.Signals]) -> None:
-    """Wait until an operator has come and everybody has gone, or a signal comes."""
+    """Wait until an operator has come or given up, and everybody has gone, or a signal comes."""
     there: set[str] = set()
     operators: set[str] = set()
+    words: set[str] = set()
 
     def take(sample: zenoh.Sample) -> None:
         key = str(sample.key_expr)
         (there.add if sample.kind == zenoh.SampleKind.PUT else there.discard)(key)
         if f"/alive/{OPERATOR}/" in key:
             operators.add(key)
+        elif key.startswith(WORD):
+            words.add(key)
 
     tokens = session.liveliness().declare_subscriber(f"{PREFIX}/*/alive/**", hand_over(take), history=True)
-    while signal.sigtimedwait(signals, LINGER_S) is None and (there or not operators):
+    while signal.sigtimedwait(signals, LINGER_S) is None and (there or not (operators or words)):
         pass
     tokens.undeclare()
+    if not there and not operators:
+        notice = session.liveliness().declare_token(GAVE_UP)
+        signal.sigtimedwait(signals, NOTICE_S)
+        notice.undeclare()
 
 
 if __name__ == "__main__":

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import hashlib
 import secrets
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import cast
 
@@ -15,18 +16,26 @@ import msgspec
 import zenoh
 
 from edc_swarm.config import OPERATOR, RECORDER, Mission
-from edc_swarm.messages import PREFIX, Keys, MissionMessage, decode
+from edc_swarm.errors import RecordingError
+from edc_swarm.links import MAX_CHANGES
+from edc_swarm.messages import PREFIX, Event, Keys, MissionMessage, decode
+from edc_swarm.recording import read_recording
+from processes.operator import is_in_force
 from processes.orders import ASK_TIMEOUT_S, asked
 from processes.recorder import RecorderSettings
 
 
 @dataclass(frozen=True, slots=True)
 class Takeover:
-    """What is known of such a mission: its id, the mission message if it has begun, the recorder's orders."""
+    """What is known of such a mission.
+
+    Its id, the mission message if it has begun, the recorder's orders, and by the record the faults in force.
+    """
 
     mission_id: str
     mission: MissionMessage | None = None
     recorder: RecorderSettings | None = None
+    in_force: Sequence[Event] = ()
 
 
 def new_mission_id(mission: Mission) -> str:
@@ -58,8 +67,19 @@ def _tokens(session: zenoh.Session) -> set[tuple[str, str]]:
 def _takeover(session: zenoh.Session, run: str) -> Takeover:
     keys = Keys(run)
     said, orders = asked(session, keys.mission), asked(session, keys.orders(RECORDER))
+    recorder = msgspec.json.decode(orders, type=RecorderSettings) if orders is not None else None
     return Takeover(
         run,
         cast("MissionMessage", decode(keys.mission, said)) if said is not None else None,
-        msgspec.json.decode(orders, type=RecorderSettings) if orders is not None else None,
+        recorder,
+        _in_force(recorder.part) if recorder is not None and said is not None else (),
     )
+
+
+def _in_force(part: str) -> list[Event]:
+    """The faults that whoever starts late must be told of, as far as the recorder has written them."""
+    try:
+        events = read_recording(part, salvage=True).events
+    except RecordingError:
+        return []
+    return [event for event in events if event.source == OPERATOR and is_in_force(event)][-MAX_CHANGES:]

@@ -44,14 +44,14 @@ class FiguresOptions:
     Parameters
     ----------
     runs
-        Missions per point, with seeds 0, 1, ...
+        Missions per point, with seeds 0, 1, ... (30).
     only
         Make only this figure (4a 4b 4c 5a 5b 6a 6b energy-plan energy-head energy-minimise energy-long);
         may be given more than once.
     jobs
         Processes that fly at the same time (the number of processors).
     out
-        Folder for figures, tables, page and runs; a sweep that was stopped goes on where it was.
+        Folder for figures, tables, page and runs (figures); a sweep that was stopped goes on where it was.
     scheduler
         Fly on the Dask cluster with this scheduler, such as tcp://host:8786 (extra "cluster").
     json

@@ -49,9 +49,9 @@ class FuzzOptions:
     Parameters
     ----------
     runs
-        Number of runs; run i has seed SEED + i.
+        Number of runs (100); run i has seed SEED + i.
     seed
-        First seed.
+        First seed (0).
     jobs
         Processes that fly at the same time (the number of processors).
     keep

@@ -77,13 +77,13 @@ class LatencyOptions:
     engine
         sim, or processes: real ones, one mission at a time, the same cells simulated beside them.
     delays
-        Delays of every link in milliseconds, such as 0,50,100.
+        One-way delays of every link in wall milliseconds, such as 0,50,100.
     jitters
-        Jitters in milliseconds.
+        Jitters of every link in wall milliseconds: more delay, drawn for every message from 0 to so much.
     losses
-        Fractions of the messages that every link loses.
+        Fractions, 0 to 1, of the messages that every link loses.
     slots
-        Lengths of a slot in seconds.
+        Lengths of a slot in seconds of the mission.
     uavs
         Numbers of UAVs.
     repeats
@@ -99,7 +99,7 @@ class LatencyOptions:
     scheduler
         Simulate on the Dask cluster with this scheduler, such as tcp://host:8786 (extra "cluster").
     out
-        Folder for tables, plots, page, recordings and runs; a sweep that was stopped goes on where it was.
+        Folder for tables, plots, page, recordings and runs (latency); a sweep that was stopped goes on where it was.
     json
         Print findings and cells as JSON alone on standard output.
     """

@@ -36,13 +36,13 @@ class ReplayOptions:
     Parameters
     ----------
     speed
-        So many times as fast as it was.
+        So many times as fast as it was (1).
     listen
         Be a router at this address, tcp/HOST:PORT (a free local port).
     connect
         Publish to the router at this address instead of being one.
     wait
-        Seconds between being on the bus and the first message, for others to connect.
+        Seconds between being on the bus and the first message, for others to connect (0).
     verify
         Publish nothing; plan every slot again from the recorded fixes and compare command by command.
     json

@@ -142,8 +142,10 @@ def _tell(report: RunReport, uavs: int) -> None:
     if report.interrupted:
         note("interrupted")
     if report.publishing_s is not None:
+        start = (
+            f"the fork source was ready (warm in {report.warm_s:.1f} s)" if report.warm_s else "the operator was ready"
+        )
         note(
-            f"{uavs} UAVs connected {report.connected_s:.2f} s and publishing {report.publishing_s:.2f} s after the "
-            f"fork source was ready (warm in {report.warm_s:.1f} s); first commands flown in slot "
-            f"{report.first_flown_slot}"
+            f"{uavs} UAVs connected {report.connected_s:.2f} s and publishing {report.publishing_s:.2f} s after "
+            f"{start}; first commands flown in slot {report.first_flown_slot}"
         )

@@ -44,6 +44,30 @@ def test_everything_stops_without_being_told(swarm: Make):
     assert flown.await_end() == 0
 
 
+@pytest.mark.parametrize("arguments", [("--exit-code-from", "operator"), ()], ids=["status", "plain"])
+def test_a_bad_option_ends_everything(swarm: Make, arguments: tuple[str, ...]):
+    """Its one line is seen, and nobody waits for an operator that will not come."""
+    flown = swarm(UAVS="3", PLANNER="nonsense")
+    up = flown.compose("up", *arguments, check=False)
+    assert "error: planner = 'nonsense': must be" in up.stdout
+    assert flown.await_end() == 2
+    assert up.returncode == (2 if arguments else 0)
+    assert list(flown.folder.iterdir()) == []
+
+
+def test_latency_experiments(swarm: Make):
+    """Tables, plots and page, where recordings go, and as their owner."""
+    grid = "--delays 0,300 --jitters 0 --losses 0 --slots 0.5 --uavs 3 --repeats 1 --max-slots 60 --hold-slots 10"
+    flown = swarm(OPTIONS=grid)
+    said_by = flown.compose("run", "--rm", "latency")
+    assert "2 runs: 0 overlaps of discs" in said_by.stdout
+    assert "atplotlib" not in said_by.stdout + said_by.stderr
+    files = {path.name: path.stat().st_uid for path in (flown.folder / "latency").iterdir()}
+    assert {"index.html", "cells.csv", "held_pct-by-delay.svg"} <= files.keys()
+    assert set(files.values()) == {flown.folder.stat().st_uid}
+    assert len((flown.folder / "latency" / "cells.csv").read_text().splitlines()) == 3
+
+
 def test_the_heads_container_is_killed(swarm: Make):
     """The others finish the mission without it."""
     flown = swarm(**FAST)

@@ -11,11 +11,12 @@ from pathlib import Path
 
 import pytest
 
-from edc_swarm.config import JOIN
-from edc_swarm.messages import PREFIX
-from edc_swarm.recording import find_gaps
+from edc_swarm.config import JOIN, OPERATOR
+from edc_swarm.messages import PREFIX, Keys
+from edc_swarm.recording import Recording, find_gaps, read_recording
 from processes.address import free_endpoint
-from processes.bus import open_client
+from processes.bus import open_client, put
+from processes.operators import Operators
 from tests.processes.conftest import Ended, Started, await_true
 
 SAFE = {"G1", "G2", "G3", "G4", "G7"}
@@ -90,6 +91,25 @@ def test_faults_reach_the_uavs_of_other_hosts(start, hosted):
     assert "u003" in ended.json["not_living"]
     assert any(not fix.voter for fix in ended.recording.fixes if fix.uav == "u004")
     assert joined.end().status == 0
+
+
+def test_what_a_joiner_cannot_read_is_counted_and_told(start, hosted, tmp_path: Path):
+    """Garbage in the operator's name ends nothing; the first, second, fourth ... are told of."""
+    run, address = hosted(2)
+    joined = start("join", address, "--state", str(tmp_path / "a"))
+    ids_of(joined, tmp_path / "a")
+    with open_client(address) as session:
+        operators = Operators(session)
+        await_true(lambda: bool(operators.missions()))
+        for _ in range(3):
+            put(session, Keys(operators.missions()[0]).event(OPERATOR), b"\xff")
+    other = start("join", address)
+    assert run.end().status == 0
+    assert other.end().status == 0
+    ended = joined.end()
+    assert ended.status == 0
+    told = [line for line in ended.stderr.splitlines() if line.startswith("malformed: ")]
+    assert [line.split()[1] for line in told] == ["1", "2"]
 
 
 def test_started_again_with_its_folder_it_is_the_same_uav(start, hosted, tmp_path: Path):
@@ -188,9 +208,9 @@ class Parts:
         command = [sys.executable, "-m", f"processes.{module}", *arguments]
         return subprocess.Popen(command, stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL)
 
-    def operate(self, *arguments: str) -> Started:
+    def operate(self, *arguments: str, **options: str) -> Started:
         """Start an operator."""
-        return self._start("run", *FAST, "--operate", self.address, *arguments)
+        return self._start("run", *FAST, "--operate", self.address, *arguments, **options)
 
     def join(self, name: str) -> Started:
         """Start a joiner with a folder of its own."""
@@ -245,6 +265,58 @@ def test_an_operator_that_died_is_taken_over_from(parts: Parts):
     assert not broken(ended) & SAFE, ended.stdout
     assert ended.json["arrived"] == 5
     assert len({fix.instance for fix in ended.recording.fixes}) == 5
+    assert [command.end().status for command in joined] == [0] * 5
+    parts.await_end()
+
+
+def test_faults_in_force_are_told_again_after_a_takeover(parts: Parts):
+    """A UAV that is started again by the next operator is as deaf as the one before it was."""
+    faults = ("partition u001,u002,u004,u005>u003 @4 for 40s", "restart u003 @60")
+    words = ("--speed-max", "1", *(word for fault in faults for word in ("--fault", fault)))
+    joined = [parts.join(f"{number}") for number in range(5)]
+    first = parts.operate(*words)
+    part = first.path.with_name("run.mcap.part")
+    first.await_file(lambda: first._has_fixes() and bool(_faults(read_recording(part, salvage=True))))
+    first.process.kill()
+    ended = parts.operate(*words).end()
+    assert not broken(ended) & SAFE, ended.stdout
+    recording = ended.recording
+    assert [fault.split()[0] for fault in _faults(recording)] == ["partition", "restart"]
+    again = [fix for fix in recording.fixes if fix.uav == "u003"]
+    deaf = [fix for fix in again if fix.instance == again[-1].instance != again[0].instance and fix.slot < 80]
+    assert deaf
+    assert not any(fix.executing for fix in deaf)
+    assert [command.end().status for command in joined] == [0] * 5
+    parts.await_end()
+
+
+def _faults(recording: Recording) -> list[str]:
+    return [event.detail for event in recording.events if event.kind == "fault"]
+
+
+def test_an_operator_that_gives_up_ends_everything(parts: Parts):
+    """Who waits and who starts late is told; its message is the one line about the option."""
+    waiting = parts.join("waiting")
+    given_up = parts.operate("--planner", "nonsense").end()
+    assert given_up.status == 2
+    assert given_up.stderr.startswith("error: planner = 'nonsense': must be")
+    for joined in (waiting, parts.join("late")):
+        ended = joined.end()
+        assert ended.status == 2
+        assert f"the operator at {parts.address} has ended without a mission" in ended.stderr
+    assert [parts.parts[name].wait(30) for name in ("recorder", "viz")] == [2, 2]
+    parts.parts["router"].terminate()
+    assert parts.parts["router"].wait(30) == 0
+
+
+def test_a_bad_option_ends_no_mission(parts: Parts):
+    """Somebody's mistyped command at the same router changes nothing for whoever flies or waits."""
+    joined = [parts.join(f"{number}") for number in range(4)]
+    operator = parts.operate()
+    ids_of(joined[0], parts.folder / "0")
+    assert parts.operate("--uavs", "none", name="mistyped.mcap").end().status == 2
+    joined.append(parts.join("4"))
+    assert operator.end().status == 0
     assert [command.end().status for command in joined] == [0] * 5
     parts.await_end()
 

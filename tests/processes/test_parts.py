@@ -22,6 +22,7 @@ from processes.address import check_endpoint, connect_endpoint, free_endpoint
 from processes.clock import WallClock
 from processes.ears import MAX_TOKENS, Gate, Heard, Malformed, Postbox, Token
 from processes.faulty import Faulty
+from processes.giving_up import _router
 from processes.inbox import Inbox
 from processes.output import Output, salvage_parts
 from processes.peers import CHECK_AFTER_NS, Peers
@@ -65,6 +66,21 @@ def test_who_looks_on_lets_a_burst_gather(monkeypatch: pytest.MonkeyPatch):
     assert inbox.wait(0, settle_s=0.01) == [1, 2]
 
 
+@pytest.mark.parametrize(
+    ("words", "router"),
+    [
+        ("run --operate tcp/router:7447 --uavs x", "tcp/router:7447"),
+        ("run --operate=tcp/router:7447 --planner=nonsense", "tcp/router:7447"),
+        ("run --operate", None),
+        ("run --operate nowhere", None),
+        ("join tcp/router:7447 --uavs 0", None),
+    ],
+)
+def test_an_operator_gives_up_where_it_would_have_operated(words: str, router: str | None):
+    """However its command line is wrong otherwise; nobody else gives up anything."""
+    assert _router(words.split()) == router
+
+
 def test_the_gate_counts_tells_and_drops():
     """What does not decode and, once there is a mission, what cannot be true; the first mission counts."""
     told: list[str] = []
@@ -88,6 +104,17 @@ def test_peers_remember_so_many_tokens_and_no_more():
     assert peers._tokens == MAX_TOKENS
     peers.take(Token("u001", "1", False), 0)
     assert peers.gone(CHECK_AFTER_NS) == ["u001"]
+
+
+def test_peers_forget_tokens_that_have_gone():
+    """Many lives, one after the other, leave room for the next."""
+    peers = Peers()
+    for number in range(MAX_TOKENS + 1):
+        for alive in (True, False):
+            peers.take(Token("u001", f"{number}", alive), 0)
+    peers.take(Token("u001", "next", True), 0)
+    peers.take(Token("u001", "another", False), 0)
+    assert peers.gone(CHECK_AFTER_NS) == []
 
 
 def test_clock_follows_the_wall_and_a_fault():
@@ -167,6 +194,34 @@ def test_postbox_delays_duplicates_and_cuts():
     faulty.suffer("partition u002|u001,u003 @2s for 1s")
     assert not box.arrive(REPORT, 0, 2.5)
     assert box.next_ns is None
+
+
+def test_postbox_hands_out_both_copies_of_what_comes_twice():
+    """The first at once, the second in the same moment."""
+    box = Postbox(LinkEmulator(msgspec.structs.replace(MISSION, link=[Link(duplicate=1.0)]), "u001"))
+    assert box.arrive(REPORT, 7, 0.0)
+    assert [box.take_due(7) for _ in range(2)] == [REPORT, None]
+
+
+def test_postbox_is_bounded(monkeypatch: pytest.MonkeyPatch):
+    """In what it holds back, and in what it remembers of that."""
+    monkeypatch.setattr("processes.ears.MAX_POSTPONED", 4)
+    monkeypatch.setattr("processes.ears.MAX_MEASURED", 2)
+    box = Postbox(LinkEmulator(msgspec.structs.replace(MISSION, link=[Link(delay_ms=1)]), "u001"))
+    for _ in range(9):
+        box.arrive(REPORT, 0, 0.0)
+    assert [box.take_due(1_000_000) for _ in range(5)] == [REPORT] * 4 + [None]
+    assert box.delay_error is not None
+    assert box.delay_error.messages == 2
+
+
+def test_postbox_tells_the_tail_of_its_lateness():
+    """Of a hundred messages the ninety-ninth, not the ninetieth."""
+    box = Postbox(LinkEmulator(msgspec.structs.replace(MISSION, link=[Link(delay_ms=1)]), "u001"))
+    for late in range(101):
+        box.arrive(REPORT, 0, 0.0)
+        assert box.take_due((1 + late) * 1_000_000) == REPORT
+    assert box.delay_error == DelayError(messages=101, p50_ms=50.0, p99_ms=99.0, max_ms=100.0)
 
 
 def test_postbox_knows_how_late_it_handed_out():

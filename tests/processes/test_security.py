@@ -107,6 +107,9 @@ def test_rules_let_a_uav_say_only_what_is_its_own():
         "swarm/m/head/u001/report",
         "swarm/m/event/u001",
     ]
+    assert rules["u001 lives"]["key_exprs"] == ["swarm/m/alive/u001/*"]
+    assert not [key for key in rules["recorder says"]["key_exprs"] if "*" in key]
+    assert set(rules["viz says"]["key_exprs"]) == {"swarm/m/event/viz", "swarm/m/viz/**"}
     heard = [key for name in ("uavs hears", "u001 hears") for key in rules[name]["key_exprs"]]
     assert heard[-1] == "swarm/m/head/*/command/u001"
     assert not [key for key in heard if "truth" in key or "**" in key]

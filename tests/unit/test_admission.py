@@ -21,6 +21,7 @@ COMMAND = Command(
     head="u0", uav="u1", term=1, start_x_m=0, start_y_m=0, target_x_m=0, target_y_m=0, slot=5, sent_ns=NOW["sent_ns"]
 )
 REPORT = Report(head="u0", term=1, status="planned", grants=UAVS[:3], heard=UAVS[:3], quorum=3, **NOW)
+HULL = ("hull_ax_m", "hull_ay_m", "hull_bx_m", "hull_by_m", "hull_r_m")
 EVENT = Event(source="operator", kind="fault", detail="kill u1 @5", sent_ns=EPOCH_NS)
 
 
@@ -53,7 +54,11 @@ def test_a_whole_mission_is_admitted():
         (REPORT, {"quorum": 2}, "without a quorum"),
         (REPORT, {"grants": UAVS[1:4]}, "without a quorum"),
         (REPORT, {"successor": "zz", "next_term": 2}, "no UAV zz"),
+        (REPORT, {"term": 1 << 39}, "there is no term"),
         (REPORT, {"next_term": 1 << 39}, "there is no term"),
+        (REPORT, {"term": 2000 * 1050 + 1}, "there is no term"),
+        (REPORT, {"heard": [*UAVS[:3], "zz"]}, "no UAV zz"),
+        (REPORT, {"hull_uav": ["zz"], **{name: [1.0] for name in HULL}}, "no UAV zz"),
         (REPORT, {"standby": ["zz"]}, "no UAV zz"),
         (REPORT, {"unheard": ["zz"]}, "no UAV zz"),
         (REPORT, {"hull_uav": ["u4"], "hull_ax_m": [1.0]}, "lists of hulls differ in length"),
@@ -71,6 +76,11 @@ def test_what_cannot_be_true_is_refused(message: Message, changes: dict[str, Any
     assert reason in str(admission.refusal(wrong))
     with pytest.raises(MessageError, match=r"^key: "):
         admission.check("key", wrong)
+
+
+def test_terms_may_grow_as_fast_as_any_election():
+    """Up to the limit a term is believed, however many elections failed before."""
+    assert Admission(MISSION).refusal(msgspec.structs.replace(REPORT, term=2000 * 1050)) is None
 
 
 def test_a_report_without_a_plan_needs_no_quorum():

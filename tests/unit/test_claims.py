@@ -2,9 +2,10 @@
 
 from __future__ import annotations
 
+import msgspec
 import pytest
 
-from edc_swarm.claims import Claim, Claims, claimant_of, instance_name
+from edc_swarm.claims import MAX_CLAIMANTS, Claim, Claims, claimant_of, instance_name
 
 ANNE, BERT, CARL = (letter * 16 for letter in "abc")
 
@@ -57,10 +58,10 @@ def test_ids_of_claimants_that_have_gone_are_issued_last(book: Claims):
 
 
 def test_a_claim_that_overtakes_the_token_counts():
-    """Two claimants that nobody has announced yet get an id each."""
-    again = Claims(["u1", "u2"])
+    """Who has claimed but was not announced yet keeps its id."""
+    again = Claims(["u1"])
     assert again.issue(claim(ANNE)) == ["u1"]
-    assert again.issue(claim(BERT)) == ["u2"]
+    assert again.issue(claim(BERT)) == []
 
 
 def test_once_begun_nothing_is_issued_to_anybody_else(book: Claims):
@@ -96,3 +97,25 @@ def test_names_of_instances():
     """The claimant is the end of the name, if there is one."""
     assert claimant_of(instance_name("12-00ff00ff", ANNE)) == ANNE
     assert claimant_of(instance_name("12-00ff00ff", "")) == ""
+
+
+def test_a_mission_without_remote_uavs_names_no_claimants():
+    """Its message stays as short as it was."""
+    assert Claims([]).claimants(["u1", "u2"]) == ()
+
+
+def test_a_flood_of_claimants_fills_no_memory():
+    """So many are remembered; whoever is forgotten only seems to be gone."""
+    book = Claims(["u1"])
+    for number in range(MAX_CLAIMANTS + 5):
+        book.see_claimant(f"{number:016x}", True)
+    assert len(book._there) == MAX_CLAIMANTS
+
+
+@pytest.mark.parametrize("wrong", [{"claimant": "a" * 15}, {"claimant": ANNE + "\n"}, {"uavs": 0}, {"uavs": 2001}])
+def test_what_is_no_claim_is_refused(wrong: dict[str, object]):
+    """Sixteen hexadecimal digits, and as many UAVs as a mission can have."""
+    right = {"claimant": ANNE, "uavs": 2000}
+    assert msgspec.convert(right, Claim).uavs == 2000
+    with pytest.raises(msgspec.ValidationError):
+        msgspec.convert({**right, **wrong}, Claim)

@@ -6,14 +6,15 @@ import msgspec
 import pytest
 
 from edc_swarm.config import Link, Mission
+from edc_swarm.invariants import check
 from edc_swarm.latency.declared import sweep_of
 from edc_swarm.latency.findings import findings, is_safe
 from edc_swarm.latency.measures import Sample, sample_of
 from edc_swarm.latency.table import CellRow, flat, row_of
 from edc_swarm.links import DELAY_ERROR, DelayError
-from edc_swarm.messages import Event, Report
+from edc_swarm.messages import Command, Event, Fix, Report
 from processes.trials import simulate
-from tests.unit.synthetic import change, flight, parallel, recorded
+from tests.unit.synthetic import change, flight, parallel, recorded, straight
 
 SWEEP = sweep_of({"delays_ms": [0, 300], "jitters_ms": [0], "losses": [0], "uavs": [3], "repeats": 2})
 FLOWN, HELD = SWEEP.cells
@@ -46,6 +47,33 @@ def test_a_fix_that_no_plan_counts_ages() -> None:
     assert sample_of(recorded(messages)).fix_age_ms == pytest.approx(498.0 + 500.0 / (8 * 3))
 
 
+def test_only_what_a_plan_can_have_counted_is_counted() -> None:
+    """Not a fix said again after the plan, and nothing by a head without a quorum."""
+    messages = flight(parallel())
+    again = next(m for m in messages if isinstance(m, Fix) and (m.uav, m.slot) == ("u1", 3))
+    messages.append(msgspec.structs.replace(again, sent_ns=again.sent_ns + 100_000_000, seq=99))
+    assert sample_of(recorded(messages)).fix_age_ms == pytest.approx(498.0)
+    assert change(messages, {"slot": 3}, Report, status="no-quorum", grants=[]) == 1
+    assert sample_of(recorded(messages)).fix_age_ms == pytest.approx(498.0 + 500.0 / 8)
+
+
+def test_who_is_there_holds_nothing_up() -> None:
+    """Without a command at its target a UAV is not held."""
+    messages = flight([straight((0.0, 40.0), (0.0, 44.0), 2), *parallel()])
+    for slot in range(3, 9):
+        assert change(messages, {"uav": "u0", "slot": slot}, Fix, executing=False, command_term=-1) == 1
+    assert sample_of(recorded(messages)).held_pct == 0.0
+
+
+def test_nobody_is_held_before_the_first_commands() -> None:
+    """A head elected later is not counted against the network."""
+    messages = flight([straight((12.0 * k, 0.0), (12.0 * k, 16.0), 8, wait=3) for k in range(3)])
+    late = [m for m in messages if not (isinstance(m, Command) and m.slot < 3)]
+    for slot in (1, 2):
+        assert change(late, {"slot": slot}, Fix, executing=False, command_term=-1, command_seq=-1) == 3
+    assert sample_of(recorded(late)).held_pct == 0.0
+
+
 def test_a_swarm_that_only_holds() -> None:
     """Nobody but the head flies; the share held is that of the others, and commands grow old."""
     recording, _ = simulate(Mission(uavs=3, max_slots=40, link=[Link(delay_ms=300)]))
@@ -55,6 +83,8 @@ def test_a_swarm_that_only_holds() -> None:
     assert found.held_pct > 60.0
     assert found.command_age_ms is not None
     assert found.command_age_ms > 2000.0
+    assert found.broken == []
+    assert [verdict.guarantee for verdict in check(recording) if not verdict.held] == ["G7"]
 
 
 def test_a_swarm_without_a_head() -> None:
@@ -78,11 +108,29 @@ def test_delay_error_is_over_all_uavs() -> None:
 
 def test_overloaded_runs_are_told_apart() -> None:
     """Their times are left out, their safety is not."""
+    assert [sample(ticks_late_pct=pct).invalid for pct in (1.0, 1.1)] == [False, True]
     good, slow = sample(), sample(ticks_late_pct=3.0, fix_age_ms=9e9, potential_collisions=1, min_disc_gap_m=-1.0)
     (row, _) = rows(good, slow)
     assert (row.runs, row.invalid_runs, row.potential_collisions, row.min_disc_gap_m) == (2, 1, 1, -1.0)
     assert row.quantities["fix_age_ms"].mean == good.fix_age_ms
     assert any("1 runs are invalid" in found.text for found in findings([row]))
+
+
+def test_a_row_is_about_the_worst_of_its_runs() -> None:
+    """The earliest limit, the latest ticks, every broken guarantee; it only holds where no run flew."""
+    still = sample(limit_slots=200, others_flew=0, ticks_late_pct=3.0, broken=["G1"], terms=3)
+    (row, _) = rows(sample(), still)
+    assert (row.limit_slots, row.ticks_late_pct, row.broken, row.only_holds) == (200, 3.0, ["G1"], False)
+    assert row.terms == 2.0
+    assert rows(still)[0].only_holds
+
+
+def test_the_largest_delay_with_which_it_flies_is_told() -> None:
+    """Not the least."""
+    sweep = sweep_of({"delays_ms": [0, 100, 300], "jitters_ms": [0], "losses": [0], "uavs": [3], "repeats": 1})
+    flown = [sample(), sample(), sample(completed=False, others_flew=0)]
+    made = [row_of(sweep, "sim", cell, [one]) for cell, one in zip(sweep.cells, flown, strict=True)]
+    assert "the largest with which it flies 100 ms" in findings(made)[1].text
 
 
 def test_a_cell_of_invalid_runs_alone() -> None:
@@ -116,6 +164,22 @@ def test_findings_of_a_broken_promise(broken: dict[str, object], which: int) -> 
     assert is_safe(made) is (which != 0)
 
 
+@pytest.mark.parametrize("swept", [{"jitters_ms": [0, 600]}, {"losses": [0, 0.9]}])
+def test_the_arithmetic_is_about_delay_alone(swept: dict[str, object]) -> None:
+    """Where jitter or loss make the swarm hold, that says nothing against it."""
+    sweep = sweep_of({"delays_ms": [0], "jitters_ms": [0], "losses": [0], "uavs": [3], "repeats": 1, **swept})
+    flown = [sample(), sample(completed=False, others_flew=0)]
+    made = [row_of(sweep, "sim", cell, [one]) for cell, one in zip(sweep.cells, flown, strict=True)]
+    assert findings(made)[1].kept is True
+
+
+def test_up_to_a_tenth_lost_all_is_promised() -> None:
+    """With a tenth exactly, too; beyond it nothing is."""
+    sweep = sweep_of({"delays_ms": [0], "jitters_ms": [0], "losses": [0.1, 0.2], "uavs": [3], "repeats": 1})
+    made = [row_of(sweep, "sim", cell, [sample(completed=False)]) for cell in sweep.cells]
+    assert [found.kept for found in findings(made)[-2:]] == [False, None]
+
+
 def test_a_swarm_that_flies_where_it_should_hold() -> None:
     """Is told too."""
     assert findings(rows(sample(), at_300_ms=sample()))[1].kept is False
@@ -137,5 +201,5 @@ def test_a_cell_that_cannot_be_completed_breaks_no_promise() -> None:
     starved = msgspec.structs.replace(row, predicted_to_starve=True)
     assert [found.kept for found in findings([row])][-1] is False
     (*_, told) = findings([starved])
-    assert told.kept is None
+    assert [found.kept for found in findings([starved])] == [True, True, None]
     assert "0 of 1 cells" in told.text

@@ -119,6 +119,8 @@ def test_slots_are_as_long_as_on_the_wall() -> None:
     """A mission flown twice as fast leaves half the time for messages."""
     assert hold_delay_ms(Mission(dt_s=0.5, time_scale=2.0)) == 124.5
     assert hold_delay_ms(Mission(dt_s=1.0)) == 499.5
+    late = [Link(delay_ms=201, jitter_ms=20)]
+    assert in_time_share(Mission(dt_s=1.0, time_scale=2.0, link=late)) == in_time_share(Mission(link=late)) < 0.6
 
 
 def test_share_in_time_with_loss() -> None:

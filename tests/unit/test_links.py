@@ -7,7 +7,7 @@ from typing import Any
 import pytest
 
 from edc_swarm.config import Link, Mission, RosterEntry
-from edc_swarm.links import Cut, LinkEmulator, cut_pair, fading_loss, have_range, mission_s
+from edc_swarm.links import MAX_CHANGES, Cut, LinkEmulator, cut_pair, fading_loss, have_range, mission_s
 
 MS = 1_000_000
 
@@ -77,6 +77,21 @@ def test_certain_and_impossible() -> None:
     assert all(harmless.arrivals_ns("a", 0.0) == [0] for _ in range(50))
 
 
+def test_a_burst_ends_with_its_rule() -> None:
+    """A rule without bursts loses nothing by the burst that the rule before it was in."""
+    emulator = links({"burst_enter": 1.0, "burst_leave": 0.0}, {"start_s": 1.0})
+    assert [emulator.arrivals_ns("a", at_s) for at_s in (0.0, 1.0)] == [[], [0]]
+
+
+def test_changes_by_faults_are_limited() -> None:
+    """A flood of faults fills no memory."""
+    emulator = links()
+    for _ in range(MAX_CHANGES + 5):
+        emulator.add_rule(Link(loss=0.5))
+        emulator.add_cut(Cut(frozenset("a"), frozenset("b"), 0.0))
+    assert (len(emulator._rules), len(emulator._cuts)) == (MAX_CHANGES, MAX_CHANGES)
+
+
 def test_loss_over_distance() -> None:
     """Half at the range, more beyond it; without shadowing a sharp edge; at the same place none."""
     soft, sharp = Link(range_m=100.0), Link(range_m=100.0, shadowing_db=0.0)
@@ -105,6 +120,8 @@ def test_range_is_about_where_both_are() -> None:
     assert emulator.arrivals_ns("a", 0.0) == []
     lossy = LinkEmulator(Mission(roster=roster, uavs=2, link=[Link(range_m=100.0, shadowing_db=0.0, loss=1.0)]), "b")
     assert lossy.arrivals_ns("a", 0.0) == []
+    far = LinkEmulator(Mission(roster=roster, uavs=2, link=[Link(range_m=50.0, shadowing_db=0.0, loss=1e-9)]), "b")
+    assert far.arrivals_ns("a", 0.0) == []
 
 
 def test_which_missions_have_a_range() -> None:

@@ -31,7 +31,19 @@ def test_command_says_every_field() -> None:
     )
 
 
-@pytest.mark.parametrize("mission", [Mission(lease_slots=3), Mission(link=[Link(loss=0.1, sender="u001")])])
+def test_command_says_numbers_to_the_last_digit() -> None:
+    """Short where short is exact, and otherwise in full."""
+    assert command_of(Mission(r_m=1 / 3, area_m2=40_000.0)).endswith("--area 40000 --gps-error 0.3333333333333333")
+
+
+@pytest.mark.parametrize(
+    "mission",
+    [
+        Mission(lease_slots=3),
+        Mission(link=[Link(loss=0.1, sender="u001")]),
+        Mission(link=[Link(loss=0.1), Link(loss=0.2)]),
+    ],
+)
 def test_what_no_option_says_is_refused(mission: Mission) -> None:
     """A command that would fly another mission is never printed."""
     with pytest.raises(InputError):

@@ -1,0 +1,51 @@
+"""The word of an operator that ends before it has a mission, so that nobody waits for it in vain.
+
+A bad option ends `run --operate` before it is on the bus. It then leaves a token at the router for two seconds;
+a router for one mission (`processes.router`) that has had no operator passes it on to whoever waits. All
+others pay no heed: an operator that is tried again may still take over.
+"""
+
+from __future__ import annotations
+
+import os
+import time
+from collections.abc import Sequence
+
+from edc_swarm.errors import InputError
+from edc_swarm.messages import PREFIX
+from processes.address import parse_endpoint
+
+OPTION = "--operate"
+WORD = f"{PREFIX}/-/alive/giving-up"
+TRY_FOR_S = 10.0
+"""The router may be starting as well."""
+LOOK_EVERY_S = 0.1
+HOLD_S = 2.0
+"""A router that has just begun to listen sees tokens a moment later."""
+
+
+def give_up(arguments: Sequence[str]) -> None:
+    """Leave word at the router that the command line names, if it names one to operate at."""
+    endpoint = _router(arguments)
+    if endpoint is None:
+        return
+    from processes.bus import try_client  # noqa: PLC0415  (no other command that fails needs Zenoh)
+
+    end_s = time.monotonic() + TRY_FOR_S
+    while (session := try_client(endpoint)) is None and time.monotonic() < end_s:
+        time.sleep(LOOK_EVERY_S)
+    if session is not None:
+        token = session.liveliness().declare_token(f"{WORD}/{os.getpid()}")
+        time.sleep(HOLD_S)
+        token.undeclare()
+        session.close()
+
+
+def _router(arguments: Sequence[str]) -> str | None:
+    words = [word for argument in arguments for word in argument.split("=", 1)]
+    endpoint = words[words.index(OPTION) + 1] if OPTION in words[:-1] else ""
+    try:
+        parse_endpoint(OPTION, endpoint)
+    except InputError:
+        return None
+    return endpoint

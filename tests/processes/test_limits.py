@@ -1,0 +1,47 @@
+"""What a part keeps of a bus on which anybody may say anything is limited."""
+
+from __future__ import annotations
+
+import pytest
+
+from edc_swarm.config import OPERATOR
+from edc_swarm.errors import InputError
+from edc_swarm.messages import MAX_MESSAGE_BYTES, Keys
+from processes.bus import hand_over, open_client, put
+from processes.ears import Heard, heard_from
+from processes.operators import Operators
+from tests.processes.conftest import await_true
+
+
+def test_operators_are_remembered_up_to_a_limit(endpoint: str, monkeypatch: pytest.MonkeyPatch):
+    """The first few; when they have gone there is room again."""
+    monkeypatch.setattr("processes.operators.MAX_OPERATORS", 3)
+    with open_client(endpoint) as crowd, open_client(endpoint) as session:
+        tokens = [crowd.liveliness().declare_token(Keys(f"m{number}").alive(OPERATOR, "1")) for number in range(8)]
+        operators = Operators(session)
+        await_true(lambda: len(operators.missions()) == 3)
+        with pytest.raises(InputError, match="the router of one mission, not of m"):
+            operators.only_mission(endpoint)
+        for token in tokens:
+            token.undeclare()
+        await_true(lambda: not operators.missions())
+        own = crowd.liveliness().declare_token(Keys("own").alive(OPERATOR, "1"))
+        await_true(lambda: operators.only_mission(endpoint) == "own")
+        assert operators.absences == 3
+        assert operators.away_s("own") == 0.0
+        own.undeclare()
+        await_true(lambda: operators.away_s("own") > 0.0)
+
+
+def test_of_a_huge_message_only_the_beginning_is_kept(endpoint: str):
+    """So much that the codec sees that it is too large."""
+    heard: list[Heard] = []
+    with open_client(endpoint) as speaker, open_client(endpoint) as session:
+        session.declare_subscriber("huge", hand_over(lambda sample: heard.append(heard_from(sample))))
+
+        def arrived() -> bool:
+            put(speaker, "huge", bytes(2 * MAX_MESSAGE_BYTES))
+            return bool(heard)
+
+        await_true(arrived)
+    assert len(heard[0].payload) == MAX_MESSAGE_BYTES + 1
