@@ -327,11 +327,7 @@ class UavNode:
             self._election.hear_command()
         if command.slot > self.slot and len(self._pending) < MAX_PENDING:
             self._pending.setdefault(command.slot, command)
-            self._foresee((command.target_x_m, command.target_y_m))
-
-    def _foresee(self, waypoint_m: tuple[float, float]) -> None:
-        """Do the geodesy of the next fix (half the work of a tick) while there is time; `to_wgs84` remembers it."""
-        self._wgs84(self._vehicle.expected_position_m(waypoint_m))
+            self._wgs84(self._vehicle.next_position_m)  # Half the work of a tick, done while there is time.
 
     def _wgs84(self, position_m: tuple[float, float]) -> tuple[float, float]:
         return to_wgs84(*position_m, self._mission.origin_lat_deg, self._mission.origin_lon_deg)

@@ -145,15 +145,16 @@ class Vehicle:
         length_m = math.hypot(self.waypoint_m[0] - self.from_m[0], self.waypoint_m[1] - self.from_m[1])
         hovered_j = self.step_energy_j(0.0) * (slots - 1)
         self.energy_j = max(0.0, self.energy_j - self.step_energy_j(length_m) - hovered_j)
-        self.position_m = self._reported_m(self.waypoint_m, self._gps.next_error_m())
+        self.position_m = self._reported_m(self.from_m, self._gps.next_error_m())
 
-    def expected_position_m(self, waypoint_m: tuple[float, float]) -> tuple[float, float]:
-        """What a fix at `waypoint_m` will say if the GPS error stays what it is."""
-        return self._reported_m(waypoint_m, self._gps.error_m)
+    @property
+    def next_position_m(self) -> tuple[float, float]:
+        """What the next fix will say, when this slot is over, if the GPS error stays what it is."""
+        return self._reported_m(self.waypoint_m, self._gps.error_m)
 
-    def _reported_m(self, waypoint_m: tuple[float, float], error_m: tuple[float, float]) -> tuple[float, float]:
-        (wx, wy), (ox, oy), (ex, ey) = waypoint_m, self._offset_m, error_m
-        return wx + ox + ex, wy + oy + ey
+    def _reported_m(self, centre_m: tuple[float, float], error_m: tuple[float, float]) -> tuple[float, float]:
+        (x_m, y_m), (ox_m, oy_m), (ex_m, ey_m) = centre_m, self._offset_m, error_m
+        return x_m + ox_m + ex_m, y_m + oy_m + ey_m
 
     def spend(self, energy_j: float) -> None:
         """Draw energy for radio or computation."""

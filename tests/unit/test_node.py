@@ -127,8 +127,10 @@ def test_no_geodesy_is_left_for_the_tick() -> None:
     uav = node()
     uav.step(Tick(), at(5))
     uav.step(Received(command(6, target_y_m=1.0625)), at(5.5))
+    uav.step(Tick(), at(6))
+    uav.step(Received(command(7, start_y_m=1.0625)), at(6.5))
     converted = to_wgs84.cache_info().misses
-    (found,) = said(uav.step(Tick(), at(6)), Fix)
+    (found,) = said(uav.step(Tick(), at(7)), Fix)
     assert found.y_m == 1.0625
     assert to_wgs84.cache_info().misses == converted
 

@@ -86,13 +86,13 @@ def test_a_step() -> None:
 
 
 def test_the_next_fix_is_foreseen() -> None:
-    """While the GPS error stays, what a fix will say is known to the bit before the step is flown."""
+    """While the GPS error stays, what the next fix will say is known to the bit a slot before."""
     flying = vehicle()
-    flying.begin_slot(1, None)
     step = msgspec.structs.replace(COMMAND, start_x_m=1.0, start_y_m=2.0, target_x_m=3.3, target_y_m=2.1)
-    expected_m = flying.expected_position_m((3.3, 2.1))
     flying.begin_slot(1, step)
-    assert flying.position_m == expected_m
+    foreseen_m = flying.next_position_m
+    flying.begin_slot(1, None)
+    assert flying.position_m == foreseen_m == pytest.approx((3.3, 2.1))
 
 
 def test_energy() -> None:
