@@ -2,7 +2,7 @@
 
 It routes until SIGTERM. With a parent it dies with it; with the word `mission` it ends when a mission
 has been flown, its operator and all who took part have gone. On a secured bus, ACCESS is the file of a
-`RouterAccess`.
+`RouterAccess`, or a folder of certificates: then whatever mission is flown by the UAVs that have one there.
 """
 
 from __future__ import annotations
@@ -16,10 +16,11 @@ import zenoh
 from msgspec import Struct
 
 from edc_swarm.config import OPERATOR, ROUTER
+from edc_swarm.errors import InputError
 from edc_swarm.messages import PREFIX
-from processes.access import access_control
+from processes.access import ANY_MISSION, access_control
 from processes.bus import hand_over, open_router
-from processes.credentials import credentials
+from processes.credentials import certified_uavs, check_certificates, credentials
 from processes.operators import LINGER_S
 from processes.parent import die_with_parent
 
@@ -34,9 +35,13 @@ class RouterAccess(Struct, frozen=True, kw_only=True):
     uavs: list[str]
 
 
-def open_secured(endpoint: str, file: Path) -> zenoh.Session:
-    """The router of a secured bus, whose rules follow from the roster in `file`."""
-    access = msgspec.json.decode(file.read_bytes(), type=RouterAccess)
+def open_secured(endpoint: str, where: Path) -> zenoh.Session:
+    """The router of a secured bus, whose rules follow from the roster in a file, or from a folder of certificates."""
+    if where.is_dir():
+        check_certificates(where, [ROUTER])
+        access = RouterAccess(certs=str(where), mission=ANY_MISSION, uavs=certified_uavs(str(where)))
+    else:
+        access = msgspec.json.decode(where.read_bytes(), type=RouterAccess)
     rules = access_control(access.mission, access.uavs)
     return open_router(endpoint, credentials(access.certs, ROUTER), rules)
 
@@ -51,7 +56,7 @@ def main() -> int:
         signals = {signal.SIGTERM}
     try:
         session = open_secured(sys.argv[1], Path(sys.argv[3])) if len(sys.argv) > 3 else open_router(sys.argv[1])
-    except (zenoh.ZError, OSError, msgspec.DecodeError) as error:
+    except (zenoh.ZError, OSError, msgspec.DecodeError, InputError) as error:
         print(f"router: {error}", file=sys.stderr)
         return 2
     print("ready", flush=True)
