@@ -51,11 +51,11 @@ def run(
     remote
         Leave so many UAVs, the last of the roster, to be flown by others: edc-swarm join.
     operate
-        Start nothing: at this router, tcp/HOST:PORT, recorder, visualiser and all UAVs are run by others.
+        Start nothing: at this router, tcp/HOST:PORT or tls/HOST:PORT, all else is run by others.
     secure
         TLS on every link, a certificate for every process, and a router that lets each say only what is its own.
     certs
-        Folder with the certificates, made by `edc-swarm certs` (new ones, for this run alone).
+        Folder with the certificates, made by `edc-swarm certs` (new ones, for this run alone; not where others fly).
     """
     options = options or MissionOptions()
     mission = options.mission(mission_file)
