@@ -9,7 +9,7 @@ RUN python -m venv /opt/edc-swarm
 ENV PATH=/opt/edc-swarm/bin:$PATH PIP_NO_CACHE_DIR=1 PIP_DISABLE_PIP_VERSION_CHECK=1
 COPY pyproject.toml constraints.txt ./
 # What changes seldom comes first, so that a change of the code installs no library anew.
-RUN python -c "import tomllib; p = tomllib.load(open('pyproject.toml', 'rb')); o = p['project']['optional-dependencies']; print(*p['build-system']['requires'], *p['project']['dependencies'], *o['live'], *o['plots'], sep='\n')" > requirements.txt \
+RUN python -c "import tomllib; p = tomllib.load(open('pyproject.toml', 'rb')); o = p['project']['optional-dependencies']; print(*p['build-system']['requires'], *p['project']['dependencies'], *o['live'], *o['plots'], *o['secure'], sep='\n')" > requirements.txt \
     && pip install --quiet -c constraints.txt -r requirements.txt
 COPY README.md LICENSE ./
 COPY edc_swarm edc_swarm
@@ -20,7 +20,7 @@ RUN pip install --quiet --no-deps --no-build-isolation . \
 
 FROM python:3.11-slim
 RUN useradd --uid 1000 --create-home edc \
-    && install -d -o edc -g edc /swarm /swarm/recordings /home/edc/state \
+    && install -d -o edc -g edc /swarm /swarm/recordings /swarm/certs /home/edc/state \
     && install -d -m 1777 /var/cache/edc-swarm
 # For services that are started as root only to become whoever owns the recordings on the host.
 RUN printf '%s\n' '#!/bin/sh' 'owner=$(stat -c "--reuid=%u --regid=%g" /swarm/recordings)' \

@@ -32,10 +32,14 @@ Claimant = Annotated[str, Meta(pattern=r"^[0-9a-f]{16}$(?!\n)")]
 
 
 class Claim(Struct, frozen=True, kw_only=True):
-    """The request for `uavs` ids, or for those that this claimant has already."""
+    """The request for `uavs` ids, or for those that this claimant has already.
+
+    `among`: the ids that it can fly, any where there are none.
+    """
 
     claimant: Claimant
     uavs: Annotated[int, Meta(ge=1, le=MAX_UAVS)]
+    among: UavIds = []
 
 
 class Issued(Struct, frozen=True, kw_only=True):
@@ -86,7 +90,7 @@ class Claims:
         held = self.held_by(claim.claimant)
         if held:
             return held
-        free = self.free()
+        free = self.free(claim.among)
         if len(free) < claim.uavs:
             return []
         self._holder.update(dict.fromkeys(free[: claim.uavs], claim.claimant))
@@ -96,9 +100,13 @@ class Claims:
         """The ids of a claimant."""
         return [uav for uav, holder in self._holder.items() if holder == claimant]
 
-    def free(self) -> list[str]:
-        """The ids that can be issued; last those of claimants that have gone, who may be back in a moment."""
-        free = [uav for uav, holder in self._holder.items() if holder not in self._there]
+    def free(self, among: Sequence[str] = ()) -> list[str]:
+        """The ids that can be issued, of those in `among` if there are any.
+
+        Last those of claimants that have gone, who may be back in a moment.
+        """
+        wanted = self._holder.keys() & among if among else self._holder.keys()
+        free = [uav for uav, holder in self._holder.items() if holder not in self._there and uav in wanted]
         return [] if self.begun else sorted(free, key=lambda uav: self._holder[uav] is not None)
 
     def begin(self) -> None:

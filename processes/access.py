@@ -2,8 +2,9 @@
 
 Everything is denied but what is listed here. A UAV speaks under its own id alone, since whoever may
 become head is known by its key; it hears all fixes and reports, its own commands, the mission and
-the operator, and never the truth. What a rule lets in as `ingress` comes from the named process,
-what it lets out as `egress` goes to it.
+the operator, and never the truth. Whoever starts UAVs on another host says nothing: it claims ids
+and hears the operator; the UAVs that it forks speak for themselves. What a rule lets in as `ingress`
+comes from the named process, what it lets out as `egress` goes to it.
 """
 
 from __future__ import annotations
@@ -11,14 +12,22 @@ from __future__ import annotations
 from collections.abc import Sequence
 from typing import Any
 
-from edc_swarm.config import OPERATOR, RECORDER, VISUALISER
-from edc_swarm.messages import Keys
+from edc_swarm.config import JOIN, LIVE, OPERATOR, RECORDER, VISUALISER
+from edc_swarm.messages import PREFIX, Keys
+from processes.giving_up import WORD
+from processes.operators import GAVE_UP
+
+ANY_MISSION = "*"
+"""In the place of a mission's id: rules for whatever mission is flown at the router."""
+ALL_ALIVE = f"{PREFIX}/*/alive/**"
+OPERATORS_ALIVE = f"{PREFIX}/*/alive/{OPERATOR}/*"
+"""What takes part finds the mission by: it cannot know its id before."""
 
 Rule = dict[str, Any]
 
 
 def access_control(mission: str, uavs: Sequence[str]) -> dict[str, Any]:
-    """Zenoh's `access_control` for one mission and its roster."""
+    """Zenoh's `access_control` for one mission, or `ANY_MISSION`, and the UAVs that there may be."""
     keys = Keys(mission)
     shared = _shared_by_uavs(keys)
     rules = list(shared)
@@ -26,7 +35,7 @@ def access_control(mission: str, uavs: Sequence[str]) -> dict[str, Any]:
     for name, own in [*((uav, _of_uav(keys, uav)) for uav in uavs), *_of_roles(keys).items()]:
         rules += own
         policies.append({"subjects": [name], "rules": [rule["id"] for rule in own]})
-    names = [*uavs, OPERATOR, RECORDER, VISUALISER]
+    names = [*uavs, OPERATOR, RECORDER, VISUALISER, JOIN]
     return {
         "enabled": True,
         "default_permission": "deny",
@@ -41,7 +50,7 @@ def _shared_by_uavs(keys: Keys) -> list[Rule]:
     return [
         *_hears("uavs", [*asked, keys.all_fixes, keys.all_reports]),
         *_asks("uavs", asked),
-        *_sees_the_living("uavs", keys),
+        *_sees_the_living("uavs", keys.all_alive),
     ]
 
 
@@ -58,22 +67,34 @@ def _of_roles(keys: Keys) -> dict[str, list[Rule]]:
         OPERATOR: [
             _says(OPERATOR, asked),
             *_hears(OPERATOR, [keys.all_fixes, keys.all_reports, keys.event("*")]),
-            *_answers(OPERATOR, [*asked, keys.claims, keys.again(OPERATOR, "*")]),
+            *_answers(OPERATOR, [*asked, keys.claims, keys.orders("*"), keys.again(OPERATOR, "*")]),
+            *_asks(OPERATOR, [keys.mission, keys.orders(RECORDER)]),
             _lives(OPERATOR, keys),
-            *_sees_the_living(OPERATOR, keys),
+            _rule(f"{OPERATOR} gives up", "ingress", "liveliness_token", [f"{WORD}/*"]),
+            *_sees_the_living(OPERATOR, keys.all_alive),
+            _rule(f"{OPERATOR} looks for missions", "ingress", "liveliness_query", [ALL_ALIVE]),
         ],
         RECORDER: [
             _says(RECORDER, [keys.event(RECORDER)]),
             *_hears(RECORDER, [keys.everything]),
-            *_asks(RECORDER, [keys.again("*", "*")]),
+            *_asks(RECORDER, [keys.orders(RECORDER), keys.again("*", "*")]),
+            *_answers(RECORDER, [keys.mission, keys.orders(RECORDER)]),
             _lives(RECORDER, keys),
+            *_sees_the_living(RECORDER, OPERATORS_ALIVE, GAVE_UP),
         ],
         VISUALISER: [
             _says(VISUALISER, [keys.event(VISUALISER), f"{keys.root}/viz/**"]),
             *_hears(VISUALISER, seen),
-            *_asks(VISUALISER, asked),
+            *_asks(VISUALISER, [*asked, keys.orders(VISUALISER), keys.orders(LIVE)]),
             *_answers(VISUALISER, [keys.again(VISUALISER, "*")]),
             _lives(VISUALISER, keys),
+            *_sees_the_living(VISUALISER, OPERATORS_ALIVE, GAVE_UP),
+        ],
+        JOIN: [
+            *_hears(JOIN, [keys.event(OPERATOR)]),
+            *_asks(JOIN, [keys.claims]),
+            _lives(JOIN, keys),
+            *_sees_the_living(JOIN, OPERATORS_ALIVE, GAVE_UP),
         ],
     }
 
@@ -105,10 +126,10 @@ def _lives(name: str, keys: Keys) -> Rule:
     return _rule(f"{name} lives", "ingress", "liveliness_token", [keys.alive(name, "*")])
 
 
-def _sees_the_living(name: str, keys: Keys) -> list[Rule]:
+def _sees_the_living(name: str, *whom: str) -> list[Rule]:
     return [
-        _rule(f"{name} watches", "ingress", "declare_liveliness_subscriber", [keys.all_alive]),
-        _rule(f"{name} sees the living", "egress", "liveliness_token", [keys.all_alive]),
+        _rule(f"{name} watches", "ingress", "declare_liveliness_subscriber", [*whom]),
+        _rule(f"{name} sees the living", "egress", "liveliness_token", [*whom]),
     ]
 
 

@@ -40,7 +40,7 @@ def check_endpoint(endpoint: str, protocol: str = "tcp") -> None:
 
 def advertised_endpoint(listen: str) -> str:
     """Where clients on other hosts find it, if they know this host by its name."""
-    return re.sub(r"^tcp/(0\.0\.0\.0|\[::\]):", f"tcp/{socket.gethostname()}:", listen)
+    return re.sub(r"/(0\.0\.0\.0|\[::\]):", f"/{socket.gethostname()}:", listen)
 
 
 def connect_endpoint(listen: str) -> str:

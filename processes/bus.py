@@ -67,10 +67,12 @@ def open_client(
     )
 
 
-def try_client(endpoint: str, *, observer: bool = False) -> zenoh.Session | None:
+def try_client(
+    endpoint: str, credentials: Credentials | None = None, *, observer: bool = False
+) -> zenoh.Session | None:
     """Connect to the router at `endpoint`; None when it does not answer within a second."""
     try:
-        return open_client(endpoint, timeout_ms=TRY_MS, observer=observer)
+        return open_client(endpoint, credentials, timeout_ms=TRY_MS, observer=observer)
     except zenoh.ZError:
         return None
 

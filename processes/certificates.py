@@ -19,9 +19,9 @@ from cryptography.hazmat.primitives.hashes import SHA256
 from cryptography.hazmat.primitives.serialization import Encoding, NoEncryption, PrivateFormat
 from cryptography.x509.oid import ExtendedKeyUsageOID, NameOID
 
-from edc_swarm.config import ROLES, ROUTER
+from edc_swarm.config import ROUTER
 from edc_swarm.errors import InputError
-from processes.credentials import AUTHORITY, certificate_path, key_path
+from processes.credentials import AUTHORITY, CERTIFIED, certificate_path, key_path
 
 DAYS = 30
 MAX_DAYS = 825
@@ -47,18 +47,9 @@ def write_certificates(
         folder.mkdir(mode=0o700, parents=True, exist_ok=True)
         if any(folder.iterdir()) and not force:
             raise InputError("--out", str(folder), "a new or empty folder (or give --force)")
-        _write_all(folder, [*sorted(ROLES), *uavs], hosts, timedelta(days=days))
+        _write_all(folder, [*CERTIFIED, *uavs], hosts, timedelta(days=days))
     except OSError as error:
         raise InputError("--out", str(folder), f"a folder that can be written ({error.strerror})") from None
-
-
-def check_certificates(folder: Path, uavs: Sequence[str]) -> None:
-    """Raise `InputError` unless `folder` has what a swarm of `uavs` needs."""
-    wanted = [folder / AUTHORITY]
-    wanted += [path(folder, name) for name in (*sorted(ROLES), *uavs) for path in (certificate_path, key_path)]
-    for path in wanted:
-        if not os.access(path, os.R_OK):
-            raise InputError("--certs", str(folder), f"a folder made by `edc-swarm certs` ({path.name} is missing)")
 
 
 def _write_all(folder: Path, names: Sequence[str], hosts: Sequence[str], lifetime: timedelta) -> None:

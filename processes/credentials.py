@@ -2,10 +2,17 @@
 
 from __future__ import annotations
 
+import os
+from collections.abc import Iterable
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
+from edc_swarm.config import JOIN, RESERVED_IDS, ROLES
+from edc_swarm.errors import InputError
+
+CERTIFIED = (*sorted(ROLES), JOIN)
+"""Who has a certificate beside the UAVs: the roles, and whoever starts UAVs on another host."""
 AUTHORITY = "ca.pem"
 TLS = "tls/"
 
@@ -18,6 +25,20 @@ def certificate_path(folder: Path, name: str) -> Path:
 def key_path(folder: Path, name: str) -> Path:
     """Where its private key is."""
     return folder / f"{name}.key"
+
+
+def check_certificates(folder: Path, names: Iterable[str]) -> None:
+    """Raise `InputError` unless `folder` has what processes of these names need."""
+    wanted = [folder / AUTHORITY]
+    wanted += [path(folder, name) for name in names for path in (certificate_path, key_path)]
+    for path in wanted:
+        if not os.access(path, os.R_OK):
+            raise InputError("--certs", str(folder), f"a folder made by `edc-swarm certs` ({path.name} is missing)")
+
+
+def certified_uavs(folder: str) -> list[str]:
+    """The UAVs whose certificates are in `folder`: on each host those that may be flown there."""
+    return sorted(path.stem for path in Path(folder).glob("*.pem") if path.stem not in RESERVED_IDS)
 
 
 @dataclass(frozen=True, slots=True)

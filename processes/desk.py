@@ -26,10 +26,20 @@ class Desk:
         The UAVs to be flown by others.
     orders
         What parts are told, by their names.
+    by_name
+        Ids are issued to those alone who say which they can fly: on a secured bus, have the certificates of.
     """
 
-    def __init__(self, mission: Mission, remote: Sequence[str] = (), orders: Mapping[str, bytes] | None = None) -> None:
+    def __init__(
+        self,
+        mission: Mission,
+        remote: Sequence[str] = (),
+        orders: Mapping[str, bytes] | None = None,
+        *,
+        by_name: bool = False,
+    ) -> None:
         self.mission = mission
+        self._by_name = by_name
         self.claims = Claims(remote)
         self._orders = {Keys(mission.name).orders(name): payload for name, payload in (orders or {}).items()}
 
@@ -58,5 +68,7 @@ class Desk:
             claim = msgspec.json.decode(payload, type=Claim)
         except msgspec.DecodeError:
             return []
-        left, uavs = len(self.claims.free()), self.claims.issue(claim)
+        if self._by_name and not claim.among:
+            return [msgspec.json.encode(Issued(mission=self.mission))]
+        left, uavs = len(self.claims.free(claim.among)), self.claims.issue(claim)
         return [msgspec.json.encode(Issued(mission=self.mission, uavs=uavs, left=left, begun=self.claims.begun))]

@@ -11,9 +11,11 @@ import os
 import time
 from collections.abc import Sequence
 
+from edc_swarm.config import OPERATOR
 from edc_swarm.errors import InputError
 from edc_swarm.messages import PREFIX
 from processes.address import parse_endpoint
+from processes.credentials import TLS, credentials
 
 OPTION = "--operate"
 WORD = f"{PREFIX}/-/alive/giving-up"
@@ -31,8 +33,9 @@ def give_up(arguments: Sequence[str]) -> None:
         return
     from processes.bus import try_client  # noqa: PLC0415  (no other command that fails needs Zenoh)
 
+    own = credentials(_word_after("--certs", arguments), OPERATOR)
     end_s = time.monotonic() + TRY_FOR_S
-    while (session := try_client(endpoint)) is None and time.monotonic() < end_s:
+    while (session := try_client(endpoint, own)) is None and time.monotonic() < end_s:
         time.sleep(LOOK_EVERY_S)
     if session is not None:
         token = session.liveliness().declare_token(f"{WORD}/{os.getpid()}")
@@ -42,10 +45,14 @@ def give_up(arguments: Sequence[str]) -> None:
 
 
 def _router(arguments: Sequence[str]) -> str | None:
-    words = [word for argument in arguments for word in argument.split("=", 1)]
-    endpoint = words[words.index(OPTION) + 1] if OPTION in words[:-1] else ""
+    endpoint = _word_after(OPTION, arguments)
     try:
-        parse_endpoint(OPTION, endpoint)
+        parse_endpoint(OPTION, endpoint, "tls" if endpoint.startswith(TLS) else "tcp")
     except InputError:
         return None
     return endpoint
+
+
+def _word_after(option: str, arguments: Sequence[str]) -> str:
+    words = [word for argument in arguments for word in argument.split("=", 1)]
+    return words[words.index(option) + 1] if option in words[:-1] else ""

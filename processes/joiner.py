@@ -21,6 +21,7 @@ from processes.bus import hand_over, try_client
 from processes.children import Child, ChildExited
 from processes.claim_folder import ClaimFolder, make_state
 from processes.console import note
+from processes.credentials import certified_uavs, credentials
 from processes.ears import Gate, Heard, heard_from
 from processes.loop import Interrupted, Loop
 from processes.operators import LINGER_S, Operators
@@ -38,8 +39,9 @@ LEAVE_TIMEOUT_S = 60.0
 class Joiner:
     """Claims `uavs` ids of the mission at a router, flies them and ends with the mission."""
 
-    def __init__(self, endpoint: str, uavs: int, folder: ClaimFolder) -> None:
+    def __init__(self, endpoint: str, uavs: int, folder: ClaimFolder, certs: str = "") -> None:
         self._endpoint = endpoint
+        self._certs = certs
         self._uavs = uavs
         self._folder = folder
         self._loop = Loop(self._take)
@@ -66,7 +68,7 @@ class Joiner:
 
     def _connect(self) -> zenoh.Session:
         def connect() -> bool:
-            self._session = try_client(self._endpoint)
+            self._session = try_client(self._endpoint, credentials(self._certs, JOIN))
             return self._session is not None
 
         self._loop.wait(connect, f"a router at {self._endpoint}", look_every_s=LOOK_EVERY_S)
@@ -92,7 +94,8 @@ class Joiner:
 
     def _claim(self, session: zenoh.Session, operators: Operators, mission: str) -> Issued:
         """Ask until the operator answers; the same claim has the same answer, so it may be repeated."""
-        claim = msgspec.json.encode(Claim(claimant=self._folder.claimant, uavs=self._uavs))
+        among = certified_uavs(self._certs) if self._certs else []
+        claim = msgspec.json.encode(Claim(claimant=self._folder.claimant, uavs=self._uavs, among=among))
         answers: list[Issued] = []
 
         def ask() -> bool:
@@ -104,7 +107,8 @@ class Joiner:
 
         self._loop.wait(ask, "an answer of the operator", look_every_s=LOOK_EVERY_S)
         if not answers[0].uavs:
-            raise InputError("--uavs", self._uavs, f"at most {answers[0].left}: nobody else is to be flown by others")
+            whom = "else is to be flown by others" + (f" and has a certificate in {self._certs}" if among else "")
+            raise InputError("--uavs", self._uavs, f"at most {answers[0].left}: nobody {whom}")
         return answers[0]
 
     # --- the UAVs ----------------------------------------------------------------------------
@@ -129,6 +133,7 @@ class Joiner:
                     mission=issued.mission.name,
                     uav=uav,
                     state=str(self._logs.resolve()),
+                    certs=self._certs,
                     measure_response=issued.mission.elect == "response-time",
                     claimant=self._folder.claimant,
                 )

@@ -16,7 +16,7 @@ from pathlib import Path
 import msgspec
 import zenoh
 
-from edc_swarm.config import OPERATOR, ROUTER, Mission
+from edc_swarm.config import LIVE, OPERATOR, ROUTER, Mission
 from edc_swarm.errors import InputError, SwarmError
 from edc_swarm.links import mission_s
 from edc_swarm.messages import MissionMessage
@@ -51,8 +51,8 @@ from processes.security import OPEN, secure
 from processes.state import create_state
 from processes.takeover import Takeover, new_mission_id
 from processes.uav import UavSettings
-from processes.viz import LIVE, VizSettings
 from processes.viz import NAME as VIZ
+from processes.viz import VizSettings
 
 OPEN_TIMEOUT_MS = 5000
 EPOCH_AHEAD_NS = 200_000_000
@@ -211,7 +211,8 @@ class Launcher:
         return open_client(connect_endpoint(self._endpoint), own, timeout_ms=OPEN_TIMEOUT_MS, observer=True)
 
     def _operate(self, session: zenoh.Session, orders: Mapping[str, bytes] | None = None) -> Operator:
-        return Operator(session, Desk(self._mission, self._elsewhere, orders), self._loop.inbox)
+        desk = Desk(self._mission, self._elsewhere, orders, by_name=self._protection is not None)
+        return Operator(session, desk, self._loop.inbox)
 
     def _everyone(self) -> set[str]:
         """Who must be on the bus before the mission begins, or goes on."""
@@ -228,16 +229,19 @@ class Launcher:
 
     def _tell_others(self) -> None:
         if self._elsewhere and self._given is None:
+            certs = "" if self._protection is None else " --certs FOLDER"
             note(
                 f"{len(self._elsewhere)} of {len(self._roster)} UAVs are to be flown by others: "
-                f"edc-swarm join {advertised_endpoint(self._endpoint)} --uavs {len(self._elsewhere)}"
+                f"edc-swarm join {advertised_endpoint(self._endpoint)} --uavs {len(self._elsewhere)}{certs}"
             )
 
     def _secure(self) -> None:
         if self._protection is None:
             return
         hosts = [parse_endpoint("--listen", self._listen, self._protocol)[0]] if self._listen is not None else []
-        self._security = secure(self._protection.certs, self._output.state, self._mission.name, self._roster, hosts)
+        self._security = secure(
+            self._protection.certs, self._output.state, self._mission.name, self._roster, hosts, self._local
+        )
 
     def _start_router(self) -> None:
         """Start the router; a free port may be taken by another before it listens, then try again."""

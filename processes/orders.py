@@ -1,13 +1,15 @@
 """What the recorder and the visualiser are to do: told on standard input, or by the operator at a router.
 
 `python -m processes.recorder` reads its orders, `python -m processes.recorder tcp/HOST:PORT` asks for
-them: a part that nobody has launched, such as a service of `compose.yaml`.
+them: a part that nobody has launched, such as a service of `compose.yaml`. On a secured bus it is told where its
+certificate is, `tls/HOST:PORT --certs FOLDER`.
 """
 
 from __future__ import annotations
 
 import sys
 import time
+from argparse import ArgumentParser, Namespace
 from collections.abc import Callable
 from typing import TypeVar
 
@@ -19,6 +21,7 @@ from edc_swarm.errors import SwarmError
 from edc_swarm.messages import Keys
 from processes.bus import try_client
 from processes.console import note
+from processes.credentials import Credentials, check_certificates, credentials
 from processes.loop import PATIENCE_S, START_TIMEOUT_S
 from processes.operators import LINGER_S, Operators
 
@@ -31,22 +34,33 @@ Found = TypeVar("Found")
 
 
 def orders(kind: type[Kind], name: str) -> Kind:
-    """The orders of the part `name`, or of the part that the command line names."""
+    """The orders of the part `name`, or of the part that the command line names; `name` is in its certificate."""
     if len(sys.argv) == 1:
         return msgspec.json.decode(sys.stdin.buffer.read(), type=kind)
-    endpoint = sys.argv[1]
-    name = sys.argv[2] if len(sys.argv) > 2 else name
-    session = await_found(lambda: try_client(endpoint), f"a router at {endpoint}")
+    told = _told(name)
+    endpoint, own = told.endpoint, credentials(told.certs, name)
+    if own is not None:
+        check_certificates(own.folder, [name])
+    session = await_found(lambda: try_client(endpoint, own), f"a router at {endpoint}")
     operators = Operators(session)
     mission = await_found(lambda: operators.only_mission(endpoint), f"a mission at {endpoint}")
 
     def ask() -> bytes | None:
         operators.check_there(mission)
-        return asked(session, Keys(mission).orders(name))
+        return asked(session, Keys(mission).orders(told.name))
 
     payload = await_found(ask, f"orders from the operator of {mission}")
     session.close()
-    return msgspec.structs.replace(msgspec.json.decode(payload, type=kind), endpoint=endpoint)
+    return msgspec.structs.replace(msgspec.json.decode(payload, type=kind), endpoint=endpoint, certs=told.certs)
+
+
+def _told(name: str) -> Namespace:
+    """What the command line says."""
+    parser = ArgumentParser(description="A part of a mission that an operator somewhere runs.")
+    parser.add_argument("endpoint", help="the router, tcp/HOST:PORT")
+    parser.add_argument("name", nargs="?", default=name, help=f"whose orders to ask for ({name})")
+    parser.add_argument("--certs", default="", help="folder with the own certificate, on a secured bus")
+    return parser.parse_args()
 
 
 def asked(session: zenoh.Session, key: str, payload: bytes | None = None) -> bytes | None:
@@ -71,9 +85,9 @@ def await_found(look: Callable[[], Found | None], what: str) -> Found:
     return found
 
 
-def outlast_operator(endpoint: str, mission: str) -> None:
+def outlast_operator(endpoint: str, mission: str, own: Credentials | None = None) -> None:
     """Stay until the operator has gone, and a moment longer: services are ended with the first that leaves."""
-    session = try_client(endpoint)
+    session = try_client(endpoint, own)
     if session is None:
         return
     operators = Operators(session)

@@ -345,7 +345,7 @@ def main() -> int:
             print(reason_of(error), file=sys.stderr, flush=True)
             os._exit(CANNOT_WRITE)
     if not settings.parent:
-        outlast_operator(settings.endpoint, settings.mission)
+        outlast_operator(settings.endpoint, settings.mission, credentials(settings.certs, NAME))
     return 0
 
 

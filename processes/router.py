@@ -2,8 +2,8 @@
 
 It routes until SIGTERM. With a parent it dies with it; with the word `mission` it ends when a mission
 has been flown, its operator and all who took part have gone. When the operator gives up before it has a
-mission (`processes.giving_up`), it tells everybody, and for a while whoever comes. On a secured bus, ACCESS
-is the file of a `RouterAccess`.
+mission (`processes.giving_up`), it tells everybody, and for a while whoever comes. On a secured bus, ACCESS is the
+file of a `RouterAccess`, or a folder of certificates: then whatever mission is flown by the UAVs that have one there.
 """
 
 from __future__ import annotations
@@ -17,10 +17,11 @@ import zenoh
 from msgspec import Struct
 
 from edc_swarm.config import OPERATOR, ROUTER
+from edc_swarm.errors import InputError
 from edc_swarm.messages import PREFIX
-from processes.access import access_control
+from processes.access import ANY_MISSION, access_control
 from processes.bus import hand_over, open_router
-from processes.credentials import credentials
+from processes.credentials import certified_uavs, check_certificates, credentials
 from processes.giving_up import WORD
 from processes.operators import GAVE_UP, LINGER_S
 from processes.parent import die_with_parent
@@ -38,9 +39,13 @@ class RouterAccess(Struct, frozen=True, kw_only=True):
     uavs: list[str]
 
 
-def open_secured(endpoint: str, file: Path) -> zenoh.Session:
-    """The router of a secured bus, whose rules follow from the roster in `file`."""
-    access = msgspec.json.decode(file.read_bytes(), type=RouterAccess)
+def open_secured(endpoint: str, where: Path) -> zenoh.Session:
+    """The router of a secured bus, whose rules follow from the roster in a file, or from a folder of certificates."""
+    if where.is_dir():
+        check_certificates(where, [ROUTER])
+        access = RouterAccess(certs=str(where), mission=ANY_MISSION, uavs=certified_uavs(str(where)))
+    else:
+        access = msgspec.json.decode(where.read_bytes(), type=RouterAccess)
     rules = access_control(access.mission, access.uavs)
     return open_router(endpoint, credentials(access.certs, ROUTER), rules)
 
@@ -55,7 +60,7 @@ def main() -> int:
         signals = {signal.SIGTERM}
     try:
         session = open_secured(sys.argv[1], Path(sys.argv[3])) if len(sys.argv) > 3 else open_router(sys.argv[1])
-    except (zenoh.ZError, OSError, msgspec.DecodeError) as error:
+    except (zenoh.ZError, OSError, msgspec.DecodeError, InputError) as error:
         print(f"router: {error}", file=sys.stderr)
         return 2
     print("ready", flush=True)

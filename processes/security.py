@@ -9,7 +9,9 @@ from pathlib import Path
 
 import msgspec
 
+from edc_swarm.config import ROLES
 from edc_swarm.errors import InputError
+from processes.credentials import check_certificates
 from processes.router import RouterAccess
 
 
@@ -31,20 +33,24 @@ def check_security(option: str) -> None:
         raise InputError(option, True, "absent, or cryptography installed: pip install 'edc-swarm[secure]'")
 
 
-def secure(given: Path | None, state: Path, mission: str, uavs: Sequence[str], hosts: Sequence[str]) -> Security:
+def secure(
+    given: Path | None, state: Path, mission: str, uavs: Sequence[str], hosts: Sequence[str], local: Sequence[str]
+) -> Security:
     """Security of one run whose own folder is `state`; certificates are made there unless `given` has them.
+
+    `local` are those of `uavs` whose certificates are needed here.
 
     Raises
     ------
     InputError
         The given folder lacks a certificate.
     """
-    from processes.certificates import check_certificates, write_certificates  # noqa: PLC0415 - an extra
-
     certs = (given or state / "certs").resolve()
     if given is not None:
-        check_certificates(certs, uavs)
+        check_certificates(certs, [*sorted(ROLES), *local])
     else:
+        from processes.certificates import write_certificates  # noqa: PLC0415 - an extra
+
         write_certificates(certs, uavs, hosts=hosts)
     access = state / "access.json"
     access.write_bytes(msgspec.json.encode(RouterAccess(certs=str(certs), mission=mission, uavs=list(uavs))))

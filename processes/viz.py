@@ -35,7 +35,7 @@ from processes.orders import orders, outlast_operator
 from processes.outbox import Outbox
 from processes.parent import die_with_parent
 
-NAME, LIVE = VISUALISER, "live"
+NAME = VISUALISER
 IDLE_S = 0.25
 BURST_BYTES = 32_768
 PAUSE_S = 0.004
@@ -206,7 +206,7 @@ def main() -> int:
     signal.signal(signal.SIGTERM, lambda *_: visualiser.stop())
     visualiser.show()
     if not settings.parent:
-        outlast_operator(settings.endpoint, settings.mission)
+        outlast_operator(settings.endpoint, settings.mission, credentials(settings.certs, NAME))
     return 0
 
 

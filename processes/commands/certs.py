@@ -7,10 +7,11 @@ from typing import Annotated
 
 from cyclopts import Parameter
 
-from edc_swarm.config import MAX_UAVS, ROLES, load_mission
+from edc_swarm.config import MAX_UAVS, load_mission
 from edc_swarm.errors import InputError
 from edc_swarm.roster import uav_ids
 from processes.console import note, print_json
+from processes.credentials import CERTIFIED
 from processes.options import MISSION_HELP
 from processes.security import check_security
 from processes.whole import Whole
@@ -29,9 +30,10 @@ def certs(
     force: bool = False,
     json: bool = False,
 ) -> int:
-    """Make an authority and a certificate for every UAV and role, for `run --secure --certs FOLDER`.
+    """Make an authority and a certificate for every UAV and role, for --certs of `run` and `join`.
 
-    Give each host only its own NAME.pem and NAME.key, and ca.pem. The authority's key is not kept.
+    Give each host only the NAME.pem and NAME.key of its UAVs, those of `join`, and ca.pem. The authority's key
+    is not kept.
 
     Parameters
     ----------
@@ -60,9 +62,9 @@ def certs(
             raise InputError("--host", name, "a host's name or address")
     write_certificates(out, ids, hosts=hosts, days=days, force=force)
     if json:
-        print_json({"folder": str(out), "names": [*sorted(ROLES), *ids], "days": days})
+        print_json({"folder": str(out), "names": [*CERTIFIED, *ids], "days": days})
     else:
-        note(f"certificates of {len(ids)} UAVs and {len(ROLES)} roles, valid for {days} days; keys are {out}/*.key")
+        note(f"certificates of {len(ids)} UAVs and {len(CERTIFIED)} roles, valid for {days} days; keys are {out}/*.key")
         print(out)
     return 0
 

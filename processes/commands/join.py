@@ -7,21 +7,23 @@ from typing import Annotated
 
 from cyclopts import Parameter
 
-from edc_swarm.config import MAX_UAVS
+from edc_swarm.config import JOIN, MAX_UAVS
 from edc_swarm.errors import InputError
 from processes.address import parse_endpoint
 from processes.claim_folder import ClaimFolder
 from processes.console import FAILED
+from processes.credentials import certified_uavs, check_certificates
 from processes.joiner import Joiner
 from processes.whole import Whole
 
 
 def join(
-    address: Annotated[str, Parameter(help="The mission's router, tcp/HOST:PORT.")],
+    address: Annotated[str, Parameter(help="The mission's router, tcp/HOST:PORT, tls/HOST:PORT if secured.")],
     /,
     *,
     uavs: Whole = 1,
     state: Path | None = None,
+    certs: Path | None = None,
 ) -> int:
     """Fly UAVs of a mission that another machine operates: edc-swarm run --listen ADDRESS --remote N.
 
@@ -31,9 +33,13 @@ def join(
         Fly so many (1). A UAV alone stays small: it imports the planner only when it may have to lead.
     state
         Folder to keep what the UAVs have promised: started again with it, they are the same UAVs.
+    certs
+        Folder with the certificates of `join` and of the UAVs that may be flown here; the mission is secured.
     """
-    parse_endpoint("address", address)
+    parse_endpoint("address", address, "tcp" if certs is None else "tls", "" if certs else "; tls takes --certs FOLDER")
     if not 1 <= uavs <= MAX_UAVS:
         raise InputError("--uavs", uavs, f"from 1 to {MAX_UAVS}")
+    if certs is not None:
+        check_certificates(certs, [JOIN, *certified_uavs(str(certs))])
     with ClaimFolder(state) as folder:
-        return 0 if Joiner(address, uavs, folder).run() else FAILED
+        return 0 if Joiner(address, uavs, folder, str(certs.resolve()) if certs else "").run() else FAILED

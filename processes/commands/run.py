@@ -9,7 +9,7 @@ from typing import Annotated
 
 from cyclopts import Parameter
 
-from edc_swarm.config import RECORDER, ROUTER, Mission
+from edc_swarm.config import OPERATOR, RECORDER, ROUTER, Mission
 from edc_swarm.errors import InputError
 from edc_swarm.faults import parse_faults
 from edc_swarm.links import have_range
@@ -17,7 +17,7 @@ from processes.address import check_endpoint, parse_endpoint
 from processes.bus import try_client
 from processes.conclusion import conclude
 from processes.console import FAILED, note
-from processes.credentials import TLS
+from processes.credentials import TLS, Credentials, check_certificates
 from processes.launcher import Bus, Launcher, Protection, RunReport, View
 from processes.live import live_port
 from processes.options import MISSION_HELP, MissionOptions
@@ -45,30 +45,30 @@ def run(
     Parameters
     ----------
     listen
-        Where the router listens, tcp/HOST:PORT (a free port of this host).
+        Where the router listens, tcp/HOST:PORT, with --secure tls/HOST:PORT (a free port of this host).
     live
         Let Foxglove or Lichtblick on this host watch the mission while it is flown.
     remote
         Leave so many UAVs, the last of the roster, to be flown by others: edc-swarm join.
     operate
-        Start nothing: at this router, tcp/HOST:PORT, recorder, visualiser and all UAVs are run by others.
+        Start nothing: at this router, tcp/HOST:PORT or tls/HOST:PORT, all else is run by others.
     secure
         TLS on every link, a certificate for every process, and a router that lets each say only what is its own.
     certs
-        Folder with the certificates, made by `edc-swarm certs` (new ones, for this run alone).
+        Folder with the certificates, made by `edc-swarm certs` (new ones, for this run alone; not where others fly).
     """
     options = options or MissionOptions()
     mission = options.mission(mission_file)
     if not 0 <= remote <= len(mission.roster):
         raise InputError("--remote", remote, f"from 0 to the number of UAVs, {len(mission.roster)}")
-    protection = _protection(secure, certs, mission, {"--remote": remote, "--operate": operate})
+    protection = _protection(secure, certs, mission, elsewhere=bool(remote or operate))
     if listen is not None:
         listen = listen if protection is None else f"{TLS}{listen.removeprefix(TLS).removeprefix('tcp/')}"
         check_endpoint(listen, "tcp" if protection is None else "tls")
     if live and options.no_viz:
         raise InputError("--live", live, "absent where --no-viz is given")
     alone = {"--listen": listen, "--live": live, "--remote": remote}
-    bus = _meet(operate, mission, alone) if operate is not None else None
+    bus = _meet(operate, mission, alone, protection) if operate is not None else None
     view = View(viz=not options.no_viz, live_port=live_port() if live else 0)
     if live:
         note(f"live: open the Foxglove WebSocket connection ws://localhost:{view.live_port}")
@@ -93,16 +93,19 @@ def run(
     return status
 
 
-def _meet(address: str, mission: Mission, alone: Mapping[str, object]) -> Bus:
+def _meet(address: str, mission: Mission, alone: Mapping[str, object], protection: Protection | None) -> Bus:
     """The bus at a router that is there already, and this very mission if it has lost its operator there."""
-    parse_endpoint("--operate", address)
+    parse_endpoint("--operate", address, "tcp" if protection is None else "tls")
+    own = Credentials(protection.certs, OPERATOR) if protection is not None and protection.certs is not None else None
+    if own is not None:
+        check_certificates(own.folder, [OPERATOR])
     for field, value in alone.items():
         if value:
             raise InputError(field, value, "absent where --operate is given")
     for fault in parse_faults(mission):
         if fault.left and fault.target in {ROUTER, RECORDER}:
             raise InputError("fault", str(fault), "about UAVs where --operate is given")
-    session = await_found(partial(try_client, address, observer=True), f"a router at {address}")
+    session = await_found(partial(try_client, address, own, observer=True), f"a router at {address}")
     return Bus(address, session, find_takeover(session, mission))
 
 
@@ -118,20 +121,18 @@ def _output(mission: Mission, options: MissionOptions, bus: Bus | None) -> Outpu
     return output
 
 
-def _protection(
-    secure: bool, certs: Path | None, mission: Mission, elsewhere: Mapping[str, object]
-) -> Protection | None:
-    """What `--secure` asks for: all processes on this host, and no UAV that hears the truth."""
+def _protection(secure: bool, certs: Path | None, mission: Mission, *, elsewhere: bool) -> Protection | None:
+    """What `--secure` asks for: certificates that processes elsewhere have too, and no UAV that hears the truth."""
     if not secure:
         if certs is not None:
             raise InputError("--certs", str(certs), "given together with --secure")
         return None
-    for field, value in elsewhere.items():
-        if value:
-            raise InputError(field, value, "absent where --secure is given")
+    if elsewhere and certs is None:
+        raise InputError("--certs", "", "given with --secure where --remote or --operate is")
     if have_range(mission):
         raise InputError("--secure", secure, "absent where links have range_m: emulating it takes hearing the truth")
-    check_security("--secure")
+    if certs is None:
+        check_security("--secure")
     return Protection(certs)
 
 

@@ -55,15 +55,22 @@ class Swarm:
 
     folder: Path
     variables: dict[str, str]
+    files: list[str] = field(default_factory=lambda: ["compose.yaml"])
     name: str = field(default_factory=lambda: f"edc{uuid.uuid4().hex[:8]}")
 
     def compose(self, *words: str, check: bool = True) -> subprocess.CompletedProcess[str]:
         """Run compose on the project."""
-        command = [*compose_command(), "--project-name", self.name, "--file", str(TOP / "compose.yaml"), *words]
+        files = [word for file in self.files for word in ("--file", str(TOP / file))]
+        command = [*compose_command(), "--project-name", self.name, *files, *words]
         env = {**os.environ, "RECORDINGS": str(self.folder), **self.variables}
         ended = subprocess.run(command, capture_output=True, text=True, check=False, env=env, cwd=TOP)
         assert ended.returncode == 0 or not check, ended.stdout[-3000:] + ended.stderr[-3000:]
         return ended
+
+    def secure(self) -> None:
+        """Make certificates, and fly with them from now on."""
+        self.files.append("compose.secure.yaml")
+        self.compose("run", "--rm", "certs")
 
     def containers(self, service: str = "", *, running: bool = False) -> list[str]:
         """Ids of the containers, all or those of a service."""

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import subprocess
 from collections.abc import Callable
 
 import pytest
@@ -121,6 +122,32 @@ def test_faults_reach_containers(swarm: Make):
     assert len(compute_metrics(flown.recording).not_living) == 1
 
 
+def test_secured(swarm: Make):
+    """With certificates made beforehand in a volume; whoever is on the network without one is not let in."""
+    flown = swarm(UAVS="5", **FAST)
+    flown.secure()
+    flown.compose("up", "--detach")
+    flown.await_slot(2)
+    assert _gets_in(flown, "tls/router:7447", "Credentials(Path('certs'), 'join')")
+    assert not _gets_in(flown, "tls/router:7447", "None")
+    assert not _gets_in(flown, "tcp/router:7447", "None")
+    assert flown.await_end() == 0
+    assert compute_metrics(flown.recording).arrived == 5
+    assert broken(flown) == set()
+
+
+def _gets_in(flown: Swarm, endpoint: str, credentials: str) -> bool:
+    """Whether another container on the swarm's network can connect to its router."""
+    script = (
+        "from pathlib import Path; from processes.bus import open_client;"
+        "from processes.credentials import Credentials;"
+        f"open_client('{endpoint}', {credentials}, timeout_ms=3000).close()"
+    )
+    options = ["--rm", "--network", f"{flown.name}_default", "--volume", f"{flown.name}_certs:/swarm/certs:ro"]
+    command = ["docker", "run", *options, "--entrypoint", "python", "edc-swarm", "-c", script]
+    return subprocess.run(command, capture_output=True, check=False).returncode == 0
+
+
 def test_stopped_by_hand(swarm: Make):
     """All services are told at once, as by Ctrl-C, and what was flown is recorded."""
     flown = swarm(UAVS="4")
@@ -131,12 +158,15 @@ def test_stopped_by_hand(swarm: Make):
     assert broken(flown) <= {"G5"}
 
 
-def test_watched_live(swarm: Make):
+@pytest.mark.parametrize("secured", [False, True], ids=["open", "secured"])
+def test_watched_live(swarm: Make, secured: bool):
     """The profile adds a service that viewers connect to, and changes nothing else."""
     from tests.processes.test_live import connected, first_scene  # noqa: PLC0415  (skips where its client is missing)
 
     port = free_endpoint().rpartition(":")[2]
     flown = swarm(UAVS="4", LIVE_PORT=port)
+    if secured:
+        flown.secure()
     flown.compose("--profile", "live", "up", "--detach")
     flown.await_slot(0)
     viewer, channels = connected(int(port))

@@ -1,6 +1,8 @@
 """A rogue on a secured bus: a process of its own that says what it did and heard, as JSON.
 
-python -m tests.processes.rogue ENDPOINT FOLDER NAME MISSION
+python -m tests.processes.rogue ENDPOINT FOLDER NAME RECORDING
+
+It knows of the mission what has been recorded, so that who hears nothing can forge as well as who does.
 """
 
 from __future__ import annotations
@@ -17,25 +19,31 @@ import zenoh
 
 from edc_swarm.again import Ask, Span
 from edc_swarm.again import encode as encode_ask
+from edc_swarm.claims import Claim
+from edc_swarm.config import JOIN
 from edc_swarm.messages import Command, Event, Fix, Keys, Message, Report, Truth, encode
+from edc_swarm.recording import read_recording
 from processes.bus import hand_over, open_client, put
 from processes.credentials import Credentials
 
 INSTANCE = "rogue"
+CLAIMANT = "0" * 16
 TERM = 50
 LISTENS_S = 2.0
 
 
 def main() -> int:
     """Misbehave in the name of `NAME` in every way there is."""
-    endpoint, folder, name, mission = sys.argv[1:]
+    endpoint, folder, name, recorded = sys.argv[1:]
     try:
         session = open_client(endpoint, Credentials(Path(folder), name), timeout_ms=1500)
     except zenoh.ZError as error:
         print(json.dumps({"connected": False, "why": str(error)}))
         return 0
+    recording = read_recording(Path(recorded), salvage=True)
+    mission = recording.mission.name
     keys, heard = Keys(mission), Counter[str]()
-    newest: dict[str, Fix] = {}
+    newest = {fix.uav: fix for fix in recording.fixes}
     for key in (keys.all_fixes, keys.commands_to("u001"), keys.truth("*"), f"{keys.root}/**", "swarm/**", "**"):
         session.declare_subscriber(
             key, hand_over(lambda s: _hear(s, heard, newest)), allowed_origin=zenoh.Locality.REMOTE
@@ -45,7 +53,9 @@ def main() -> int:
         take = hand_over(lambda r: heard.update([f"reply {r.ok.key_expr}" if r.ok else "error"]))
         session.get(key, take, payload=again)
     time.sleep(LISTENS_S)
-    stolen = session.liveliness().declare_token(keys.alive("u001", INSTANCE))
+    stolen = [session.liveliness().declare_token(keys.alive(who, f"{INSTANCE}-{name}")) for who in ("u001", JOIN)]
+    claim = msgspec.json.encode(Claim(claimant=CLAIMANT, uavs=1, among=["u001"]))
+    session.get(keys.claims, hand_over(lambda r: heard.update(["claim answered"] if r.ok else [])), payload=claim)
     for message in _forged(newest, "u001"):
         put(session, keys.of(message), encode(message))
         put(session, keys.of(message).replace(mission, "*"), encode(message))
@@ -86,8 +96,9 @@ def _forged(newest: dict[str, Fix], victim: str) -> list[Message]:
 def _claims(newest: dict[str, Fix], name: str) -> list[Message]:
     """Under its own id, as if it led, but without a quorum."""
     messages: list[Message] = []
+    slot = max(fix.slot for fix in newest.values())
     for seq, (status, quorum) in enumerate((s, q) for s in ("planned", "claim", "no-qp-needed") for q in (1, 3)):
-        report = Report(head=name, term=TERM, status=status, grants=[name], quorum=quorum, slot=newest[name].slot)
+        report = Report(head=name, term=TERM, status=status, grants=[name], quorum=quorum, slot=slot)
         messages.append(msgspec.structs.replace(report, instance=INSTANCE, seq=seq, sent_ns=time.time_ns()))
     return messages + _commands(newest, name)
 

@@ -6,11 +6,14 @@ import os
 import shutil
 import subprocess
 from collections.abc import Iterator
+from pathlib import Path
 
 import pytest
 
 from edc_swarm.errors import RecordingError
 from edc_swarm.recording import read_recording
+from edc_swarm.roster import uav_ids
+from processes.certificates import write_certificates
 from tests.processes.conftest import Started
 
 HOME, NEAR, FAR = (f"edc{os.getpid()}-{name}" for name in ("home", "near", "far"))
@@ -47,7 +50,7 @@ def link(name: str, net: str) -> str:
     for host, device, address in ((HOME, end_of(name), f"{net}.1/24"), (name, "eth0", f"{net}.2/24")):
         ip("-n", host, "addr", "add", address, "dev", device)
         ip("-n", host, "link", "set", device, "up")
-    return f"tcp/{net}.1:{PORT}"
+    return f"{net}.1:{PORT}"
 
 
 def end_of(name: str) -> str:
@@ -69,11 +72,18 @@ def newest_slot(run: Started) -> int:
     return max((fix.slot for fix in recording.fixes), default=-1)
 
 
-def test_a_cut_link_between_hosts(hosts: dict[str, str], start):
+@pytest.mark.parametrize("secured", [False, True], ids=["open", "secured"])
+def test_a_cut_link_between_hosts(hosts: dict[str, str], start, tmp_path: Path, secured: bool):
     """The far host's UAVs hold while it is cut off, the others fly on; in the end all arrive and all is recorded."""
-    options = ("--uavs", "9", "--time-scale", "2", "--listen", f"tcp/0.0.0.0:{PORT}", "--remote", "6")
-    run = start("run", "--json", *options, prefix=on(HOME))
-    joined = [start("join", address, "--uavs", "3", prefix=on(name)) for name, address in hosts.items()]
+    protocol, certs = ("tls", ("--certs", str(tmp_path / "certs"))) if secured else ("tcp", ())
+    if secured:
+        write_certificates(tmp_path / "certs", uav_ids(9), hosts=[address.split(":")[0] for address in hosts.values()])
+    options = ("--uavs", "9", "--time-scale", "2", "--remote", "6", "--listen", f"{protocol}/0.0.0.0:{PORT}")
+    run = start("run", "--json", *options, *(("--secure",) if secured else ()), *certs, prefix=on(HOME))
+    joined = [
+        start("join", f"{protocol}/{address}", "--uavs", "3", *certs, prefix=on(name))
+        for name, address in hosts.items()
+    ]
     run.await_file(lambda: newest_slot(run) >= 6)
     cut = newest_slot(run)
     ip("-n", HOME, "link", "set", end_of(FAR), "down")

@@ -16,10 +16,12 @@ from edc_swarm.messages import PREFIX, Keys
 from edc_swarm.recording import Recording, find_gaps, read_recording
 from processes.address import free_endpoint
 from processes.bus import open_client, put
+from processes.certificates import write_certificates
 from processes.operators import Operators
 from tests.processes.conftest import Ended, Started, await_true
 
 SAFE = {"G1", "G2", "G3", "G4", "G7"}
+either = pytest.mark.parametrize("parts", ["open", "secured"], indirect=True)
 FAST = ("--json", "--time-scale", "4", "--uavs", "5", "--area", "3000")
 
 
@@ -191,18 +193,19 @@ def test_who_was_away_flies_what_is_left(start, hosted, tmp_path: Path):
 
 
 class Parts:
-    """Router, recorder and visualiser, each started by itself, as services would be."""
+    """Router, recorder and visualiser, each started by itself as services would be; secured with `certs`."""
 
-    def __init__(self, start: Callable[..., Started], folder: Path) -> None:
+    def __init__(self, start: Callable[..., Started], folder: Path, certs: Path | None = None) -> None:
         self._start = start
         self.folder = folder
-        self.address = free_endpoint()
-        self.parts = {name: self._run(name, self.address) for name in ("recorder", "viz")}
+        self._own = ["--certs", str(certs)] if certs is not None else []
+        self.address = free_endpoint("tls" if certs is not None else "tcp")
+        self.parts = {name: self._run(name, self.address, *self._own) for name in ("recorder", "viz")}
         self.start_router()
 
     def start_router(self) -> None:
         """Start it, for one mission."""
-        self.parts["router"] = self._run("router", self.address, "mission")
+        self.parts["router"] = self._run("router", self.address, "mission", *self._own[1:])
 
     def _run(self, module: str, *arguments: str) -> subprocess.Popen[bytes]:
         command = [sys.executable, "-m", f"processes.{module}", *arguments]
@@ -210,11 +213,12 @@ class Parts:
 
     def operate(self, *arguments: str, **options: str) -> Started:
         """Start an operator."""
-        return self._start("run", *FAST, "--operate", self.address, *arguments, **options)
+        secure = ["--secure", *self._own] if self._own else []
+        return self._start("run", *FAST, "--operate", self.address, *secure, *arguments, **options)
 
     def join(self, name: str) -> Started:
         """Start a joiner with a folder of its own."""
-        return self._start("join", self.address, "--state", str(self.folder / name))
+        return self._start("join", self.address, "--state", str(self.folder / name), *self._own)
 
     def await_end(self) -> None:
         """Every part ends by itself."""
@@ -227,14 +231,18 @@ class Parts:
             part.wait()
 
 
-@pytest.fixture
-def parts(start, tmp_path: Path) -> Iterator[Parts]:
+@pytest.fixture(params=["open"])
+def parts(start, tmp_path: Path, request: pytest.FixtureRequest) -> Iterator[Parts]:
     """A bus with its parts."""
-    made = Parts(start, tmp_path)
+    certs = tmp_path / "certs" if request.param == "secured" else None
+    if certs is not None:
+        write_certificates(certs, [f"u00{number}" for number in range(1, 6)])
+    made = Parts(start, tmp_path, certs)
     yield made
     made.kill()
 
 
+@either
 def test_everything_run_by_others(parts: Parts):
     """The operator is the first to leave, and everything else ends by itself."""
     joined = [parts.join(f"{number}") for number in range(5)]
@@ -249,6 +257,7 @@ def test_everything_run_by_others(parts: Parts):
     parts.await_end()
 
 
+@either
 def test_an_operator_that_died_is_taken_over_from(parts: Parts):
     """The mission goes on, is recorded in one file, and nobody new is let in."""
     joined = [parts.join(f"{number}") for number in range(5)]
@@ -294,6 +303,7 @@ def _faults(recording: Recording) -> list[str]:
     return [event.detail for event in recording.events if event.kind == "fault"]
 
 
+@either
 def test_an_operator_that_gives_up_ends_everything(parts: Parts):
     """Who waits and who starts late is told; its message is the one line about the option."""
     waiting = parts.join("waiting")

@@ -8,6 +8,7 @@ import shutil
 import subprocess
 import sys
 from collections.abc import Iterator
+from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -15,11 +16,12 @@ from typing import Any
 import pytest
 import zenoh
 
+from edc_swarm.config import JOIN, OPERATOR
 from edc_swarm.invariants import check
-from edc_swarm.messages import Command, Fix, MissionMessage, Truth
+from edc_swarm.messages import Command, Fix, Keys, MissionMessage, Truth
 from edc_swarm.recording import Recording, read_recording
 from processes.address import free_endpoint
-from processes.bus import open_client
+from processes.bus import hand_over, open_client
 from processes.credentials import Credentials
 from tests.processes.conftest import start_command
 from tests.processes.rogue import INSTANCE, TERM
@@ -43,15 +45,17 @@ class Flight:
     recording: Recording
     strangers: dict[str, dict[str, Any]]
     insider: dict[str, Any]
+    joiner: dict[str, Any]
+    tokens: set[str]
 
     def of_rogue(self) -> list[Any]:
-        """Every recorded message of the insider."""
+        """Every recorded message of the insiders."""
         return [m for messages in self.recording.lists().values() for m in messages if m.instance == INSTANCE]
 
 
 @pytest.fixture(scope="module")
 def flight(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Flight]:
-    """One mission for all tests: four strangers and an insider go at it at the same time."""
+    """One mission for all tests: four strangers, a UAV and a joiner go at it at the same time."""
     folder = tmp_path_factory.mktemp("secured")
     certs, endpoint = _certs(folder / "certs"), free_endpoint("tls")
     flown = start_command(
@@ -61,17 +65,19 @@ def flight(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Flight]:
     )
     try:
         flown.await_flight(5)
-        mission = read_recording(folder / "run.mcap.part", salvage=True).mission.name
+        recorded = shutil.copy(folder / "run.mcap.part", folder / "heard")
         strangers = {
             "another authority": (endpoint, _certs(folder / "other")),
             "its certificate, ours believed": (endpoint, _with_our_authority(folder, certs)),
             "no certificate": (endpoint, _bare(folder, certs)),
             "no encryption": (endpoint.replace("tls/", "tcp/"), certs),
         }
-        started = {name: _rogue(*where, mission) for name, where in strangers.items()}
-        insider = json.loads(_rogue(endpoint, certs, mission).communicate()[0])
+        started = {name: _rogue(*where, recorded) for name, where in strangers.items()}
+        with _tokens_seen(endpoint, certs, recorded) as tokens:
+            insiders = [_rogue(endpoint, certs, recorded, name) for name in (ROGUE, JOIN)]
+            insider, joiner = (json.loads(process.communicate()[0]) for process in insiders)
         said = {name: json.loads(process.communicate()[0]) for name, process in started.items()}
-        yield Flight(flown.end().recording, said, insider)
+        yield Flight(flown.end().recording, said, insider, joiner, tokens)
     finally:
         for pid in flown.pids():
             os.kill(pid, 9)
@@ -117,6 +123,20 @@ def test_subscribing_to_what_is_for_others_hears_nothing(flight: Flight):
     assert heard == {}
 
 
+def test_a_joiner_cannot_fly_what_it_has_no_certificate_of(flight: Flight):
+    """It may claim and hear the operator; in the name of a UAV, a head or the operator it can say nothing at all."""
+    assert flight.joiner["connected"]
+    assert flight.joiner["heard"] == {"claim answered": 1}
+
+
+def test_nobody_is_there_in_the_name_of_others(flight: Flight):
+    """A UAV is no joiner and claims nothing, a joiner is no UAV."""
+    assert {token.split("/", 2)[2] for token in flight.tokens if INSTANCE in token} == {
+        f"alive/{JOIN}/{INSTANCE}-{JOIN}"
+    }
+    assert "claim answered" not in flight.insider["heard"]
+
+
 def _arrived(recording: Recording) -> bool:
     last: dict[str, Fix] = {fix.uav: fix for fix in recording.fixes}
     return all(fix.arrived for fix in last.values())
@@ -147,8 +167,19 @@ def _bare(folder: Path, certs: Path) -> Path:
     return folder / "bare"
 
 
-def _rogue(endpoint: str, folder: Path, mission: str) -> subprocess.Popen[str]:
-    command = [sys.executable, "-m", "tests.processes.rogue", endpoint, str(folder), ROGUE, mission]
+@contextmanager
+def _tokens_seen(endpoint: str, certs: Path, recorded: Path) -> Iterator[set[str]]:
+    """All liveliness tokens that appear meanwhile, as the operator sees them."""
+    seen = set[str]()
+    keys = Keys(read_recording(recorded, salvage=True).mission.name)
+    with open_client(endpoint, Credentials(certs, OPERATOR)) as session:
+        take = hand_over(lambda sample: seen.add(str(sample.key_expr)))
+        session.liveliness().declare_subscriber(keys.all_alive, take)
+        yield seen
+
+
+def _rogue(endpoint: str, folder: Path, recorded: Path, name: str = ROGUE) -> subprocess.Popen[str]:
+    command = [sys.executable, "-m", "tests.processes.rogue", endpoint, str(folder), name, str(recorded)]
     return subprocess.Popen(command, stdout=subprocess.PIPE, text=True)
 
 

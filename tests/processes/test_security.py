@@ -11,11 +11,11 @@ from pathlib import Path
 import pytest
 from cryptography import x509
 
-from edc_swarm.config import ROLES
 from edc_swarm.errors import InputError
 from processes.access import access_control
 from processes.address import check_endpoint, parse_endpoint
 from processes.certificates import write_certificates
+from processes.credentials import CERTIFIED
 from processes.security import secure
 
 UAVS = ["u001", "u002"]
@@ -35,7 +35,7 @@ def test_everybody_gets_a_certificate_in_its_own_name(tmp_path: Path):
     authority = certificate(folder, "ca")
     assert stat.S_IMODE(folder.stat().st_mode) == 0o700
     assert not (folder / "ca.key").exists()
-    for name in (*ROLES, *UAVS):
+    for name in (*CERTIFIED, *UAVS):
         made = certificate(folder, name)
         made.verify_directly_issued_by(authority)
         assert made.subject.rfc4514_string() == f"CN={name}"
@@ -64,7 +64,7 @@ def test_a_given_folder_must_have_everybody(tmp_path: Path):
     """Who is missing is named before anything is started."""
     write_certificates(tmp_path / "certs", UAVS)
     with pytest.raises(InputError, match=r"--certs = .*u003\.pem is missing"):
-        secure(tmp_path / "certs", tmp_path, "m", [*UAVS, "u003"], [])
+        secure(tmp_path / "certs", tmp_path, "m", [*UAVS, "u003"], [], [*UAVS, "u003"])
 
 
 @pytest.mark.parametrize(
@@ -80,10 +80,15 @@ def test_a_given_folder_must_have_everybody(tmp_path: Path):
         (["run", "--secure", "--certs", "nowhere"], "--certs"),
         (["run", "--secure", "--listen", "udp/localhost:1"], "--listen"),
         (["run", "--listen", "tls/localhost:7447"], "--listen"),
-        (["run", "--secure", "--remote", "2"], "--remote"),
-        (["run", "--secure", "--operate", "tcp/localhost:1"], "--operate"),
+        (["run", "--secure", "--remote", "2"], "--certs"),
+        (["run", "--secure", "--operate", "tls/localhost:1"], "--certs"),
+        (["run", "--secure", "--certs", "nowhere", "--operate", "tls/localhost:1"], "--certs"),
+        (["run", "--secure", "--certs", "nowhere", "--operate", "tcp/localhost:1"], "--operate"),
+        (["run", "--operate", "tls/localhost:1"], "--operate"),
         (["run", "--secure", "--fault", "link u001>u002 range 30 @5"], "--secure"),
         (["join", "tls/localhost:7447"], "address"),
+        (["join", "tcp/localhost:7447", "--certs", "nowhere"], "address"),
+        (["join", "tls/localhost:7447", "--certs", "nowhere"], "--certs"),
     ],
 )
 def test_bad_input_is_one_line(arguments: list[str], field: str, tmp_path: Path):
@@ -132,10 +137,25 @@ def test_whoever_is_not_in_the_roster_may_nothing():
     access = access_control("m", UAVS)
     assert (access["enabled"], access["default_permission"]) == (True, "deny")
     named = {name for subject in access["subjects"] for name in subject["cert_common_names"]}
-    assert named == {*UAVS, *ROLES} - {"router"}
+    assert named == {*UAVS, *CERTIFIED} - {"router"}
     used = {rule for policy in access["policies"] for rule in policy["rules"]}
     assert used == {rule["id"] for rule in access["rules"]}
     assert {rule["permission"] for rule in access["rules"]} == {"allow"}
+
+
+def test_a_joiner_may_say_nothing_and_hears_no_uav():
+    """It claims ids and hears the operator; no UAV may stand for a joiner."""
+    rules = access_control("m", UAVS)["rules"]
+    own = {rule["id"]: rule["key_exprs"] for rule in rules if rule["id"].startswith("join ")}
+    assert "join says" not in own
+    assert {key for keys in own.values() for key in keys} == {
+        "swarm/m/event/operator",
+        "swarm/m/claims",
+        "swarm/m/alive/join/*",
+        "swarm/*/alive/operator/*",
+    }
+    others = [key for rule in rules if rule["id"].startswith("u") for key in rule["key_exprs"]]
+    assert not [key for key in others if "claims" in key or "alive/join" in key]
 
 
 def test_addresses_of_a_secured_bus():

@@ -32,6 +32,15 @@ def test_ids_are_issued_in_order_all_or_none(book: Claims):
     assert book.free() == []
 
 
+def test_an_id_is_issued_to_who_can_fly_it(book: Claims):
+    """Whoever says which it can fly gets of those alone; ids that are not remote do not count."""
+    able = Claim(claimant=ANNE, uavs=2, among=["u0", "u3", "u2"])
+    assert book.free(["u0", "u1"]) == ["u1"]
+    assert book.issue(Claim(claimant=BERT, uavs=2, among=["u0", "u1"])) == []
+    assert book.issue(able) == ["u2", "u3"]
+    assert book.issue(claim(BERT)) == ["u1"]
+
+
 def test_a_repeated_claim_has_the_same_answer(book: Claims):
     """The answer may have been lost, or the claimant started again, also when the mission has begun."""
     assert book.issue(claim(ANNE)) == book.issue(claim(ANNE)) == ["u1"]

@@ -1,0 +1,90 @@
+"""A secured mission on several hosts: each has only the certificates of the UAVs that it may fly."""
+
+from __future__ import annotations
+
+import shutil
+import signal
+from collections.abc import Callable
+from pathlib import Path
+
+import msgspec
+import pytest
+
+from edc_swarm.claims import Claim, Issued
+from edc_swarm.config import JOIN
+from edc_swarm.messages import Keys
+from processes.address import free_endpoint
+from processes.bus import open_client
+from processes.certificates import write_certificates
+from processes.credentials import Credentials
+from processes.operators import Operators
+from processes.orders import asked
+from tests.processes.conftest import Started, await_true
+from tests.processes.test_join import FAST
+
+UAVS = [f"u00{number}" for number in range(1, 6)]
+Host = Callable[..., str]
+
+
+@pytest.fixture
+def certs(tmp_path: Path) -> Path:
+    """The certificates of five UAVs and all roles."""
+    write_certificates(tmp_path / "certs", UAVS)
+    return tmp_path / "certs"
+
+
+@pytest.fixture
+def host(certs: Path, tmp_path: Path) -> Host:
+    """Make the folder of another host: what a joiner needs, and the UAVs that may be flown there."""
+
+    def make(*uavs: str) -> str:
+        folder = tmp_path / "-".join(("host", *uavs))
+        folder.mkdir()
+        for name in (JOIN, *uavs):
+            shutil.copy(certs / f"{name}.pem", folder)
+            shutil.copy(certs / f"{name}.key", folder)
+        shutil.copy(certs / "ca.pem", folder)
+        return str(folder)
+
+    return make
+
+
+@pytest.fixture
+def hosted(start, certs: Path) -> tuple[Started, str]:
+    """A secured run that leaves three UAVs to others, and its router's address."""
+    address = free_endpoint("tls")
+    arguments = ("--secure", "--certs", str(certs), "--listen", address, "--remote", "3")
+    return start("run", *FAST, *arguments), address
+
+
+def test_each_host_flies_what_it_has_certificates_of(start, hosted: tuple[Started, str], host: Host):
+    """Whoever comes first: an id goes to nobody who could not speak for it."""
+    run, address = hosted
+    folders = {"2": host("u003", "u005"), "1": host("u001", "u004")}
+    joined = [start("join", address, "--uavs", uavs, "--certs", folder) for uavs, folder in folders.items()]
+    ended = run.end()
+    assert ended.status == 0, ended.stderr
+    mission = ended.recording.mission
+    holders = dict(zip(UAVS, mission.claimants, strict=True))
+    assert holders["u001"] == holders["u002"] == ""
+    assert holders["u003"] == holders["u005"] != holders["u004"]
+    assert {fix.uav for fix in ended.recording.fixes} == set(UAVS)
+    assert [command.end().status for command in joined] == [0, 0]
+
+
+def test_what_a_host_cannot_fly_is_issued_to_nobody(start, hosted: tuple[Started, str], host: Host):
+    """One line for who has no certificate of what is left; nothing for who does not say what it has."""
+    run, address = hosted
+    folder = host("u001", "u004")
+    greedy = start("join", address, "--uavs", "2", "--certs", folder).end()
+    assert greedy.status == 2
+    assert "--uavs = 2: must be at most 1" in greedy.stderr
+    claim = msgspec.json.encode(Claim(claimant="a" * 16, uavs=1))
+    with open_client(address, Credentials(Path(folder), JOIN)) as session:
+        operators = Operators(session)
+        await_true(lambda: bool(operators.missions()))
+        answer = asked(session, Keys(operators.missions()[0]).claims, claim)
+    assert answer is not None
+    assert msgspec.json.decode(answer, type=Issued).uavs == []
+    run.process.send_signal(signal.SIGINT)
+    assert run.end().status == 1
