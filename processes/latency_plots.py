@@ -88,6 +88,8 @@ def _draw_line(axes: Any, quantity: Quantity, axis: Axis, rows: Sequence[CellRow
         low, high = [max(0.0, value) for value in low], [min(100.0, value) for value in high]
     elif quantity.logarithmic:
         low = [max(value, LEAST_OF_MEAN * middle) for value, middle in zip(low, mean, strict=True)]
+    elif not quantity.signed:
+        low = [max(0.0, value) for value in low]
     colour, engine = COLOURS[index % len(COLOURS)], rows[0].engine
     face = colour if engine == "sim" else "none"
     label = _label(getattr(rows[0].cell, OTHER[axis]), axis, engine)
@@ -118,7 +120,7 @@ def _finish(picture: Any, grid: Any, quantity: Quantity, axis: Axis) -> None:
             line[0].set_ylim(-4, 104)
         elif quantity.logarithmic:
             line[0].set_yscale("log")
-        elif line[0].get_ylim()[0] > 0:
+        elif not quantity.signed or line[0].get_ylim()[0] > 0:
             line[0].set_ylim(bottom=0)
     picture.supylabel(quantity.label, fontsize=10)
     found: dict[str, Any] = {}

@@ -12,7 +12,7 @@ from edc_swarm.latency.measures import Sample
 class Quantity:
     """One of them: its name in tables and files, its label with the unit, and its value in a run.
 
-    `share` says that it is in per cent, `logarithmic` that it spans decades.
+    `share` says that it is in per cent, `logarithmic` that it spans decades, `signed` that it may be negative.
     """
 
     name: str
@@ -20,6 +20,7 @@ class Quantity:
     value: Callable[[Sample], float | None]
     share: bool = False
     logarithmic: bool = False
+    signed: bool = False
 
 
 def _fix_age_ms(sample: Sample) -> float | None:
@@ -41,6 +42,6 @@ QUANTITIES = (
     Quantity("extra_distance_pct", "Extra distance [%]", lambda s: s.extra_distance_pct),
     Quantity("makespan_s", "Makespan [s]", lambda s: s.makespan_s),
     Quantity("energy_kj", "Propulsion energy [kJ]", lambda s: s.energy_kj if s.completed else None),
-    Quantity("min_disc_gap_m", "Least gap of two discs [m]", lambda s: s.min_disc_gap_m),
+    Quantity("min_disc_gap_m", "Least gap of two discs [m]", lambda s: s.min_disc_gap_m, signed=True),
     Quantity("failover_slots", "Fail-over slots per mission", lambda s: float(s.failover_slots)),
 )
