@@ -52,6 +52,8 @@ from edc_swarm.geometry import Floats, Indices, length_m
 from edc_swarm.planner import guidance_kernel as kernel
 from edc_swarm.solver.slot_qp import DELTA_M
 
+NEVER = -(10**9)
+"""Slot in which a UAV was last planned for that never was."""
 STILL_SHARE = 0.02
 """Who moves by less than this share of a full step has stood still."""
 MAX_CELLS = 160
@@ -155,7 +157,6 @@ class Guidance:
         self._memory = _Memory.empty(0, max(tuning.layers, kernel.SIDESTEPS))
         self._scratch = _scratch(tuning)
         self._draft = _draft(tuning)
-        self._slot = -1
 
     def wishes(self, scene: Scene) -> Floats:
         """Preferred waypoints (n, 2), each within u_max of the UAV's position."""
@@ -171,12 +172,12 @@ class Guidance:
         return world.track[: len(scene.uav), 1].copy()
 
     def _remember(self, scene: Scene) -> None:
-        """Bring the memory to this slot: time passes, lateness grows, the absent are forgotten."""
+        """Bring the memory to this slot: time passes, lateness grows, who was long unheard is forgotten."""
         memory = self._memory.grown(int(scene.uav.max()) + 1)
         self._memory = memory
         distance_m = length_m(scene.goal_m - scene.position_m)
-        elapsed = scene.slot - self._slot
-        known = memory.present[scene.uav] & (0 < elapsed <= self._tuning.look_ahead)
+        elapsed = scene.slot - memory.seen[scene.uav]
+        known = (elapsed > 0) & (elapsed <= self._tuning.look_ahead)
         lost = elapsed - (memory.distance_m[scene.uav] - distance_m) / self._u_max_m
         late = memory.late[scene.uav]
         late = np.where(distance_m < ARRIVED_M, late * (1 - 1 / self._tuning.patience), late + lost)
@@ -186,9 +187,9 @@ class Guidance:
         )
         memory.position_m[scene.uav] = scene.position_m
         memory.advance(scene.uav, known, elapsed)
+        memory.seen[scene.uav] = scene.slot
         memory.late[scene.uav] = np.where(known, np.maximum(late, 0.0), 0.0)
         memory.distance_m[scene.uav] = distance_m
-        self._slot = scene.slot
 
     def _luck(self, scene: Scene) -> Floats:
         """Right of way of all vehicles, in slots: lateness times chance, and the length of the way to go."""
@@ -253,9 +254,9 @@ def coverage(scene: Scene) -> float:
 
 @dataclass
 class _Memory:
-    """Plans and lateness of the whole roster, row = roster index."""
+    """Plans and lateness of the whole roster, row = roster index; `seen` is when each was last planned for."""
 
-    present: NDArray[np.bool_]
+    seen: Indices
     late: Floats
     distance_m: Floats
     still: Indices
@@ -266,8 +267,8 @@ class _Memory:
     def empty(size: int, points: int) -> _Memory:
         counts, slots = np.zeros((2, size), np.int64), np.zeros((size, points), np.int64)
         plans = kernel.Plans(counts[0], counts[1], slots, np.zeros((size, points, 2)))
-        present, still, position_m = np.zeros(size, dtype=bool), np.zeros(size, np.int64), np.zeros((size, 2))
-        return _Memory(present, np.zeros(size), np.zeros(size), still, position_m, plans)
+        seen, still, position_m = np.full(size, NEVER), np.zeros(size, np.int64), np.zeros((size, 2))
+        return _Memory(seen, np.zeros(size), np.zeros(size), still, position_m, plans)
 
     def grown(self, size: int) -> _Memory:
         """At least `size` rows."""
@@ -275,18 +276,16 @@ class _Memory:
         if size <= have:
             return self
         more = _Memory.empty(size, self.plans.slot.shape[1])
-        more.present[:have], more.late[:have], more.distance_m[:have] = self.present, self.late, self.distance_m
+        more.seen[:have], more.late[:have], more.distance_m[:have] = self.seen, self.late, self.distance_m
         more.still[:have], more.position_m[:have] = self.still, self.position_m
         for mine, theirs in zip(self.plans, more.plans, strict=True):
             theirs[:have] = mine
         return more
 
-    def advance(self, uav: Indices, known: NDArray[np.bool_], elapsed: int) -> None:
-        """Move way points `elapsed` slots nearer; forget the plans of UAVs that were not here."""
+    def advance(self, uav: Indices, known: NDArray[np.bool_], elapsed: Indices) -> None:
+        """Move way points `elapsed` slots nearer; forget the plans of UAVs that are not known."""
         self.plans.size[uav[~known]] = 0
-        self.present[:] = False
-        self.present[uav] = True
-        self.plans.slot[uav] -= elapsed
+        self.plans.slot[uav] -= np.where(known, elapsed, 0)[:, None]
 
     def plans_of(self, uav: Indices) -> kernel.Plans:
         """Copies of the rows of these UAVs."""

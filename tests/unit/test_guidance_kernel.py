@@ -230,6 +230,31 @@ def test_who_has_stood_still_for_long_no_longer_insists() -> None:
     assert seen == [[mild, mild]] * TUNING.stuck + [[hard, mild], [mild, mild]]
 
 
+def test_who_was_unheard_for_a_while_keeps_its_lateness() -> None:
+    """With lost fixes everybody is unheard now and then; who has waited is still late, unless it was away for long."""
+    goal_m = np.array([[0.0, 200.0], [20.0, 0.0]])
+    guidance = Guidance(2.5, (0.5, 0.5), 0, TUNING)
+
+    def late_at(slot: int, *uav: int) -> float:
+        position_m = np.array([[0.0, 0.0], [20.0, 0.0]])
+        guidance._remember(
+            Scene(
+                slot,
+                np.array(uav),
+                position_m[[*uav]],
+                goal_m[[*uav]],
+                np.full(len(uav), 5.0),
+                np.empty((0, 2)),
+                np.empty(0),
+            )
+        )
+        return float(guidance._memory.late[0])
+
+    assert [late_at(0, 0, 1), late_at(1, 0, 1), late_at(2, 1), late_at(3, 0, 1)] == [0.0, 1.0, 1.0, 3.0]
+    assert late_at(3 + TUNING.look_ahead, 0, 1) == 3.0 + TUNING.look_ahead
+    assert late_at(4 + 2 * TUNING.look_ahead, 0, 1) == 0.0
+
+
 def test_those_with_the_longest_way_go_first_where_it_is_dense() -> None:
     """Right of way grows with the way to go, by the square of the share that the discs cover."""
     position_m, goal_m = np.array([[0.0, 0.0], [20.0, 0.0]]), np.array([[0.0, 20.0], [20.0, 5.0]])
