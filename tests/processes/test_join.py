@@ -9,8 +9,10 @@ import sys
 from collections.abc import Callable, Iterator
 from pathlib import Path
 
+import msgspec
 import pytest
 
+from edc_swarm.claims import Claim, Issued
 from edc_swarm.config import JOIN, OPERATOR
 from edc_swarm.messages import PREFIX, Keys
 from edc_swarm.recording import Recording, find_gaps, read_recording
@@ -18,6 +20,7 @@ from processes.address import free_endpoint
 from processes.bus import open_client, put
 from processes.certificates import write_certificates
 from processes.operators import Operators
+from processes.orders import asked, await_found
 from tests.processes.conftest import Ended, Started, await_true
 
 SAFE = {"G1", "G2", "G3", "G4", "G7"}
@@ -34,6 +37,18 @@ def ids_of(joined: Started, folder: Path, count: int = 1) -> set[str]:
     """The ids that a joiner with a folder of state flies."""
     joined.await_file(lambda: len(list(folder.glob("missions/*/*.promise"))) == count)
     return {file.stem for file in folder.glob("missions/*/*.promise")}
+
+
+def claimed(address: str, uavs: int) -> set[str]:
+    """The ids that a claimant gets which then leaves without flying any: with them the mission would begin."""
+    with open_client(address) as session:
+        operators = Operators(session)
+        mission = await_found(lambda: operators.only_mission(address), "the mission")
+        claim = msgspec.json.encode(Claim(claimant="c" * 16, uavs=uavs))
+        answer = asked(session, Keys(mission).claims, claim)
+        assert answer is not None
+        with session.liveliness().declare_token(Keys(mission).alive(JOIN, "c" * 16)):
+            return set(msgspec.json.decode(answer, type=Issued).uavs)
 
 
 def await_gone(address: str, name: str) -> None:
@@ -175,10 +190,7 @@ def test_who_was_away_flies_what_is_left(start, hosted, tmp_path: Path):
     for pid in pids:
         os.kill(pid, signal.SIGSTOP)
     await_gone(address, JOIN)
-    other = start("join", address, "--uavs", "2", "--state", str(tmp_path / "other"))
-    assert ids_of(other, tmp_path / "other", 2) == {"u004", "u005"}
-    other.process.send_signal(signal.SIGINT)
-    other.end()
+    assert claimed(address, 2) == {"u004", "u005"}
     await_gone(address, JOIN)
     third = start("join", address, "--state", str(tmp_path / "third"))
     assert ids_of(third, tmp_path / "third") == {first}
