@@ -45,6 +45,10 @@ HALVINGS = 4
 REPEATS = 4
 """Times that a way point is moved on in one direction."""
 
+NONE, ONCE = np.int64(0), np.int64(1)
+DROPPED, MOVED, INSERTED = np.int64(-1), np.int64(0), np.int64(1)
+"""Numpy's numbers, since a function is compiled anew for every literal that it is called with."""
+
 compiled = njit(cache=True, error_model="numpy")
 """Divisions follow IEEE 754, so no check for zero slows the loops down; none of them divides by zero."""
 
@@ -415,7 +419,7 @@ def search(  # noqa: PLR0912, PLR0915 (one loop: splitting it costs a third of t
     stamp[node] = epoch + PRICED
     cost[node] = 0.0
     parent[node] = -1
-    size = push(heap_cost, heap_node, 0, per_cell * norm(ga, gb), node)
+    size = push(heap_cost, heap_node, NONE, per_cell * norm(ga, gb), node)
     spent = 0
     while size > 0:
         node, promised = heap_node[0], heap_cost[0]
@@ -583,7 +587,7 @@ def begin(world: World, k: int, draft: Draft, count: int) -> float:
     draft.aim[:] = 0
     draft.price[-1] = 0.0
     draft.track[0, 0], draft.track[0, 1] = world.start_m[k, 0], world.start_m[k, 1]
-    return attempt(world, k, draft, count, 0, 0, np.inf)
+    return attempt(world, k, draft, count, NONE, MOVED, np.inf)
 
 
 @compiled
@@ -611,7 +615,7 @@ def pull(world: World, k: int, draft: Draft, count: int, cost: float) -> tuple[i
     for n in range(count - 1, -1, -1):
         s, x, y = slot[n], point_m[n, 0], point_m[n, 1]
         drop(count, slot, point_m, n)
-        trial = attempt(world, k, draft, count - 1, n, -1, cost + TIE)
+        trial = attempt(world, k, draft, count - 1, n, DROPPED, cost + TIE)
         if trial < np.inf:
             cost = trial
             count -= 1
@@ -650,7 +654,7 @@ def tighten(world: World, k: int, draft: Draft, count: int, n: int, cost: float)
     for _ in range(HALVINGS):
         share = 0.5 * (low + high)
         point_m[n, 0], point_m[n, 1] = x + share * (cx - x), y + share * (cy - y)
-        trial = attempt(world, k, draft, count, n, 0, cost - GAIN)
+        trial = attempt(world, k, draft, count, n, MOVED, cost - GAIN)
         if trial < np.inf:
             cost = trial
             low = share
@@ -680,7 +684,7 @@ def nudge(world: World, k: int, draft: Draft, count: int, n: int, cost: float, s
                 if early or (n + 1 < count and slot[n] >= slot[n + 1]):
                     slot[n] = s
                     break
-            trial = attempt(world, k, draft, count, n, 0, cost - GAIN)
+            trial = attempt(world, k, draft, count, n, MOVED, cost - GAIN)
             if trial == np.inf:
                 slot[n], point_m[n, 0], point_m[n, 1] = s, x, y
                 break
@@ -731,9 +735,9 @@ def sidestep(world: World, k: int, turn: float, draft: Draft) -> tuple[int, floa
     While the track is in conflict, a way point is added at the conflict's deepest slot, beside the
     opponent, across the relative motion, just out of reach.
     """
-    count = 0
+    count = NONE
     slot, point_m, track, price = draft.slot, draft.point_m, draft.track, draft.price
-    cost = begin(world, k, draft, 0)
+    cost = begin(world, k, draft, NONE)
     for _ in range(SIDESTEPS):
         t = 1
         while t < track.shape[0] and price[t] == 0.0:
@@ -764,7 +768,7 @@ def sidestep(world: World, k: int, turn: float, draft: Draft) -> tuple[int, floa
         scale = turn * SIDE * reach / speed
         insert(count, slot, point_m, n, t, world.track[other, t, 0] - vy * scale, world.track[other, t, 1] + vx * scale)
         count += 1
-        cost = attempt(world, k, draft, count, n, 1, np.inf)
+        cost = attempt(world, k, draft, count, n, INSERTED, np.inf)
         cost = nudge(world, k, draft, count, n, cost, 0.4 * world.rules.u_max_m)
     return count, cost
 
@@ -795,26 +799,26 @@ def install(world: World, plans: Plans, k: int, count: int, draft: Draft) -> Non
 def replan(world: World, plans: Plans, scratch: Scratch, draft: Draft, limits: Limits, k: int) -> None:
     """Best response of UAV k to all other tracks."""
     step_m = 0.4 * world.rules.u_max_m
-    straight = begin(world, k, draft, 0)
+    straight = begin(world, k, draft, NONE)
     conflict = draft.price.sum()
     if conflict == 0.0:
         if plans.size[k] > 0:
-            install(world, plans, k, 0, draft)
+            install(world, plans, k, NONE, draft)
         return
     cost, plain = straight, straight - conflict
     if plans.size[k] > 0:
         count = load(plans, k, draft)
         cost = begin(world, k, draft, count)
         if draft.price.sum() == 0.0:
-            count, better = polish(world, k, draft, count, cost, 1, 0.5 * step_m)
+            count, better = polish(world, k, draft, count, cost, ONCE, 0.5 * step_m)
             if better < cost:
                 install(world, plans, k, count, draft)
             return
     if draft.work[0] >= limits.budget:
         return
     if plans.size[k] > 0 and straight <= cost:
-        cost = begin(world, k, draft, 0)
-        install(world, plans, k, 0, draft)
+        cost = begin(world, k, draft, NONE)
+        install(world, plans, k, NONE, draft)
     free = False
     for turn in (1.0, -1.0):
         count, trial = sidestep(world, k, turn, draft)
@@ -866,7 +870,7 @@ def put_off(world: World, plans: Plans, k: int, most: int) -> None:
             plans.slot[k] += behind
             plans.delay[k] += behind
             break
-        drop(plans.size[k], plans.slot[k], plans.point_m[k], 0)
+        drop(plans.size[k], plans.slot[k], plans.point_m[k], NONE)
         plans.size[k] -= 1
     if plans.delay[k] > most:
         plans.size[k] = 0
