@@ -167,7 +167,9 @@ class Guidance:
         world = self._world(scene)
         kernel.populate(world, plans, self._tuning.delay)
         limits = self._tuning.limits(len(scene.uav))
-        kernel.sweep(world, plans, self._scratch, self._draft, limits, scene.uav, scene.slot, self._seed)
+        urgency = np.empty(len(scene.uav))
+        kernel.urgencies(world, scene.uav, scene.slot, self._seed, urgency)
+        kernel.sweep(world, plans, self._scratch, self._draft, limits, urgency, np.argsort(urgency))
         self._memory.store(scene.uav, plans)
         return world.track[: len(scene.uav), 1].copy()
 

@@ -49,7 +49,7 @@ NONE, ONCE = np.int64(0), np.int64(1)
 DROPPED, MOVED, INSERTED = np.int64(-1), np.int64(0), np.int64(1)
 """Numpy's numbers, since a function is compiled anew for every literal that it is called with."""
 
-compiled = njit(cache=True, error_model="numpy")
+compiled = njit(cache=True, error_model="numpy", _nrt=False)
 """Divisions follow IEEE 754, so no check for zero slows the loops down; none of them divides by zero."""
 
 
@@ -791,7 +791,8 @@ def install(world: World, plans: Plans, k: int, count: int, draft: Draft) -> Non
         plans.slot[k, n] = draft.slot[n]
         plans.point_m[k, n, 0], plans.point_m[k, n, 1] = draft.point_m[n, 0], draft.point_m[n, 1]
     register(world, k, False)
-    world.track[k] = draft.track
+    for t in range(draft.track.shape[0]):
+        world.track[k, t, 0], world.track[k, t, 1] = draft.track[t, 0], draft.track[t, 1]
     register(world, k, True)
 
 
@@ -838,20 +839,21 @@ def replan(world: World, plans: Plans, scratch: Scratch, draft: Draft, limits: L
 
 
 @compiled
+def urgencies(world: World, uav: Ints, slot_now: int, seed: int, urgency: Floats) -> None:
+    """Write the first slot of conflict of each UAV, earliest most urgent; chance decides among equals."""
+    for k in range(len(uav)):
+        urgency[k] = first_conflict(world, k, world.track[k]) + 0.5 * uniform(seed, slot_now, uav[k])
+
+
+@compiled
 def sweep(
-    world: World, plans: Plans, scratch: Scratch, draft: Draft, limits: Limits, uav: Ints, slot_now: int, seed: int
-) -> int:
-    """One round of best responses, earliest conflict first; returns the steps priced."""
-    n = len(uav)
-    steps = world.track.shape[1]
-    key = np.empty(n)
-    for k in range(n):
-        key[k] = first_conflict(world, k, world.track[k]) + 0.5 * uniform(seed, slot_now, uav[k])
+    world: World, plans: Plans, scratch: Scratch, draft: Draft, limits: Limits, urgency: Floats, order: Ints
+) -> None:
+    """One round of best responses in this order; `draft.work` counts the steps priced."""
     draft.work[0] = 0
-    for k in np.argsort(key):
-        if key[k] < steps or plans.size[k] > 0:
+    for k in order:
+        if urgency[k] < world.track.shape[1] or plans.size[k] > 0:
             replan(world, plans, scratch, draft, limits, k)
-    return int(draft.work[0])
 
 
 @compiled
@@ -867,7 +869,8 @@ def put_off(world: World, plans: Plans, k: int, most: int) -> None:
         need = math.ceil(norm(x, y) / u_max - 0.02)
         if need > 0 or plans.slot[k, 0] > 0:
             behind = max(need - plans.slot[k, 0], 0)
-            plans.slot[k] += behind
+            for n in range(plans.size[k]):
+                plans.slot[k, n] += behind
             plans.delay[k] += behind
             break
         drop(plans.size[k], plans.slot[k], plans.point_m[k], NONE)
