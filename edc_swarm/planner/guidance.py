@@ -169,7 +169,7 @@ class Guidance:
         limits = self._tuning.limits(len(scene.uav))
         urgency = np.empty(len(scene.uav))
         kernel.urgencies(world, scene.uav, scene.slot, self._seed, urgency)
-        kernel.sweep(world, plans, self._scratch, self._draft, limits, urgency, np.argsort(urgency))
+        kernel.sweep(world, plans, self._scratch, self._draft, limits, urgency, np.argsort(urgency, kind="stable"))
         self._memory.store(scene.uav, plans)
         return world.track[: len(scene.uav), 1].copy()
 
