@@ -146,6 +146,7 @@ class Joiner:
         if issued.begun or pool.living.keys() == set(issued.uavs):
             return
         for uav in pool.living.keys() - set(issued.uavs):
+            self._ordered_deaths.add(uav)  # It may hear first that the mission has given its id to another.
             pool.signal(uav, signal.SIGTERM)
         self._fly(pool, issued)
 

@@ -128,7 +128,7 @@ def tracks_of(recording: Recording) -> Tracks:
     untold = lost.copy()
     untold[true_cells] = False
     true_from_m[untold] = true_to_m[untold] = np.nan
-    for t, k in _flown_before_birth(silent, truths, index):
+    for t, k in _flown_before_birth(executed, truths, index):
         true_from_m[t, k] = true_to_m[t, k] - (centre_m[t + 1, k] - centre_m[t, k])
     return Tracks(list(index), centre_m, true_from_m, true_to_m, heard, executed, energy_j, silent, lost)
 
@@ -204,14 +204,15 @@ def _offsets_m(to_m: Floats, cells: tuple[Ints, Ints], ends_m: Floats) -> Floats
     return offset_m
 
 
-def _flown_before_birth(silent: Sequence[Step], truths: Sequence[Truth], index: dict[str, int]) -> set[Cell]:
-    """Silent steps in whose slot a successor already tells its first truth, from where it found itself."""
-    if not silent:
-        return set()
-    births: dict[tuple[str, str], Cell] = {}
+def _flown_before_birth(executed: Bools, truths: Sequence[Truth], index: dict[str, int]) -> set[Cell]:
+    """Steps of whose slot only a successor tells the truth: its first, from where it found itself."""
+    born: set[tuple[str, str]] = set()
+    tells: dict[Cell, bool] = {}
     for truth in truths:
-        births.setdefault((truth.uav, truth.instance), (truth.slot, index[truth.uav]))
-    return {(step.slot, step.uav) for step in silent} & set(births.values())
+        process = truth.uav, truth.instance
+        tells.setdefault((truth.slot, index[truth.uav]), process not in born)
+        born.add(process)
+    return {cell for cell, first in tells.items() if first and executed[cell]}
 
 
 @dataclass(frozen=True, slots=True)

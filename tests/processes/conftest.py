@@ -73,8 +73,8 @@ class Started:
 
     def uav_pids(self) -> list[int]:
         """Ids of the UAV processes: the children of the fork source."""
-        (source, *children) = self.pids("processes.fork_source") or [0]
-        return [pid for pid in children if _parent(pid) == source]
+        forked = self.pids("processes.fork_source")
+        return [pid for pid in forked if _parent(pid) in forked]
 
     def end(self) -> Ended:
         """Wait for the end; nothing may be left running."""

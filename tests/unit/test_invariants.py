@@ -375,6 +375,18 @@ def test_two_truths_of_one_slot_are_one_motion(messages: list[Message]) -> None:
     assert found(messages, "G2", "truth-differs").value_m == pytest.approx(0.5)
 
 
+def test_a_truth_that_was_still_to_be_said_is_no_lie(messages: list[Message]) -> None:
+    """A UAV says its step in a fix and dies before its truth; in the same slot its successor is where that leads."""
+    truth = next(m for m in messages if isinstance(m, Truth) and m.uav == "u2" and m.slot == 8)
+    there = {"from_x_m": truth.to_x_m, "from_y_m": truth.to_y_m, "instance": "i2b", "seq": 0}
+    messages[messages.index(truth)] = msgspec.structs.replace(truth, **there)
+    assert results(messages)["G2"].held
+    assert results(messages)["G4"].held
+    elsewhere = {"from_x_m": truth.to_x_m + 0.5, "to_x_m": truth.to_x_m + 0.5}
+    change(messages, {"uav": "u2", "instance": "i2b"}, Truth, **elsewhere)
+    assert found(messages, "G4", "truth-jumped").value_m == pytest.approx(0.5)
+
+
 # --- G3 --------------------------------------------------------------------------------------
 
 
