@@ -14,7 +14,7 @@ from tests.processes.conftest import Fly, Started
 
 NOISE = Path(__file__).parents[2] / "benchmarks" / "noise.py"
 MESSAGES = 3000
-UAVS = ("--uavs", "5", "--seed", "3")
+UAVS = ("--uavs", "5", "--seed", "3", "--speed-max", "3")
 
 
 def test_neither_replays_nor_fuzzed_bytes_disturb_a_mission(start: Fly, tmp_path: Path):

@@ -139,10 +139,11 @@ def test_started_again_with_its_folder_it_is_the_same_uav(start, hosted, tmp_pat
     uavs = ids_of(joined, folder)
     joined.process.kill()
     await_true(lambda: not joined.pids())
-    stranger = start("join", address).end()
-    assert stranger.status == 2
-    assert "--uavs = 1: must be at most 0" in stranger.stderr
+    stranger = start("join", address)
     again = start("join", address, "--state", str(folder))
+    refused = stranger.end()
+    assert refused.status == 2
+    assert "--uavs = 1: must be at most 0" in refused.stderr
     ended = run.end()
     assert not broken(ended) & SAFE, ended.stdout
     assert ended.json["arrived"] == 5

@@ -60,7 +60,7 @@ def flight(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Flight]:
     certs, endpoint = _certs(folder / "certs"), free_endpoint("tls")
     flown = start_command(
         *("run", "--json", "--secure", "--certs", str(certs), "--listen", endpoint),
-        *("--uavs", "5", "--seed", "3", "--time-scale", "1.5"),
+        *("--uavs", "5", "--seed", "3", "--time-scale", "1.5", "--speed-max", "2.5"),
         path=folder / "run.mcap",
     )
     try:
