@@ -23,6 +23,9 @@ from processes.address import free_endpoint
 MARK = "EDC_SWARM_TEST"
 DEADLINE_S = 120.0
 
+# A shell lets what it puts into the background ignore Ctrl-C, and so would all that these tests start.
+signal.signal(signal.SIGINT, signal.default_int_handler)
+
 
 @dataclass
 class Ended:
