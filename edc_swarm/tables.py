@@ -20,14 +20,21 @@ def metric_rows(m: Metrics) -> list[tuple[str, str]]:
             "least gap",
             f"{_number(m.min_disc_gap_m, 'm')} between discs, {_number(m.min_true_distance_m, 'm')} true distance",
         ),
-        ("way flown", f"{m.path_m:.1f} m, {_number(m.extra_distance_pct, '%')} more than straight"),
-        ("makespan", f"{_number(m.makespan_s, 's')}, {_number(m.makespan_ratio, '')} times the least"),
+        ("way flown", f"{m.path_m:.1f} m{_extra(m)}"),
+        ("makespan", f"{m.makespan_s:.2f} s, {_number(m.makespan_ratio, '')} times the least" if m.makespan_s else "-"),
         ("energy", f"{m.energy_propulsion_j / 1e3:.2f} kJ, straight {m.energy_straight_j / 1e3:.2f} kJ"),
         ("plan time", _quantiles(m.plan_ms)),
         ("fix to command", _quantiles(m.fix_to_command_ms)),
         ("late ticks", f"{m.ticks_late_pct:.2f} %"),
         ("messages", f"{m.messages}, {m.gaps} gaps" + (f", {m.fetched} fetched again" if m.fetched else "")),
     ]
+
+
+def _extra(m: Metrics) -> str:
+    if m.extra_distance_pct is None:
+        return ""
+    whose = ", " if m.arrived == m.uavs else "; by those at their targets "
+    return f"{whose}{_number(m.extra_distance_pct, '%')} more than straight"
 
 
 def _number(value: float | None, unit: str) -> str:
