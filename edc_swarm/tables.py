@@ -38,7 +38,7 @@ def _extra(m: Metrics) -> str:
 
 
 def _number(value: float | None, unit: str) -> str:
-    return "-" if value is None else f"{value:.2f} {unit}".rstrip()
+    return "-" if value is None else f"{round(value, 2) + 0.0:.2f} {unit}".rstrip()
 
 
 def _quantiles(q: Quantiles) -> str:

@@ -247,6 +247,16 @@ def test_a_planner_beside_the_mission_is_found_and_its_failure_told(capsys, tmp_
     assert [event.slot for event in events] == [4], "once, not in every slot"
 
 
+def test_a_planner_too_slow_for_its_slots_is_told(capsys, tmp_path: Path):
+    """Virtual time has room for it; real UAVs would hold."""
+    slow = PLANNER.replace("if request.slot > 4:", "time.sleep(0.03)\n        if False:")
+    (tmp_path / "slow_planner.py").write_text(f"import time\n{slow}")
+    main(["sim", "--planner", "slow_planner:Tiring", "--uavs", "2", "--slot", "0.02", "--max-slots", "3", "--json"])
+    (line,) = capsys.readouterr().err.splitlines()
+    assert line.startswith("warning: a plan took ")
+    assert "a slot is 20 ms" in line
+
+
 def test_same_seed_same_bytes(tmp_path: Path):
     """G6, with the command line's own metadata; the name of the file is not part of it."""
     for name in ("a", "b"):

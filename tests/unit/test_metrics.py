@@ -15,6 +15,7 @@ from edc_swarm.energy import propulsion_power_w
 from edc_swarm.errors import RecordingError
 from edc_swarm.messages import Command, Event, Fix, Message, Report, Truth
 from edc_swarm.metrics import HeadTerm, Metrics, Timing, columns_of, compute_metrics, load_timings
+from edc_swarm.tables import metric_rows
 
 PROMISED = {
     "heads",
@@ -159,6 +160,22 @@ def test_the_dead_cost_and_hold_nothing(messages: list[Message]) -> None:
     assert (m.path_m, m.straight_m) == (pytest.approx(16.0 + 16.0 + 6.0), pytest.approx(16.0 + 16.0 + 99.0))
     assert (m.extra_distance_pct, m.extra_distance_mean_pct) == (pytest.approx(0.0), pytest.approx(0.0))
     assert m.makespan_ratio == pytest.approx(4.0 / (16.0 / 5.0))
+
+
+def test_the_table_compares_only_who_is_home(messages: list[Message]) -> None:
+    """Nobody home: no comparison, no makespan; some home: it says whose."""
+    rows = dict(metric_rows(metrics(messages)))
+    assert (rows["way flown"], rows["makespan"]) == (
+        "48.0 m, 0.00 % more than straight",
+        "4.00 s, 1.25 times the least",
+    )
+    mission = messages[0]
+    far = [msgspec.structs.replace(entry, target_y_m=99.0) for entry in mission.roster]
+    messages[0] = msgspec.structs.replace(mission, roster=[mission.roster[0], *far[1:]])
+    rows = dict(metric_rows(metrics(messages)))
+    assert (rows["way flown"], rows["makespan"]) == ("48.0 m; by those at their targets 0.00 % more than straight", "-")
+    messages[0] = msgspec.structs.replace(mission, roster=far)
+    assert dict(metric_rows(metrics(messages)))["way flown"] == "48.0 m"
 
 
 def test_held_and_missed_slots() -> None:
