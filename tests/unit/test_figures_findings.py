@@ -90,3 +90,10 @@ def test_missions_that_did_not_end_are_said() -> None:
     lines = {"edc": lambda x: x, "paper": lambda _x: 0.0}
     said = finding("5a", "", rows("5a", lines, [10, 20], incomplete=2))
     assert "4 of 60 missions of edc did not bring every UAV home." in said.found
+
+
+def test_energy_is_saved_only_where_it_shows() -> None:
+    """A mean below zero whose interval holds zero saves nothing."""
+    lines = {"energy": lambda x: 1 - x / 10, "distance": lambda _x: 1.0, "time": lambda _x: 1.0}
+    said = found("energy-minimise", lines, [9.98, 10, 10.05, 20, 40]).found
+    assert "saves energy at 2 of 5 points, and costs some at 0." in said[-1]
