@@ -234,7 +234,8 @@ def _energy_minimise(rows: Sequence[Row]) -> Found:
         f" time until all have arrived by {_changes(time)}.",
         "A rotary wing spends more on hovering than on cruising at 5 m/s, so the weights for least energy are those for"
         " least time: UAVs go round each other rather than wait.",
-        f"Beyond the interval of its runs it saves energy at {saves} of {len(energy.x)} points, and costs some at {costs}.",
+        f"Beyond the interval of its runs it saves energy at {saves} of {len(energy.x)} points, and costs some at"
+        f" {costs}.",
     ]
 
 
