@@ -38,5 +38,5 @@ def _warn(recording: Recording, metrics: Metrics) -> None:
     slot_ms, slowest_ms = mission.slot_ns / 1e6, metrics.plan_ms.max or 0.0
     if slowest_ms > slot_ms:
         note(f"warning: a plan took {slowest_ms:.0f} ms, a slot is {slot_ms:g} ms: too late for real UAVs, which hold")
-    elif metrics.ticks_late_pct > OVERLOADED_PCT:
+    if metrics.ticks_late_pct > OVERLOADED_PCT:
         note(f"warning: the machine was overloaded: {metrics.ticks_late_pct:.1f} % of the ticks were late")

@@ -182,7 +182,9 @@ def _file_digest(module: str) -> str:
         spec = importlib.util.find_spec(module)
     except (ImportError, ValueError):
         spec = None
-    return hashlib.sha256(Path(spec.origin).read_bytes()).hexdigest()[:8] if spec and spec.origin else "missing"
+    if spec is None or spec.origin is None or not spec.has_location:
+        return "missing"
+    return hashlib.sha256(Path(spec.origin).read_bytes()).hexdigest()[:8]
 
 
 class Scheduler(Protocol):
