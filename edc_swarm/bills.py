@@ -9,7 +9,7 @@ from msgspec import Struct
 
 from edc_swarm.config import Mission
 from edc_swarm.energy import compute_energy_j, propulsion_power_w, propulsion_powers_w
-from edc_swarm.metrics import PLANNED, Floats, Timing, columns_of
+from edc_swarm.metrics import PLANNED, Floats, Timing, columns_of, measured
 from edc_swarm.recording import Recording
 from edc_swarm.recording.living import BATTERY_EMPTY
 
@@ -43,14 +43,12 @@ class Exhausted(Struct, frozen=True):
 def energy_bills(recording: Recording, timings: Sequence[Timing] = ()) -> list[EnergyBill]:
     """The bill of every UAV, in roster order. `timings`, when given, replace the recorded plan times."""
     mission, columns = recording.mission, columns_of(recording)
-    heard = ~np.isnan(columns.energy_j)
-    flying = np.flip(np.logical_or.accumulate(np.flip(heard, 0), 0), 0)
     slot_j = _slot_energy_j(mission, columns.step_m)
     sent, (plan_s, led) = _messages_sent(recording), _head_work(recording, timings)
     bills = []
     for k, entry in enumerate(mission.roster):
         moving = columns.step_m[:, k] > 0
-        cruise, hover = moving & flying[:, k], ~moving & flying[:, k]
+        cruise, hover = moving & columns.alive[:, k], ~moving & columns.alive[:, k]
         spent_j = {
             "cruise_j": float(slot_j[cruise, k].sum()),
             "hover_j": float(slot_j[hover, k].sum()),
@@ -94,14 +92,14 @@ def _messages_sent(recording: Recording) -> dict[str, int]:
 
 def _head_work(recording: Recording, timings: Sequence[Timing]) -> tuple[dict[str, float], dict[str, int]]:
     """Seconds that each head planned, and slots that it led."""
-    measured: dict[int, list[float]] = {}
-    for timing in timings:
-        measured.setdefault(timing.slot, []).append(timing.plan_ms)
+    in_slot_ms: dict[int, list[float]] = {}
+    for timing in measured(recording, timings):
+        in_slot_ms.setdefault(timing.slot, []).append(timing.plan_ms)
     plan_s: dict[str, float] = {}
     led: dict[str, int] = {}
     for report in recording.reports:
         if report.status in PLANNED:
-            times_ms = measured.get(report.slot)
+            times_ms = in_slot_ms.get(report.slot)
             plan_ms = times_ms.pop(0) if times_ms else report.plan_ms
             plan_s[report.head] = plan_s.get(report.head, 0.0) + plan_ms / 1e3
             led[report.head] = led.get(report.head, 0) + 1

@@ -14,7 +14,10 @@ LIBRARIES = ("pandas", "polars")
 
 
 def table_of(columns: Columns) -> dict[str, Any]:
-    """Columns of equal length, one entry per slot and UAV (slot-major), units in the names."""
+    """Columns of equal length, one entry per slot and UAV (slot-major), units in the names.
+
+    `start_*` is the disc's centre when the slot begins, `end_*` and `away_m` (from the target) when it ends.
+    """
     slots, count = columns.step_m.shape
     (start_x_m, start_y_m), (end_x_m, end_y_m) = (
         np.moveaxis(points_m, 2, 0).reshape(2, -1) for points_m in (columns.centre_m[:-1], columns.centre_m[1:])
@@ -30,6 +33,7 @@ def table_of(columns: Columns) -> dict[str, Any]:
         "step_m": columns.step_m.ravel(),
         "away_m": columns.away_m[1:].ravel(),
         "executed": columns.executed.ravel(),
+        "alive": columns.alive.ravel(),
         "energy_j": columns.energy_j.ravel(),
     }
 

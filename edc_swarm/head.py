@@ -35,10 +35,11 @@ class Office:
 
 @dataclass(frozen=True, slots=True)
 class Outcome:
-    """What planning one slot gives: commands for the heard and the data of the report."""
+    """What planning one slot gives: commands for the heard, the data of the report, and what went wrong."""
 
     commands: list[Command]
     report: Report
+    problem: str
 
 
 class Head:
@@ -107,7 +108,7 @@ class Head:
         plan = planner.plan(self._request(slot, fixes, hulls))
         commands = [self._command(slot, fix, to_m) for fix, to_m in zip(fixes, plan.waypoint_m, strict=True)]
         office.sent.update({command.uav: command for command in commands})
-        return Outcome(commands, self._report(slot, fixes, hulls, plan))
+        return Outcome(commands, self._report(slot, fixes, hulls, plan), plan.problem)
 
     def hulls(self, slot: int) -> dict[str, Stadium]:
         """Where every UAV not heard in `slot` can be, in roster order."""

@@ -56,8 +56,8 @@ Status = Literal["planned", "no-qp-needed", "failed", "no-quorum", "claim"]
 class Fix(Struct, frozen=True, kw_only=True, gc=False):
     """A UAV's report for one slot: GPS position, heartbeat and grant at once.
 
-    `x_m y_m` is the noisy position, `waypoint_*` the centre of the tracked disc once the current
-    command is done, `from_*` that centre before it. `term, head` is the grant; `suspects` says
+    `x_m y_m` is the noisy position as the slot begins, `waypoint_*` the centre of the tracked disc once
+    the current command is done, `from_*` that centre before it. `term, head` is the grant; `suspects` says
     that the head is no longer heard; `voter` is false when the promise on disk was lost.
     """
 

@@ -24,7 +24,7 @@ from edc_swarm.energy import compute_energy_j, propulsion_power_w, propulsion_po
 from edc_swarm.errors import RecordingError
 from edc_swarm.messages import Report
 from edc_swarm.recording import Recording, fetched_count, find_gaps
-from edc_swarm.recording.living import living_at_end
+from edc_swarm.recording.living import alive_in, living_at_end
 from edc_swarm.recording.tracks import Tracks, tracks_of
 from edc_swarm.separation import encounters, least_gap_m
 
@@ -67,14 +67,7 @@ class Timing(Struct, frozen=True):
 
 
 class Metrics(Struct, frozen=True, kw_only=True):
-    """What `edc-swarm metrics --json` prints. None: not defined for this run.
-
-    `completed`: every UAV that lives at the end is at its target. `slots_held` counts UAV-slots, from
-    the first commanded slot to completion, in which a UAV that is not at its target executed no
-    command; `slots_missed` the slots in that range for which nobody published a command.
-    `failover_slots`: slots without commands at each change of head. `gaps` counts messages that are
-    missing by sequence number, `fetched` those that the recorder lacked and had again from their publishers.
-    """
+    """What `edc-swarm metrics --json` prints, as docs/metrics.md defines it. None: not defined for this run."""
 
     uavs: int
     slots: int
@@ -125,8 +118,9 @@ class Columns:
         (S + 1, K) distance of each centre from its UAV's target.
     true_from_m, true_to_m
         (S, K, 2) true motion, NaN where unknown.
-    executed, lost
-        (S, K) whether a command was executed; whether the record lacks what was flown.
+    executed, lost, alive
+        (S, K) whether a command was executed; whether the record lacks what was flown; whether the UAV still
+        flies: one that does not live at the end does until the last slot that it is known from.
     energy_j
         (S, K) battery, NaN where not heard.
     plan_slot, plan_ms
@@ -144,6 +138,7 @@ class Columns:
     true_to_m: Floats
     executed: NDArray[np.bool_]
     lost: NDArray[np.bool_]
+    alive: NDArray[np.bool_]
     energy_j: Floats
     plan_slot: NDArray[np.int64]
     plan_ms: Floats
@@ -170,16 +165,22 @@ def load_timings(recording_path: str | Path) -> list[Timing]:
         raise RecordingError(path, f"holds no timings ({error})") from None
 
 
+def measured(recording: Recording, timings: Sequence[Timing]) -> Sequence[Timing]:
+    """`timings`, unless the run was a real one: its own times are in its reports, and that file is of another run."""
+    return () if recording.run.get("clock") == "wall" else timings
+
+
 def columns_of(recording: Recording, timings: Sequence[Timing] = ()) -> Columns:
     """The run as arrays. `timings`, when given, replace the recorded plan times."""
-    return _columns(recording, tracks_of(recording), timings)
+    tracks = tracks_of(recording)
+    return _columns(recording, tracks, living_at_end(recording, tracks), timings)
 
 
 def compute_metrics(recording: Recording, timings: Sequence[Timing] = ()) -> Metrics:
     """All metrics of a run. `timings`, when given, replace the recorded plan times."""
     mission, tracks = recording.mission, tracks_of(recording)
-    columns = _columns(recording, tracks, timings)
     living = living_at_end(recording, tracks)
+    columns = _columns(recording, tracks, living, timings)
     at_target = columns.away_m <= ARRIVED_M
     completed = bool(living.any() and at_target[-1][living].all())
     arrival = _arrival_slots(at_target)
@@ -190,6 +191,8 @@ def compute_metrics(recording: Recording, timings: Sequence[Timing] = ()) -> Met
     makespan_s = _makespan_s(mission, arrival[living], first) if completed else None
     heads = _heads(recording)
     separation = _separation(mission, tracks)
+    path_m, straight_m = columns.step_m.sum(axis=0), np.array([entry.straight_m for entry in mission.roster])
+    home = at_target[-1]
     return Metrics(
         uavs=len(tracks.uavs),
         slots=slots,
@@ -201,18 +204,18 @@ def compute_metrics(recording: Recording, timings: Sequence[Timing] = ()) -> Met
         true_collisions=separation.true_collisions,
         min_disc_gap_m=separation.min_disc_gap_m,
         min_true_distance_m=separation.min_true_distance_m,
-        path_m=float(columns.step_m.sum()),
-        straight_m=sum(entry.straight_m for entry in mission.roster),
-        extra_distance_pct=_extra_pct(mission, columns),
-        extra_distance_mean_pct=_extra_mean_pct(mission, columns),
+        path_m=float(path_m.sum()),
+        straight_m=float(straight_m.sum()),
+        extra_distance_pct=_extra_pct(path_m[home], straight_m[home]),
+        extra_distance_mean_pct=_extra_mean_pct(path_m[home], straight_m[home]),
         makespan_s=makespan_s,
-        makespan_ratio=_makespan_ratio(mission, makespan_s),
+        makespan_ratio=_makespan_ratio(mission, makespan_s, straight_m[living]),
         energy_propulsion_j=_propulsion_j(mission, columns, arrival, first),
         energy_compute_j=compute_energy_j(float(columns.plan_ms.sum()) / 1e3, mission.head),
         energy_straight_j=_straight_energy_j(mission),
         plan_ms=_quantiles(columns.plan_ms),
         fix_to_command_ms=_quantiles(columns.fix_to_command_ms),
-        slots_held=_slots_held(columns.executed, at_target, first, last),
+        slots_held=_slots_held(columns, at_target, first, last),
         slots_missed=len(set(range(first, last + 1)) - commanded) if first is not None else 0,
         ticks_late_pct=_ticks_late_pct(recording, int(tracks.heard.sum())),
         messages=recording.message_count,
@@ -223,10 +226,11 @@ def compute_metrics(recording: Recording, timings: Sequence[Timing] = ()) -> Met
     )
 
 
-def _columns(recording: Recording, tracks: Tracks, timings: Sequence[Timing]) -> Columns:
+def _columns(recording: Recording, tracks: Tracks, living: NDArray[np.bool_], timings: Sequence[Timing]) -> Columns:
     mission, centre_m = recording.mission, tracks.centre_m
     target_m = np.array([(e.target_x_m, e.target_y_m) for e in mission.roster]).reshape(-1, 2)
-    planned: Sequence[Timing | Report] = timings or [r for r in recording.reports if r.status in PLANNED]
+    reports = [report for report in recording.reports if report.status in PLANNED]
+    planned: Sequence[Timing | Report] = measured(recording, timings) or reports
     command_slot, fix_to_command_ms = _fix_to_command_ms(recording)
     return Columns(
         uavs=tracks.uavs,
@@ -238,6 +242,7 @@ def _columns(recording: Recording, tracks: Tracks, timings: Sequence[Timing]) ->
         true_to_m=tracks.true_to_m,
         executed=tracks.executed,
         lost=tracks.lost,
+        alive=alive_in(tracks, living),
         energy_j=tracks.energy_j,
         plan_slot=np.array([plan.slot for plan in planned], np.int64),
         plan_ms=np.array([plan.plan_ms for plan in planned], np.float64),
@@ -267,8 +272,8 @@ def _makespan_s(mission: Mission, arrival: NDArray[np.int64], first: int | None)
     return max(0.0, slots * mission.dt_s - mission.guard_s)
 
 
-def _makespan_ratio(mission: Mission, makespan_s: float | None) -> float | None:
-    longest_m = max((entry.straight_m for entry in mission.roster), default=0.0)
+def _makespan_ratio(mission: Mission, makespan_s: float | None, straight_m: Floats) -> float | None:
+    longest_m = float(straight_m.max(initial=0.0))
     return makespan_s * mission.v_max_mps / longest_m if makespan_s is not None and longest_m else None
 
 
@@ -303,30 +308,29 @@ def _finite(value: float) -> float | None:
     return float(value) if np.isfinite(value) else None
 
 
-def _extra_pct(mission: Mission, columns: Columns) -> float | None:
+def _extra_pct(path_m: Floats, straight_m: Floats) -> float | None:
     """All paths together against all straight lines together."""
-    straight_m = sum(entry.straight_m for entry in mission.roster)
-    return 100 * (float(columns.step_m.sum()) / straight_m - 1) if straight_m else None
+    total_m = float(straight_m.sum())
+    return 100 * (float(path_m.sum()) / total_m - 1) if total_m else None
 
 
-def _extra_mean_pct(mission: Mission, columns: Columns) -> float | None:
+def _extra_mean_pct(path_m: Floats, straight_m: Floats) -> float | None:
     """Mean over the UAVs that have somewhere to go of each one's own percentage."""
-    straight_m = np.array([entry.straight_m for entry in mission.roster])
     going = straight_m > ARRIVED_M
     if not going.any():
         return None
-    return float(np.mean(100 * (columns.step_m.sum(axis=0)[going] / straight_m[going] - 1)))
+    return float(np.mean(100 * (path_m[going] / straight_m[going] - 1)))
 
 
 def _propulsion_j(mission: Mission, columns: Columns, arrival: NDArray[np.int64], first: int | None) -> float:
-    """Energy of flying and hovering of each UAV, from the first commanded slot until it has arrived."""
+    """Energy of flying and hovering of each UAV, from the first commanded slot until it has arrived, or is dead."""
     if first is None:
         return 0.0
     flown_s = mission.dt_s - 2 * mission.guard_s
     flying_j = propulsion_powers_w(columns.step_m / flown_s, mission.energy) * flown_s
     hovering_j = propulsion_power_w(0.0, mission.energy) * (mission.dt_s - flown_s)
     slot = np.arange(len(columns.step_m))[:, None]
-    return float(np.sum((flying_j + hovering_j)[(slot >= first) & (slot <= arrival)]))
+    return float(np.sum((flying_j + hovering_j)[(slot >= first) & (slot <= arrival) & columns.alive]))
 
 
 def _straight_energy_j(mission: Mission) -> float:
@@ -359,11 +363,11 @@ def _fix_to_command_ms(recording: Recording) -> tuple[NDArray[np.int64], Floats]
     return np.array(slots, np.int64), np.array(delays_ns, np.float64) / 1e6
 
 
-def _slots_held(executed: NDArray[np.bool_], at_target: NDArray[np.bool_], first: int | None, last: int) -> int:
+def _slots_held(columns: Columns, at_target: NDArray[np.bool_], first: int | None, last: int) -> int:
     """UAV-slots in first..last that begin away from the target and in which nothing is executed."""
     if first is None:
         return 0
-    held = ~executed & ~at_target[:-1]
+    held = ~columns.executed & ~at_target[:-1] & columns.alive
     return int(held[first : last + 1].sum())
 
 

@@ -37,6 +37,9 @@ from edc_swarm.vehicle import LATE_FRACTION, Airframe, Promise, Situation, Vehic
 MAX_PENDING = 4
 """Commands kept for slots to come."""
 
+PLANNER_FAILED = "planner-failed"
+"""Kind of the event by which a head says why its planner had no plan."""
+
 CLAIM_WAIT_FRACTION = 0.1
 """Part of a slot that a head which has just taken office waits for the fixes that are sent again."""
 
@@ -184,6 +187,7 @@ class UavNode:
         self._held_slots = 0
         self._late_ticks = 0
         self._clock_reported: set[str] = set()
+        self._problem = ""
         self._seq: dict[str, int] = {}
         self.ended = False
         self._out: list[Effect] = []
@@ -432,6 +436,13 @@ class UavNode:
         self._election.planned()
         report = self._publish(self._with_succession(outcome.report))
         self._election.hear_report(report)
+        self._tell_problem(outcome.problem)
+
+    def _tell_problem(self, problem: str) -> None:
+        """Say why there was no plan: once, until there is one again or the reason is another."""
+        if problem and problem != self._problem:
+            self._out.append(self.event(PLANNER_FAILED, problem))
+        self._problem = problem
 
     def _with_succession(self, report: Report) -> Report:
         """The report with the standbys ranked anew, and the successor if there is to be one."""

@@ -20,8 +20,8 @@ def metric_rows(m: Metrics) -> list[tuple[str, str]]:
             "least gap",
             f"{_number(m.min_disc_gap_m, 'm')} between discs, {_number(m.min_true_distance_m, 'm')} true distance",
         ),
-        ("way flown", f"{m.path_m:.1f} m, {_number(m.extra_distance_pct, '%')} more than straight"),
-        ("makespan", f"{_number(m.makespan_s, 's')}, {_number(m.makespan_ratio, '')} times the least"),
+        ("way flown", f"{m.path_m:.1f} m{_extra(m)}"),
+        ("makespan", f"{m.makespan_s:.2f} s, {_number(m.makespan_ratio, '')} times the least" if m.makespan_s else "-"),
         ("energy", f"{m.energy_propulsion_j / 1e3:.2f} kJ, straight {m.energy_straight_j / 1e3:.2f} kJ"),
         ("plan time", _quantiles(m.plan_ms)),
         ("fix to command", _quantiles(m.fix_to_command_ms)),
@@ -30,8 +30,15 @@ def metric_rows(m: Metrics) -> list[tuple[str, str]]:
     ]
 
 
+def _extra(m: Metrics) -> str:
+    if m.extra_distance_pct is None:
+        return ""
+    whose = ", " if m.arrived == m.uavs else "; by those at their targets "
+    return f"{whose}{_number(m.extra_distance_pct, '%')} more than straight"
+
+
 def _number(value: float | None, unit: str) -> str:
-    return "-" if value is None else f"{value:.2f} {unit}".rstrip()
+    return "-" if value is None else f"{round(value, 2) + 0.0:.2f} {unit}".rstrip()
 
 
 def _quantiles(q: Quantiles) -> str:

@@ -7,8 +7,9 @@ from pathlib import Path
 import msgspec
 
 from edc_swarm.invariants import check
-from edc_swarm.metrics import OVERLOADED_PCT, compute_metrics, load_timings
-from edc_swarm.recording import read_recording
+from edc_swarm.metrics import OVERLOADED_PCT, Metrics, compute_metrics, load_timings
+from edc_swarm.node import PLANNER_FAILED
+from edc_swarm.recording import Recording, read_recording
 from processes.console import FAILED, note, print_json, stdout_console
 from processes.summary import print_guarantees, print_metrics
 
@@ -24,6 +25,18 @@ def conclude(path: Path, *, as_json: bool) -> int:
         print_metrics(metrics, console)
         print_guarantees(guarantees, console, limit=3)
         print(path)
+    _warn(recording, metrics)
+    return 0 if metrics.completed and all(result.held for result in guarantees) else FAILED
+
+
+def _warn(recording: Recording, metrics: Metrics) -> None:
+    """Say what makes this run say less than it seems to."""
+    mission = recording.mission
+    if problem := next((event for event in recording.events if event.kind == PLANNER_FAILED), None):
+        failed = sum(report.status == "failed" for report in recording.reports)
+        note(f"warning: {failed} plans failed, and all held; first in slot {problem.slot}: {problem.detail}")
+    slot_ms, slowest_ms = mission.slot_ns / 1e6, metrics.plan_ms.max or 0.0
+    if slowest_ms > slot_ms:
+        note(f"warning: a plan took {slowest_ms:.0f} ms, a slot is {slot_ms:g} ms: too late for real UAVs, which hold")
     if metrics.ticks_late_pct > OVERLOADED_PCT:
         note(f"warning: the machine was overloaded: {metrics.ticks_late_pct:.1f} % of the ticks were late")
-    return 0 if metrics.completed and all(result.held for result in guarantees) else FAILED

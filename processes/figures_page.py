@@ -91,7 +91,7 @@ def _heading(figure: Figure) -> str:
 
 def _section(figure: Figure, finding: Finding, rows: Sequence[Row]) -> str:
     name = figure.name
-    claim = "The paper says" if finding.reproduced is not None else "Asked"
+    claim = "The paper says" if finding.from_paper else "Asked"
     found = "".join(f"<li>{escape(sentence)}</li>" for sentence in finding.found)
     return (
         f'<section id="{name}"><h2>{_heading(figure)}</h2><p>{claim}: <q>{escape(finding.claim)}</q>'

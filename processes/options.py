@@ -115,7 +115,7 @@ class MissionOptions:
         base = load_mission(file) if file is not None else Mission()
         mission = complete_mission(with_options(base, self._given(base)))
         parse_faults(mission)
-        check_planner(mission.planner)
+        check_planner(mission)
         return mission
 
     def _given(self, base: Mission) -> dict[str, Any]:

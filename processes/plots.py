@@ -127,7 +127,9 @@ def draw_heads(result: Mapping[str, Any], stem: Path) -> None:
                 zorder=2 + (uav in colours),
             )
         above.set_ylabel("Battery above the\nswarm's mean [kJ]")
-        above.set_title("Election by energy: who led when, and the batteries behind it", fontsize=10, loc="left")
+        above.set_title(
+            "Election by energy: who led when, and all batteries (grey: never led)", fontsize=10, loc="left"
+        )
         for head in heads:
             begin_s = head["first_slot"] * result["dt_s"]
             width_s = (head["last_slot"] + 1) * result["dt_s"] - begin_s

@@ -7,6 +7,7 @@ import platform
 import shlex
 import subprocess
 import sys
+from collections.abc import Mapping
 from importlib.metadata import version
 from pathlib import Path
 
@@ -23,6 +24,17 @@ def run_facts(clock: str) -> dict[str, str]:
         "python": platform.python_version(),
         **{f"version {name}": version(name) for name in PACKAGES},
     }
+
+
+def made_otherwise(run: Mapping[str, str]) -> str:
+    """In words, what made a recording with the facts `run` and is not what runs here; "" where there is nothing."""
+    here = run_facts("")
+    names = [name for name in here if name in {"commit", "python"} or name.startswith("version ")]
+    others = [name for name in names if run.get(name) and here[name] and run[name] != here[name]]
+    then, now = (
+        ", ".join(f"{name.removeprefix('version ')} {facts[name]}" for name in others) for facts in (run, here)
+    )
+    return f"made with {then}; this is {now}" if others else ""
 
 
 def _commit() -> str:

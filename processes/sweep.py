@@ -11,6 +11,7 @@ from __future__ import annotations
 import fcntl
 import hashlib
 import importlib
+import importlib.util
 import multiprocessing
 import os
 import signal
@@ -43,6 +44,7 @@ MAX_JOBS = 1024
 IN_FLIGHT = 4
 """Runs given to each worker ahead of time."""
 CONNECT_S = 5.0
+OWN = frozenset({"edc_swarm", "processes"})
 PACKAGES = ("numpy", "scipy", "numba", "osqp")
 DECIDE_NO_RESULT = (
     "figures/findings.py",
@@ -100,7 +102,8 @@ class Ledger:
 
     def add(self, run: Run, result: Any, cpu_s: float) -> None:
         """Keep a result; it is on disk when this returns, as far as a killed process is concerned."""
-        line = Line(key=run.key, command=run.command, code=self.code, cpu_s=round(cpu_s, 3), result=result)
+        code = self.code + strangers_fingerprint(run.key)
+        line = Line(key=run.key, command=run.command, code=code, cpu_s=round(cpu_s, 3), result=result)
         self._file.write(msgspec.json.encode(line) + b"\n")
         self._file.flush()
         self.results[run.key] = result
@@ -111,9 +114,10 @@ class Ledger:
             whole = raw.endswith(b"\n")
             try:
                 line = decoder.decode(raw)
+                code = self.code + strangers_fingerprint(line.key)
             except (msgspec.DecodeError, UnicodeDecodeError):
                 continue
-            if line.code == self.code:
+            if line.code == code:
                 self.results[line.key] = line.result
             else:
                 self.outdated += 1
@@ -158,6 +162,31 @@ def code_fingerprint() -> str:
     return digest.hexdigest()[:16]
 
 
+def code_of(run: Run) -> str:
+    """What decides the result of `run`."""
+    return code_fingerprint() + strangers_fingerprint(run.key)
+
+
+def strangers_fingerprint(key: str) -> str:
+    """What decides the result of the run with this key besides: the files of a user's measure and planner."""
+    measure, _, fields = key.partition(" ")
+    names = (measure, str(msgspec.json.decode(fields or "{}").get("planner", "")))
+    modules = {name.partition(":")[0] for name in names if ":" in name}
+    digests = [_file_digest(module) for module in sorted(modules) if module.partition(".")[0] not in OWN]
+    return "".join(f"-{digest}" for digest in digests)
+
+
+@lru_cache(maxsize=64)
+def _file_digest(module: str) -> str:
+    try:
+        spec = importlib.util.find_spec(module)
+    except (ImportError, ValueError):
+        spec = None
+    if spec is None or spec.origin is None or not spec.has_location:
+        return "missing"
+    return hashlib.sha256(Path(spec.origin).read_bytes()).hexdigest()[:8]
+
+
 class Scheduler(Protocol):
     """Makes runs somewhere."""
 
@@ -196,8 +225,8 @@ def make(run: Run, code: str) -> tuple[Any, float]:
     SweepError
         The run failed, or this process has other code than the sweep.
     """
-    if code != code_fingerprint():
-        raise SweepError(f"a worker has another version of edc-swarm ({code_fingerprint()}, not {code})")
+    if code != (own := code_of(run)):
+        raise SweepError(f"a worker has another version of edc-swarm, or of what is flown ({own}, not {code})")
     module, _, function = run.measure.partition(":")
     measure: Callable[..., Any] = getattr(importlib.import_module(module), function)
     begun_s = time.process_time()
@@ -218,13 +247,13 @@ class Local:
         """See `Scheduler`."""
         jobs = min(self._jobs, len(runs))
         if jobs <= 1:
-            yield from ((run, *make(run, code_fingerprint())) for run in runs)
+            yield from ((run, *make(run, code_of(run))) for run in runs)
             return
         spawn = multiprocessing.get_context("spawn")
         before = set(multiprocessing.active_children())
         with ProcessPoolExecutor(jobs, mp_context=spawn, initializer=_begin_worker, initargs=(os.getpid(),)) as pool:
             try:
-                yield from _windowed(lambda run: pool.submit(make, run, code_fingerprint()), runs, jobs * IN_FLIGHT)
+                yield from _windowed(lambda run: pool.submit(make, run, code_of(run)), runs, jobs * IN_FLIGHT)
             except BrokenProcessPool:
                 raise SweepError("a worker process died (out of memory?); run it again to go on") from None
             except BaseException:
@@ -269,21 +298,21 @@ class Dask:
         import distributed  # noqa: PLC0415 - an extra
 
         threads = sum(worker["nthreads"] for worker in self._client.scheduler_info(n_workers=-1)["workers"].values())
-        waiting, code = iter(runs), code_fingerprint()
-        pending = {self._submit(run, code): run for run in islice(waiting, max(1, threads) * IN_FLIGHT)}
+        waiting = iter(runs)
+        pending = {self._submit(run): run for run in islice(waiting, max(1, threads) * IN_FLIGHT)}
         done = distributed.as_completed(list(pending), loop=self._client.loop)
         try:
             for future in done:
                 yield (pending.pop(future), *future.result())
                 for run in islice(waiting, 1):
-                    following = self._submit(run, code)
+                    following = self._submit(run)
                     pending[following] = run
                     done.add(following)
         finally:
             self._client.cancel(list(pending))
 
-    def _submit(self, run: Run, code: str) -> Any:
-        return self._client.submit(make, run, code, pure=False)
+    def _submit(self, run: Run) -> Any:
+        return self._client.submit(make, run, code_of(run), pure=False)
 
 
 @contextmanager

@@ -1,7 +1,8 @@
 """What was found, in sentences computed from the rows of a figure, beside what the paper says.
 
-A verdict is about trends: fitted exponents with their 95 % intervals, and whether the intervals of a
-line's end points overlap. Why something does not reproduce is said where it is decided.
+A verdict is about trends: fitted exponents with the 95 % intervals of the fit, and whether the intervals of a
+line's end points overlap. Where too few runs leave it open, it is undecided. Why something does not reproduce is
+said where it is decided.
 """
 
 from __future__ import annotations
@@ -17,6 +18,8 @@ TOLERANCE = 0.5
 """An exponent is taken for the whole number that it rounds to."""
 ZERO = 1e-3
 """Less than this is nothing, in metres per UAV."""
+OWN = frozenset({"energy-head", "energy-minimise"})
+"""Figures that answer questions which the paper does not ask."""
 
 VACUOUS = (
     "the convexified constraints (eq. 37-43) bound the dotted variables only on the side on which they are free to "
@@ -25,22 +28,25 @@ VACUOUS = (
 
 
 class Finding(Struct, frozen=True):
-    """The paper's claim, whether it was found again, and what was found."""
+    """The paper's claim, whether it was found again (None: open), and what was found."""
 
     claim: str
     reproduced: bool | None
     found: list[str]
+    from_paper: bool = True
 
     @property
     def verdict(self) -> str:
         """In words."""
-        return {True: "reproduced", False: "not reproduced", None: "not from the paper"}[self.reproduced]
+        if not self.from_paper:
+            return "not from the paper"
+        return {True: "reproduced", False: "not reproduced", None: "undecided, with so few runs"}[self.reproduced]
 
 
 def finding(figure: str, claim: str, rows: Sequence[Row]) -> Finding:
     """What the rows of `figure` show."""
     reproduced, found = _FINDERS[figure](rows)
-    return Finding(claim, reproduced, [*found, *_unfinished(rows)])
+    return Finding(claim, reproduced, [*found, *_unfinished(rows)], figure not in OWN)
 
 
 Found = tuple[bool | None, list[str]]
@@ -58,8 +64,12 @@ def _exponent(law: PowerLaw) -> str:
     return f"{law.exponent:.2f} (95 %: {law.low:.2f} to {law.high:.2f})"
 
 
-def _near(law: PowerLaw | None, expected: float) -> bool:
-    return law is not None and abs(law.exponent - expected) <= TOLERANCE
+def _near(law: PowerLaw, expected: float) -> bool:
+    return abs(law.exponent - expected) <= TOLERANCE
+
+
+def _expected(power: int) -> str:
+    return f"; the paper says {power}, and within {TOLERANCE} of it counts."
 
 
 def trend(points: Line) -> int:
@@ -69,10 +79,14 @@ def trend(points: Line) -> int:
     return -1 if points.high[-1] < points.low[0] else 0
 
 
-def grows(points: Line) -> bool:
-    """Whether a line rises: its ends are clearly apart, or its fitted exponent is clearly positive."""
+def grows(points: Line) -> bool | None:
+    """Whether a line rises: its ends are clearly apart, or its fitted exponent clearly has a sign; None: neither."""
+    if ends := trend(points):
+        return ends == 1
     law = power_law(points.x, points.mean)
-    return trend(points) == 1 or (law is not None and law.low is not None and law.low > 0)
+    if law is None or law.low is None or law.high is None or law.low <= 0 <= law.high:
+        return None
+    return law.low > 0
 
 
 def _trend_words(points: Line) -> str:
@@ -101,9 +115,9 @@ def _avoidance(rows: Sequence[Row]) -> list[str]:
 def _by_number(rows: Sequence[Row]) -> Found:
     law = _law(rows, "straight")
     if law is None:
-        return False, ["Too few collisions for a fit."]
+        return None, ["Too few collisions for a fit."]
     return _near(law, 2), [
-        f"Without avoidance collisions grow as the number of UAVs to the power of {_exponent(law)}.",
+        f"Without avoidance collisions grow as the number of UAVs to the power of {_exponent(law)}{_expected(2)}",
         *_avoidance(rows),
     ]
 
@@ -111,9 +125,9 @@ def _by_number(rows: Sequence[Row]) -> Found:
 def _by_area(rows: Sequence[Row]) -> Found:
     law = _law(rows, "straight")
     if law is None:
-        return False, ["Too few collisions for a fit."]
+        return None, ["Too few collisions for a fit."]
     reproduced = _near(law, -2)
-    said = [f"Without avoidance collisions change as the area to the power of {_exponent(law)}."]
+    said = [f"Without avoidance collisions change as the area to the power of {_exponent(law)}{_expected(-2)}"]
     if not reproduced:
         said.append(
             f"With the density changed by the area they are no quadratic function of it (power {-law.exponent:.2f}):"
@@ -126,9 +140,9 @@ def _by_area(rows: Sequence[Row]) -> Found:
 def _by_radius(rows: Sequence[Row]) -> Found:
     law = _law(rows, "straight")
     if law is None:
-        return False, ["Too few collisions for a fit."]
+        return None, ["Too few collisions for a fit."]
     return _near(law, 1), [
-        f"Without avoidance collisions grow as the GPS error to the power of {_exponent(law)}.",
+        f"Without avoidance collisions grow as the GPS error to the power of {_exponent(law)}{_expected(1)}",
         *_avoidance(rows),
     ]
 
@@ -141,8 +155,8 @@ def _extra(expected: int, reason: str) -> Callable[[Sequence[Row]], Found]:
         if edc is None or paper is None:
             return None, []
         said = [f"With edc the extra distance {_trend_words(edc)}, {_from_to(edc)} m per UAV."]
-        reproduced = trend(edc) == expected
-        if not reproduced:
+        reproduced = {expected: True, -expected: False}.get(trend(edc))
+        if reproduced is False:
             said.append(f"That is not what the paper says: {reason}.")
         nothing = max(map(abs, paper.mean)) < ZERO
         said.append(
@@ -159,7 +173,7 @@ def _times(reason: str) -> Callable[[Sequence[Row]], Found]:
     """Execution time: the paper expects it to grow along the axis; `reason` is why edc's may not."""
 
     def found(rows: Sequence[Row]) -> Found:
-        said, growing = [], dict[str, bool]()
+        said, growing = [], dict[str, bool | None]()
         for name, words in (
             ("paper", "One solution of the paper's model as printed takes"),
             ("edc", "Planning all slots of a mission with edc takes"),
@@ -167,6 +181,7 @@ def _times(reason: str) -> Callable[[Sequence[Row]], Found]:
             points = line(rows, name)
             law = _law(rows, name)
             if points is None or law is None:
+                growing[name] = None
                 said.append(f"{words}: not timed here (--runs 30 or more does).")
                 continue
             growing[name] = grows(points)
@@ -178,9 +193,9 @@ def _times(reason: str) -> Callable[[Sequence[Row]], Found]:
                 f"The longest slot of a mission takes edc {1e3 * max(slot.mean):.0f} ms in the mean at its worst point"
                 f" and {1e3 * slot.largest:.0f} ms in the worst mission, of the 500 ms that a slot has."
             )
-        if not growing.get("edc", True) and reason:
+        if growing["edc"] is False and reason:
             said.append(reason)
-        return bool(growing) and all(growing.values()), said
+        return False if False in growing.values() else True if all(growing.values()) else None, said
 
     return found
 
@@ -213,13 +228,14 @@ def _energy_minimise(rows: Sequence[Row]) -> Found:
     energy, distance, time = (line(rows, name) for name in ("energy", "distance", "time"))
     if energy is None or distance is None or time is None:
         return None, []
-    saved = sum(energy.mean) / len(energy.mean)
+    saves, costs = sum(high < 0 for high in energy.high), sum(low > 0 for low in energy.low)
     return None, [
         f'minimise = "energy" changes propulsion energy by {_changes(energy)}, distance by {_changes(distance)} and the'
         f" time until all have arrived by {_changes(time)}.",
         "A rotary wing spends more on hovering than on cruising at 5 m/s, so the weights for least energy are those for"
         " least time: UAVs go round each other rather than wait.",
-        f"Over all points that {'saves' if saved < 0 else 'does not save'} energy in the mean.",
+        f"Beyond the interval of its runs it saves energy at {saves} of {len(energy.x)} points, and costs some at"
+        f" {costs}.",
     ]
 
 

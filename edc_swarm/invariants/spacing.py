@@ -109,5 +109,6 @@ def _violation(
     pair = sorted((int(met.first[first]), int(met.second[first])))
     names = [evidence.tracks.uavs[k] for k in pair]
     depth_m, slots = -float(met.gap_m[deepest]), len(set(met.slot[rows].tolist()))
-    text = f"{' and '.join(names)}: {words} up to {depth_m:.3g} m (slot {met.slot[deepest]}; {slots} slots in all)"
+    of = "1 slot" if slots == 1 else f"{slots} slots"
+    text = f"{' and '.join(names)}: {words} up to {depth_m:.3g} m (slot {met.slot[deepest]}; {of} in all)"
     return Violation(kind, text, int(met.slot[first]), names, time_s, depth_m)

@@ -134,7 +134,7 @@ def _check(sweep: LatencySweep) -> None:
         raise MissionError("repeats", sweep.repeats, f"so few that all cells need at most {MAX_RUNS} runs, not {runs}")
     for cell in sweep.cells[:: len(sweep.losses) * len(sweep.delays_ms) * len(sweep.jitters_ms)]:
         parse_faults(complete_mission(mission_of(sweep, cell, 0)))
-    check_planner(sweep.mission.planner)
+    check_planner(sweep.mission)
 
 
 def mission_of(sweep: LatencySweep, cell: Cell, seed: int) -> Mission:

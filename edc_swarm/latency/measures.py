@@ -1,7 +1,7 @@
 """What is measured of one run of a latency experiment, from its recording alone.
 
 Ages are ages of information (S. Kaul, R. Yates, M. Gruteser, "Real-Time Status: How Often Should One
-Update?", IEEE INFOCOM 2012), in wall milliseconds, sampled at the start of every slot, for every UAV:
+Update?", IEEE INFOCOM 2012), in wall milliseconds, sampled at the start of every slot, for every UAV that flies:
 
 - of fixes: since the newest fix of that UAV that a plan has counted was sent;
 - of commands: since the newest command that it has begun to fly was sent.
@@ -39,8 +39,8 @@ class Sample(Struct, frozen=True, kw_only=True):
     others_flew
         Commands flown by UAVs other than their head.
     held_pct
-        UAV-slots in which a UAV that is not at its target flew no command, of all UAV-slots in which it was
-        not there, from the first commanded slot on (from slot 1 where there is none).
+        UAV-slots in which a UAV that flies and is not at its target flew no command, of all UAV-slots in which
+        it was not there, from the first commanded slot on (from slot 1 where there is none).
     failover_slots
         Slots without commands at all changes of head.
     broken
@@ -95,8 +95,8 @@ def sample_of(recording: Recording) -> Sample:
         ],
         fix_to_command_ms=metrics.fix_to_command_ms.p50,
         fix_to_command_p99_ms=metrics.fix_to_command_ms.p99,
-        fix_age_ms=_mean_age_ms(recording, _counted_ns(recording, columns), first),
-        command_age_ms=_mean_age_ms(recording, _flown_ns(recording, columns), first),
+        fix_age_ms=_mean_age_ms(recording, _counted_ns(recording, columns), columns.alive, first),
+        command_age_ms=_mean_age_ms(recording, _flown_ns(recording, columns), columns.alive, first),
         held_pct=_held_pct(columns, first),
         extra_distance_pct=metrics.extra_distance_pct if done else None,
         makespan_s=metrics.makespan_s,
@@ -117,7 +117,7 @@ def _others_flew(recording: Recording) -> int:
 
 
 def _held_pct(columns: Columns, first: int) -> float | None:
-    away = columns.away_m[:-1][first:] > ARRIVED_M
+    away = (columns.away_m[:-1] > ARRIVED_M)[first:] & columns.alive[first:]
     held = away & ~columns.executed[first:]
     return 100 * float(held.sum() / away.sum()) if away.any() else None
 
@@ -150,12 +150,14 @@ def _flown_ns(recording: Recording, columns: Columns) -> NDArray[np.int64]:
     return table
 
 
-def _mean_age_ms(recording: Recording, sent_ns: NDArray[np.int64], first: int) -> float | None:
-    """Mean over slots from `first` on and UAVs of the time since the newest of `sent_ns`."""
+def _mean_age_ms(
+    recording: Recording, sent_ns: NDArray[np.int64], alive: NDArray[np.bool_], first: int
+) -> float | None:
+    """Mean over slots from `first` on and UAVs that fly in them of the time since the newest of `sent_ns`."""
     mission = recording.mission
     newest_ns = np.maximum.accumulate(np.maximum(sent_ns - mission.epoch_ns, 0), axis=0)
     start_ns = np.arange(len(newest_ns), dtype=np.int64)[:, None] * mission.slot_ns
-    ages_ns = (start_ns - newest_ns)[first:]
+    ages_ns = (start_ns - newest_ns)[first:][alive[first:]]
     return float(ages_ns.mean()) / 1e6 if ages_ns.size else None
 
 

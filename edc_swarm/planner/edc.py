@@ -2,18 +2,16 @@
 
 from __future__ import annotations
 
-import math
-from typing import cast
-
 import numpy as np
 
 from edc_swarm.config import Mission
 from edc_swarm.energy import propulsion_power_w
 from edc_swarm.geometry import Floats, length_m, nearest_on_segment
 from edc_swarm.planner.guidance import Guidance, Scene, Tuning
-from edc_swarm.planner.interface import Plan, PlanRequest, PlanStatus, Stopwatch
+from edc_swarm.planner.interface import Plan, PlanRequest, Stopwatch
 from edc_swarm.planner.request import Arrays, checked_arrays
-from edc_swarm.solver import certificate, slot_qp, solution
+from edc_swarm.planner.safe import SafeSteps
+from edc_swarm.solver import slot_qp
 
 
 def weights(mission: Mission) -> tuple[float, float]:
@@ -42,38 +40,14 @@ class Edc:
         self._u_max_m = mission.u_max_m
         self._stopwatch = stopwatch
         self._guidance = Guidance(self._u_max_m, weights(mission), mission.seed, tuning or Tuning())
-        self._duals = solution.Memory()
+        self._safe = SafeSteps(self._u_max_m, stopwatch)
 
     def plan(self, request: PlanRequest) -> Plan:
         """Next waypoints of the UAVs of `request`."""
-        ticks_ns = [self._stopwatch()]
+        started_ns = self._stopwatch()
         arrays = checked_arrays(request)
         wish_m = self._wishes(arrays)
-        ticks_ns.append(self._stopwatch())
-        problem = slot_qp.slot_problem(
-            arrays.position_m, wish_m, arrays.r_m, self._u_max_m, arrays.obstacles, arrays.previous_m
-        )
-        program = None
-        if not solution.keeps_every_row(problem):
-            program = solution.active_program(problem, arrays.uav)
-        ticks_ns.append(self._stopwatch())
-        if program is None:
-            solved = solution.Solution(problem.wish_step_m, "no-qp-needed")
-        else:
-            solved = solution.solve(problem, program, self._duals)
-        certified = certificate.certify(problem, solved.step_m)
-        gap_m = certificate.least_gap_m(problem, certified.waypoint_m)
-        ticks_ns.append(self._stopwatch())
-        guidance_ms, assemble_ms, solve_ms = np.diff(ticks_ns) / 1e6
-        return Plan(
-            waypoint_m=[(x, y) for x, y in certified.waypoint_m.tolist()],
-            status=cast("PlanStatus", solved.status),
-            min_gap_m=gap_m if math.isfinite(gap_m) else 0.0,
-            guidance_ms=float(guidance_ms),
-            assemble_ms=float(assemble_ms),
-            solve_ms=float(solve_ms),
-            iterations=solved.iterations,
-        )
+        return self._safe.plan(arrays, wish_m, guidance_ms=(self._stopwatch() - started_ns) / 1e6)
 
     def _wishes(self, arrays: Arrays) -> Floats:
         """What guidance prefers, but for UAVs too near to a hull: they leave its neighbourhood."""

@@ -1,7 +1,8 @@
 """What a planner is given and what it returns: the one interface that every planner implements.
 
-A user adds a planner by writing one file with a class that has `plan`, and naming it as
-`--planner package.module:Class`. Importing this module imports no numpy.
+A user adds a planner by writing one file with a class that is made as `Class(mission, stopwatch)` and has
+`plan`, and naming it as `--planner package.module:Class` (docs/planner.md). Importing this module imports
+no numpy.
 """
 
 from __future__ import annotations
@@ -91,8 +92,9 @@ class Plan:
     """The next waypoints, parallel to `PlanRequest.uav`, exactly as they are to be published.
 
     `status` is "no-qp-needed" when the guidance's steps were safe as they were, "failed" when the
-    solver gave nothing usable and all hold. `min_gap_m` is the least planned distance between two
-    centres minus R. Times come from the injected stopwatch, in milliseconds.
+    solver gave nothing usable and all hold; `problem` then says why, if there is something to say.
+    `min_gap_m` is the least planned distance between two centres minus R. Times come from the injected
+    stopwatch, in milliseconds; a user's planner may leave them and `min_gap_m` at 0, to be filled in.
     """
 
     waypoint_m: list[tuple[float, float]]
@@ -102,6 +104,7 @@ class Plan:
     assemble_ms: float = 0.0
     solve_ms: float = 0.0
     iterations: int = 0
+    problem: str = ""
 
 
 class Planner(Protocol):

@@ -6,7 +6,7 @@ import importlib
 
 import msgspec
 
-from edc_swarm.config import Mission
+from edc_swarm.config import Mission, RosterEntry
 from edc_swarm.errors import MissionError
 from edc_swarm.planner.interface import Planner, PlannerFactory, PlanRequest, Stopwatch, stopped
 
@@ -23,36 +23,71 @@ def make_planner(name: str, mission: Mission, stopwatch: Stopwatch = stopped) ->
     Raises
     ------
     MissionError
-        There is no such planner.
+        There is no such planner, or it cannot be made.
     """
-    return _factory(name)(mission, stopwatch)
+    factory, own = _factory(name), name in BUILT_IN or name.startswith("edc_swarm.")
+    return factory(mission, stopwatch) if own else _guarded(name, factory, mission, stopwatch)
 
 
-def check_planner(name: str) -> None:
-    """Raise `MissionError` unless `name` is a planner that can be imported."""
-    if name not in BUILT_IN:
-        _factory(name)
+def check_planner(mission: Mission) -> None:
+    """Raise `MissionError` unless the mission's planner is built in, or can be made and plans a tiny mission."""
+    if mission.planner not in BUILT_IN:
+        warm_up(mission)
 
 
 def warm_up(mission: Mission) -> None:
     """Import, compile or load, and run everything that planning needs, on a tiny mission of its own.
 
     Afterwards the first slot of a new head costs no more than any other.
+
+    Raises
+    ------
+    MissionError
+        There is no such planner, it cannot be made, or it has no plan for two UAVs that pass each other.
     """
-    tiny = msgspec.structs.replace(mission, roster=[], lag_slots=0)
+    tiny = _tiny(mission)
     planner = make_planner(mission.planner, tiny)
-    r_m, u_max_m = mission.r_m, mission.u_max_m
-    apart_m = 2 * r_m + 0.5 * u_max_m
+    position_m = [(entry.start_x_m, entry.start_y_m) for entry in tiny.roster]
     for slot in (0, 1):
-        planner.plan(
+        plan = planner.plan(
             PlanRequest(
                 slot=slot,
                 uav=[0, 1],
-                position_m=[(0.0, 0.0), (apart_m, 0.0)],
-                target_m=[(4 * apart_m, 0.0), (-3 * apart_m, 0.0)],
-                r_m=[r_m, r_m],
+                position_m=position_m,
+                target_m=[(entry.target_x_m, entry.target_y_m) for entry in tiny.roster],
+                r_m=[entry.r_m for entry in tiny.roster],
+                previous_m=position_m if tiny.lag_slots else None,
             )
         )
+        if plan.problem:
+            raise MissionError("planner", mission.planner, f"one that has a plan for two UAVs ({plan.problem})")
+
+
+def _tiny(mission: Mission) -> Mission:
+    """The mission with two UAVs that meet."""
+    r_m, u_max_m = mission.r_m, mission.u_max_m
+    apart_m = 2 * r_m + 0.5 * u_max_m
+    ways_m = {"u001": (0.0, 4 * apart_m), "u002": (apart_m, -3 * apart_m)}
+    roster = [
+        RosterEntry(
+            uav=uav, start_x_m=from_m, start_y_m=0, target_x_m=to_m, target_y_m=0, r_m=r_m, body_m=r_m, energy_j=1e5
+        )
+        for uav, (from_m, to_m) in ways_m.items()
+    ]
+    return msgspec.structs.replace(mission, roster=roster, uavs=len(roster))
+
+
+def _guarded(name: str, factory: PlannerFactory, mission: Mission, stopwatch: Stopwatch) -> Planner:
+    from edc_swarm.planner.guarded import Guarded, described  # noqa: PLC0415  (imports numpy)
+
+    try:
+        planner = factory(mission, stopwatch)
+    except Exception as error:  # noqa: BLE001  (a stranger's code may raise anything)
+        why = described(error, factory.__module__)
+        raise MissionError("planner", name, f"made as Class(mission, stopwatch) ({why})") from None
+    if not callable(getattr(planner, "plan", None)):
+        raise MissionError("planner", name, "a class with a method plan(request)")
+    return Guarded(planner, mission, stopwatch)
 
 
 def _factory(name: str) -> PlannerFactory:
@@ -62,6 +97,8 @@ def _factory(name: str) -> PlannerFactory:
         raise MissionError("planner", name, allowed)
     try:
         factory: PlannerFactory = getattr(importlib.import_module(module_name), attribute)
-    except (ImportError, AttributeError, ValueError) as error:
-        raise MissionError("planner", name, f"{allowed} ({error})") from None
+    except Exception as error:  # noqa: BLE001  (importing a stranger's module may raise anything)
+        raise MissionError("planner", name, f"{allowed} ({type(error).__name__}: {error})") from None
+    if not callable(factory):
+        raise MissionError("planner", name, f"{allowed} ({attribute} is no class)")
     return factory

@@ -18,6 +18,14 @@ FAULT = "fault"
 BATTERY_EMPTY = "battery-empty"
 
 
+def alive_in(tracks: Tracks, living: NDArray[np.bool_]) -> NDArray[np.bool_]:
+    """(S, K) whether each UAV flies in each slot: who does not live at the end, to the last slot it is known from."""
+    slots = np.arange(tracks.slots)[:, None]
+    newest = np.max(np.where(tracks.heard | tracks.executed, slots, -1), axis=0, initial=-1)
+    alive: NDArray[np.bool_] = living | (slots <= newest)
+    return alive
+
+
 def living_at_end(recording: Recording, tracks: Tracks) -> NDArray[np.bool_]:
     """(K,) whether each UAV still answers, has charge and may still be commanded when the record ends.
 

@@ -213,7 +213,7 @@
       return i < 0 || timeS - x[i] >= 3.5 * page.slot_s ? "-" : String(Number(y[i].toPrecision(3)));
     };
     cursors.push(() => {
-      label.textContent = plot.series.map(valueAt).join(", ");
+      label.textContent = plot.series.map(valueAt).reverse().join(", ");  // In the order of the legend.
       if (free + label.getComputedTextLength() > end) label.textContent = "";
     });
   };

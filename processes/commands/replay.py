@@ -23,6 +23,7 @@ from edc_swarm.replanning import replan
 from processes.address import check_endpoint, free_endpoint
 from processes.bus import open_client, open_router
 from processes.console import FAILED, note, print_json
+from processes.run_facts import made_otherwise
 
 CONNECT_TIMEOUT_MS = 5000
 MAX_SHOWN = 10
@@ -143,6 +144,8 @@ def _verify(path: Path, *, as_json: bool) -> int:
     mission = recording.mission
     if not any(report.planner for report in recording.reports):
         raise RecordingError(path, "holds no plan to be verified")
+    if otherwise := made_otherwise(recording.run):
+        note(f"note: the recording was {otherwise}: another version may well plan otherwise")
     warm_up(mission)
     result = replan(recording, lambda: make_planner(mission.planner, mission))
     if as_json:

@@ -146,7 +146,10 @@ def _tell(report: RunReport, uavs: int) -> None:
         start = (
             f"the fork source was ready (warm in {report.warm_s:.1f} s)" if report.warm_s else "the operator was ready"
         )
+        flown = "no command was flown"
+        if report.first_flown_slot >= 0:
+            flown = f"first commands flown in slot {report.first_flown_slot}"
         note(
             f"{uavs} UAVs connected {report.connected_s:.2f} s and publishing {report.publishing_s:.2f} s after "
-            f"{start}; first commands flown in slot {report.first_flown_slot}"
+            f"{start}; {flown}"
         )

@@ -89,4 +89,4 @@ class TimedPlanner:
                 solve_ms=plan.solve_ms,
             )
         )
-        return Plan(plan.waypoint_m, plan.status, plan.min_gap_m, iterations=plan.iterations)
+        return Plan(plan.waypoint_m, plan.status, plan.min_gap_m, iterations=plan.iterations, problem=plan.problem)

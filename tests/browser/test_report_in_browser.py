@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import re
 import shutil
 from collections.abc import Iterator
 from pathlib import Path
@@ -95,7 +96,27 @@ def test_plots_say_their_values_at_the_time_of_the_slider(page: Path, browser: A
     said = [each.text for each in browser.find_elements(By.CSS_SELECTOR, "#plots text.now")]
     for plot, words in zip(data["plots"], said, strict=True):
         last = [[y for x, y in zip(series["x"], series["y"], strict=True) if x <= 3.2][-1] for series in plot["series"]]
-        assert [float(word) for word in words.split(", ")] == pytest.approx(last, rel=5e-3)
+        assert [float(word) for word in words.split(", ")] == pytest.approx(last[::-1], rel=5e-3)
+
+
+def test_values_stand_in_the_order_of_the_legend(page: Path, browser: Any, tmp_path: Path) -> None:
+    """Which of two is the median and which the greatest is said once."""
+    html = page.read_text(encoding="utf-8")
+    (text,) = re.findall(r'<script[^>]*id="data"[^>]*>(.*?)</script>', html, re.DOTALL)
+    data = json.loads(text)
+    (index,) = [i for i, plot in enumerate(data["plots"]) if len(plot["series"]) == 2]
+    wanted = {series["name"]: 10.0 + n for n, series in enumerate(data["plots"][index]["series"])}
+    for series in data["plots"][index]["series"]:
+        series["y"] = [wanted[series["name"]]] * len(series["y"])
+    changed = tmp_path / "page.html"
+    changed.write_text(html.replace(text, json.dumps(data)), encoding="utf-8")
+    browser.get(changed.as_uri())
+    seek(browser, 3.2)
+    svg = browser.find_elements(By.CSS_SELECTOR, "#plots svg")[index]
+    said = svg.find_element(By.CSS_SELECTOR, "text.now").text
+    names = [text for text in svg.find_elements(By.CSS_SELECTOR, "text") if text.text in wanted]
+    legend = [text.text for text in sorted(names, key=lambda text: text.rect["x"])]
+    assert [float(word) for word in said.split(", ")] == [wanted[name] for name in legend]
 
 
 def test_playing_moves_the_time_until_it_is_paused(page: Path, browser: Any) -> None:

@@ -24,7 +24,7 @@ from edc_swarm.config import Mission
 from edc_swarm.figures import catalogue
 from edc_swarm.sweeps import Run
 from processes.cli import main
-from processes.sweep import RUNS_FILE, Ledger, Local, SweepError, open_scheduler, sweep
+from processes.sweep import RUNS_FILE, Ledger, Local, SweepError, _file_digest, open_scheduler, sweep
 
 RUNS = [Run("processes.trials:fly", Mission(uavs=3, seed=seed)) for seed in range(8)]
 SWEEP = """
@@ -123,6 +123,22 @@ def test_results_of_other_code_are_made_again(tmp_path: Path, monkeypatch: pytes
     monkeypatch.setattr("processes.sweep.code_fingerprint", lambda: "other")
     with Ledger(tmp_path) as ledger:
         assert (ledger.results, ledger.outdated) == ({}, 1)
+
+
+def test_results_of_a_planner_that_was_edited_are_made_again(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """A user's planner decides results as the library does."""
+    file = tmp_path / "edited_planner.py"
+    file.write_text("from edc_swarm.planner.straight import Straight as Mine\n")
+    monkeypatch.syspath_prepend(tmp_path)
+    run = Run("processes.trials:fly", Mission(uavs=3, planner="edited_planner:Mine"))
+    with Ledger(tmp_path / "sweep") as ledger:
+        sweep([RUNS[0], run], ledger, Local(2))
+    with Ledger(tmp_path / "sweep") as ledger:
+        assert (len(ledger.results), ledger.outdated) == (2, 0)
+    file.write_text("from edc_swarm.planner.edc import Edc as Mine\n")
+    _file_digest.cache_clear()
+    with Ledger(tmp_path / "sweep") as ledger:
+        assert (list(ledger.results), ledger.outdated) == ([RUNS[0].key], 1)
 
 
 def test_failed_run_is_named_and_others_are_kept(tmp_path: Path) -> None:

@@ -25,8 +25,10 @@ from processes.address import free_endpoint
 from processes.bus import open_client, open_router
 from processes.cli import main
 from processes.live import HOST, PORT, live_port
+from processes.run_facts import run_facts
 
 MISSION_MESSAGE = mission_message(complete_mission(Mission(uavs=2)))
+GOLDEN = Path(__file__).parents[2] / "recordings" / "golden.mcap"
 MISSION = ("--uavs", "4", "--area", "2500", "--fault", "kill head @6")
 
 
@@ -92,9 +94,27 @@ def test_replay_gives_the_bus_back_byte_for_byte(simulated: Path) -> None:
 def test_replay_verifies_the_plans(simulated: Path, capsys: pytest.CaptureFixture[str]) -> None:
     """Every command comes out again."""
     assert main(["replay", str(simulated), "--verify", "--json"]) == 0
-    verdict = json.loads(capsys.readouterr().out)
+    said = capsys.readouterr()
+    verdict = json.loads(said.out)
     assert verdict["commands"] == verdict["identical"] > 50
     assert verdict["differences"] == []
+    assert said.err == ""
+
+
+def test_replay_says_what_else_made_a_recording(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    """Differences from another numpy's plans say nothing about this record; what is the same is not told."""
+    path = tmp_path / "old.mcap"
+    facts = {**run_facts("wall"), "version numpy": "1.2.3"}
+    with path.open("w+b") as stream:
+        writer = RecordingWriter(stream, facts)
+        for channel, _, log_ns, _, payload in McapFile(GOLDEN).messages():
+            if channel.topic.startswith("swarm/"):
+                writer.write(channel.topic, payload, log_ns)
+        writer.finish({})
+    main(["replay", str(path), "--verify", "--json"])
+    (line,) = capsys.readouterr().err.splitlines()
+    assert line.startswith("note: the recording was made with numpy 1.2.3; this is numpy ")
+    assert "commit" not in line
 
 
 @pytest.mark.parametrize("command", ["metrics", "check", "report", "replay", "visualise", "recover"])

@@ -10,6 +10,8 @@ from pathlib import Path
 
 import pytest
 
+from edc_swarm.node import PLANNER_FAILED
+from edc_swarm.recording import read_recording
 from processes.cli import app, main
 
 COMMANDS = [name for name in app if not name.startswith("-")]
@@ -217,6 +219,42 @@ def test_json_stands_alone_and_equals_metrics(capsys, tmp_path: Path):
     assert json.loads(capsys.readouterr().out).items() <= said.items()
     assert main(["check", str(out), "--json"]) == 1
     assert json.loads(capsys.readouterr().out) == said["guarantees"]
+
+
+PLANNER = """
+from edc_swarm.planner import Plan
+
+class Tiring:
+    def __init__(self, mission, stopwatch):
+        pass
+
+    def plan(self, request):
+        if request.slot > 4:
+            raise LookupError("no more ideas")
+        return Plan(request.target_m, "planned")
+"""
+
+
+def test_a_planner_beside_the_mission_is_found_and_its_failure_told(capsys, tmp_path: Path):
+    """One file in the current folder is enough; when it fails all hold, the record says why, and so does the end."""
+    (tmp_path / "own_planner.py").write_text(PLANNER)
+    options = ["--planner", "own_planner:Tiring", "--uavs", "3", "--max-slots", "9", "--out", "own.mcap"]
+    assert main(["sim", *options, "--json"]) == 1
+    said = capsys.readouterr()
+    assert said.err.startswith("warning: 5 plans failed, and all held; first in slot 4: LookupError: no more ideas")
+    assert json.loads(said.out)["path_m"] == pytest.approx(3 * 3 * 2.5)
+    events = [event for event in read_recording("own.mcap").events if event.kind == PLANNER_FAILED]
+    assert [event.slot for event in events] == [4], "once, not in every slot"
+
+
+def test_a_planner_too_slow_for_its_slots_is_told(capsys, tmp_path: Path):
+    """Virtual time has room for it; real UAVs would hold."""
+    slow = PLANNER.replace("if request.slot > 4:", "time.sleep(0.03)\n        if False:")
+    (tmp_path / "slow_planner.py").write_text(f"import time\n{slow}")
+    main(["sim", "--planner", "slow_planner:Tiring", "--uavs", "2", "--slot", "0.02", "--max-slots", "3", "--json"])
+    (line,) = capsys.readouterr().err.splitlines()
+    assert line.startswith("warning: a plan took ")
+    assert "a slot is 20 ms" in line
 
 
 def test_same_seed_same_bytes(tmp_path: Path):

@@ -66,14 +66,23 @@ def test_extra_distance_is_judged_by_its_trend(figure: str, slope: int, reproduc
 def test_overlapping_intervals_are_no_trend() -> None:
     """Without a clear difference nothing is claimed."""
     said = found("5a", {"edc": lambda x: 1 + 1e-4 * x, "paper": lambda _x: 0.0}, [10, 20])
-    assert (said.reproduced, "no clear trend" in said.found[0]) == (False, True)
+    assert (said.reproduced, "no clear trend" in said.found[0]) == (None, True)
+    assert said.verdict.startswith("undecided")
+    assert "not what the paper says" not in " ".join(said.found)
 
 
 def test_execution_time_must_grow_with_both_planners() -> None:
-    """If one falls the claim does not hold."""
+    """If one falls the claim does not hold; if one was not timed it is open."""
     rising, falling = (lambda x: 1.0 + x), (lambda x: 100.0 - x)
     assert found("6a", {"paper": rising, "edc": rising}, [10, 50]).reproduced is True
     assert found("6b", {"paper": rising, "edc": falling}, [10, 50]).reproduced is False
+    assert found("6a", {"edc": rising}, [10, 50]).reproduced is None
+    assert found("6b", {"edc": falling}, [10, 50]).reproduced is False
+
+
+def test_questions_of_the_project_are_none_of_the_papers() -> None:
+    """They have no verdict, and are not called undecided."""
+    assert found("energy-head", {"edc": lambda x: x}, [10, 50]).verdict == "not from the paper"
 
 
 def test_missions_that_did_not_end_are_said() -> None:
@@ -81,3 +90,10 @@ def test_missions_that_did_not_end_are_said() -> None:
     lines = {"edc": lambda x: x, "paper": lambda _x: 0.0}
     said = finding("5a", "", rows("5a", lines, [10, 20], incomplete=2))
     assert "4 of 60 missions of edc did not bring every UAV home." in said.found
+
+
+def test_energy_is_saved_only_where_it_shows() -> None:
+    """A mean below zero whose interval holds zero saves nothing."""
+    lines = {"energy": lambda x: 1 - x / 10, "distance": lambda _x: 1.0, "time": lambda _x: 1.0}
+    said = found("energy-minimise", lines, [9.98, 10, 10.05, 20, 40]).found
+    assert "saves energy at 2 of 5 points, and costs some at 0." in said[-1]

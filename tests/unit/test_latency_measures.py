@@ -12,7 +12,7 @@ from edc_swarm.latency.findings import findings, is_safe
 from edc_swarm.latency.measures import Sample, sample_of
 from edc_swarm.latency.table import CellRow, flat, row_of
 from edc_swarm.links import DELAY_ERROR, DelayError
-from edc_swarm.messages import Command, Event, Fix, Report
+from edc_swarm.messages import Command, Event, Fix, Report, Truth
 from processes.trials import simulate
 from tests.unit.synthetic import change, flight, parallel, recorded, straight
 
@@ -55,6 +55,17 @@ def test_only_what_a_plan_can_have_counted_is_counted() -> None:
     assert sample_of(recorded(messages)).fix_age_ms == pytest.approx(498.0)
     assert change(messages, {"slot": 3}, Report, status="no-quorum", grants=[]) == 1
     assert sample_of(recorded(messages)).fix_age_ms == pytest.approx(498.0 + 500.0 / 8)
+
+
+def test_the_dead_neither_hold_nor_age() -> None:
+    """A UAV that was killed on its way is left out from its last fix on."""
+    messages = [m for m in flight(parallel()) if not (isinstance(m, Fix) and m.uav == "u2" and m.slot > 3)]
+    for slot in range(4, 9):
+        assert change(messages, {"slot": slot}, Report, heard=["u0", "u1"]) == 1
+    messages.append(Event(source="operator", slot=4, kind="fault", detail="kill u2 @4"))
+    messages = [m for m in messages if not (isinstance(m, Truth) and m.uav == "u2" and m.slot > 3)]
+    found = sample_of(recorded(messages))
+    assert (found.held_pct, found.fix_age_ms, found.command_age_ms) == (0.0, pytest.approx(498.0), pytest.approx(488.0))
 
 
 def test_who_is_there_holds_nothing_up() -> None:

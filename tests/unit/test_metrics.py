@@ -9,11 +9,13 @@ import numpy as np
 import pytest
 from synthetic import change, flight, parallel, recorded, straight
 
+from edc_swarm.bills import energy_bills
 from edc_swarm.config import EnergyModel
 from edc_swarm.energy import propulsion_power_w
 from edc_swarm.errors import RecordingError
 from edc_swarm.messages import Command, Event, Fix, Message, Report, Truth
 from edc_swarm.metrics import HeadTerm, Metrics, Timing, columns_of, compute_metrics, load_timings
+from edc_swarm.tables import metric_rows
 
 PROMISED = {
     "heads",
@@ -144,6 +146,38 @@ def test_the_dead_do_not_keep_a_mission_open(messages: list[Message]) -> None:
     assert (m.completed, m.arrived, m.not_living) == (True, 2, ["u2"])
 
 
+def test_the_dead_cost_and_hold_nothing(messages: list[Message]) -> None:
+    """From its last fix on, a killed UAV neither hovers nor waits, and its way is compared with nothing."""
+    mission = messages[0]
+    far = msgspec.structs.replace(mission.roster[2], target_y_m=99.0)
+    messages[0] = msgspec.structs.replace(mission, roster=[*mission.roster[:2], far])
+    messages[:] = [m for m in messages if not (isinstance(m, Fix | Truth) and m.uav == "u2" and m.slot > 3)]
+    messages.append(Event(source="operator", slot=4, kind="fault", detail="kill u2 @4"))
+    m, columns = metrics(messages), columns_of(recorded(messages))
+    assert (m.completed, m.not_living, m.slots_held) == (True, ["u2"], 0)
+    assert columns.alive.sum(axis=0).tolist() == [9, 9, 4]
+    assert m.energy_propulsion_j == pytest.approx((8 + 8 + 3) * 0.5 * propulsion_power_w(4.0, EnergyModel()))
+    assert (m.path_m, m.straight_m) == (pytest.approx(16.0 + 16.0 + 6.0), pytest.approx(16.0 + 16.0 + 99.0))
+    assert (m.extra_distance_pct, m.extra_distance_mean_pct) == (pytest.approx(0.0), pytest.approx(0.0))
+    assert m.makespan_ratio == pytest.approx(4.0 / (16.0 / 5.0))
+
+
+def test_the_table_compares_only_who_is_home(messages: list[Message]) -> None:
+    """Nobody home: no comparison, no makespan; some home: it says whose."""
+    rows = dict(metric_rows(metrics(messages)))
+    assert (rows["way flown"], rows["makespan"]) == (
+        "48.0 m, 0.00 % more than straight",
+        "4.00 s, 1.25 times the least",
+    )
+    mission = messages[0]
+    far = [msgspec.structs.replace(entry, target_y_m=99.0) for entry in mission.roster]
+    messages[0] = msgspec.structs.replace(mission, roster=[mission.roster[0], *far[1:]])
+    rows = dict(metric_rows(metrics(messages)))
+    assert (rows["way flown"], rows["makespan"]) == ("48.0 m; by those at their targets 0.00 % more than straight", "-")
+    messages[0] = msgspec.structs.replace(mission, roster=far)
+    assert dict(metric_rows(metrics(messages)))["way flown"] == "48.0 m"
+
+
 def test_held_and_missed_slots() -> None:
     """A held UAV-slot is one away from the target without a command; a missed slot has no command at all."""
     paths = [[*path[:4], path[3], *path[4:]] for path in parallel(2)]
@@ -193,6 +227,14 @@ def test_timings_replace_recorded_plan_times(tmp_path: Path, messages: list[Mess
     m = compute_metrics(recorded(messages), timings)
     assert (m.plan_ms.p50, m.plan_ms.max) == (5.0, 6.0)
     assert m.energy_compute_j == pytest.approx(0.05)
+
+
+def test_a_real_run_has_plan_times_of_its_own(messages: list[Message]) -> None:
+    """Timings beside it are left over from a simulation that had the same name."""
+    recording = recorded(messages)
+    recording.run["clock"] = "wall"
+    assert compute_metrics(recording, [Timing(0, 400.0)]).plan_ms.max == 10.0
+    assert sum(bill.compute_j for bill in energy_bills(recording, [Timing(0, 400.0)])) == pytest.approx(0.27)
 
 
 def test_timings_are_optional_and_must_be_timings(tmp_path: Path) -> None:

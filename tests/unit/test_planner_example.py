@@ -1,4 +1,4 @@
-"""The documented example of the planner as a library."""
+"""The documented examples: the planner as a library, and a planner of one's own."""
 
 from __future__ import annotations
 
@@ -7,13 +7,29 @@ from pathlib import Path
 
 import pytest
 
-EXAMPLE = Path(__file__).parents[2] / "examples" / "plan_without_processes.py"
+from edc_swarm.config import Mission
+from edc_swarm.metrics import compute_metrics
+from edc_swarm.node import PLANNER_FAILED
+from processes.trials import simulate
+
+EXAMPLES = Path(__file__).parents[2] / "examples"
 
 
 def test_example_flies_everyone_to_the_target(capsys: pytest.CaptureFixture[str]) -> None:
     """The example ends, and reports a gap that is not negative."""
-    slots = runpy.run_path(str(EXAMPLE))["main"]()
+    slots = runpy.run_path(str(EXAMPLES / "plan_without_processes.py"))["main"]()
     assert 32 <= slots < 200
     said = capsys.readouterr().out
     assert said.startswith("8 UAVs arrived")
     assert float(said.split()[-2]) >= 0
+
+
+def test_own_planner_brings_everyone_home_apart(monkeypatch: pytest.MonkeyPatch) -> None:
+    """The example flies the default mission to its end, with detours and without an overlap."""
+    monkeypatch.syspath_prepend(EXAMPLES)
+    recording, _ = simulate(Mission(planner="own_planner:TurnRight"))
+    found = compute_metrics(recording)
+    assert (found.completed, found.potential_collisions) == (True, 0)
+    assert found.extra_distance_pct is not None
+    assert found.extra_distance_pct > 5
+    assert {event.kind for event in recording.events}.isdisjoint({PLANNER_FAILED})

@@ -1,0 +1,76 @@
+"""A user's planner at arm's length: whatever it does, its head goes on, and tells what was wrong.
+
+Where it raises, or what it returns is no plan, everyone holds for that slot and the plan says why. What is
+whole is taken as it is, but for steps longer than u_max, which are cut to it. Nothing else is made safe here:
+a planner that sends two UAVs to one place is obeyed, and `edc-swarm check` says so.
+"""
+
+from __future__ import annotations
+
+import traceback
+from dataclasses import replace
+from pathlib import Path
+from typing import get_args
+
+import numpy as np
+
+from edc_swarm.config import Mission
+from edc_swarm.geometry import Floats
+from edc_swarm.planner.interface import Plan, Planner, PlanRequest, PlanStatus, Stopwatch
+from edc_swarm.planner.straight import least_end_gap_m
+from edc_swarm.solver.certificate import limited_waypoints
+
+MAX_PROBLEM = 400
+
+
+class Guarded:
+    """`planner`, which somebody else wrote, as a planner that always returns a plan."""
+
+    def __init__(self, planner: Planner, mission: Mission, stopwatch: Stopwatch) -> None:
+        self._planner = planner
+        self._u_max_m = mission.u_max_m
+        self._stopwatch = stopwatch
+
+    def plan(self, request: PlanRequest) -> Plan:
+        """Next waypoints of the UAVs of `request`; where the planner has none, everyone holds."""
+        started_ns = self._stopwatch()
+        try:
+            plan = self._checked(self._planner.plan(request), request)
+        except Exception as error:  # noqa: BLE001  (whatever a stranger's code raises, the head goes on)
+            plan = _all_hold(request, described(error, type(self._planner).__module__))
+        if plan.guidance_ms + plan.assemble_ms + plan.solve_ms > 0.0:
+            return plan
+        return replace(plan, guidance_ms=(self._stopwatch() - started_ns) / 1e6)
+
+    def _checked(self, plan: object, request: PlanRequest) -> Plan:
+        if not isinstance(plan, Plan):
+            raise TypeError(f"plan() returned {type(plan).__name__}, not Plan")
+        if plan.status not in get_args(PlanStatus):
+            raise ValueError(f"status is {plan.status!r}, not one of {', '.join(get_args(PlanStatus))}")
+        wish_m = _points(plan.waypoint_m, len(request.uav))
+        position_m = np.asarray(request.position_m, np.float64).reshape(-1, 2)
+        waypoint_m = limited_waypoints(position_m, wish_m, self._u_max_m)
+        gap_m = plan.min_gap_m or least_end_gap_m(waypoint_m, np.asarray(request.r_m, np.float64))
+        return replace(plan, waypoint_m=[(x, y) for x, y in waypoint_m.tolist()], min_gap_m=float(gap_m))
+
+
+def described(error: BaseException, module: str) -> str:
+    """What was raised, and the last line of `module` on the way there, if there is one."""
+    frames = traceback.walk_tb(error.__traceback__)
+    lines = [(frame.f_code.co_filename, line) for frame, line in frames if frame.f_globals.get("__name__") == module]
+    where = f" ({Path(lines[-1][0]).name}, line {lines[-1][1]})" if lines else ""
+    return f"{type(error).__name__}: {' '.join(str(error).split())[:MAX_PROBLEM]}{where}"
+
+
+def _points(values: object, count: int) -> Floats:
+    points_m = np.asarray(values, np.float64)
+    if points_m.shape != (count, 2):
+        raise ValueError(f"waypoint_m has shape {points_m.shape}, not {(count, 2)}: a point for every UAV asked for")
+    if not np.isfinite(points_m).all():
+        index = int(np.flatnonzero(~np.isfinite(points_m).all(axis=1))[0])
+        raise ValueError(f"waypoint_m[{index}] is {tuple(points_m[index].tolist())}, which is no place")
+    return points_m
+
+
+def _all_hold(request: PlanRequest, problem: str) -> Plan:
+    return Plan([(float(x), float(y)) for x, y in request.position_m], "failed", problem=problem)

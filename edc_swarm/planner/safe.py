@@ -1,0 +1,50 @@
+"""Any preferred steps made safe: the slot QP, then the certificate. A user's guidance may use it as `edc` does."""
+
+from __future__ import annotations
+
+import math
+from typing import cast
+
+import numpy as np
+
+from edc_swarm.geometry import Floats
+from edc_swarm.planner.interface import Plan, PlanStatus, Stopwatch, stopped
+from edc_swarm.planner.request import Arrays
+from edc_swarm.solver import certificate, slot_qp, solution
+
+
+class SafeSteps:
+    """Plans the steps nearest to the preferred ones that keep all discs apart, however they are flown."""
+
+    def __init__(self, u_max_m: float, stopwatch: Stopwatch = stopped) -> None:
+        self._u_max_m = u_max_m
+        self._stopwatch = stopwatch
+        self._duals = solution.Memory()
+
+    def plan(self, arrays: Arrays, wish_m: Floats, guidance_ms: float = 0.0) -> Plan:
+        """Plan for the UAVs of `arrays`, who would like to be at `wish_m` (n, 2), at most u_max away."""
+        ticks_ns = [self._stopwatch()]
+        problem = slot_qp.slot_problem(
+            arrays.position_m, wish_m, arrays.r_m, self._u_max_m, arrays.obstacles, arrays.previous_m
+        )
+        program = None
+        if not solution.keeps_every_row(problem):
+            program = solution.active_program(problem, arrays.uav)
+        ticks_ns.append(self._stopwatch())
+        if program is None:
+            solved = solution.Solution(problem.wish_step_m, "no-qp-needed")
+        else:
+            solved = solution.solve(problem, program, self._duals)
+        certified = certificate.certify(problem, solved.step_m)
+        gap_m = certificate.least_gap_m(problem, certified.waypoint_m)
+        ticks_ns.append(self._stopwatch())
+        assemble_ms, solve_ms = np.diff(ticks_ns) / 1e6
+        return Plan(
+            waypoint_m=[(x, y) for x, y in certified.waypoint_m.tolist()],
+            status=cast("PlanStatus", solved.status),
+            min_gap_m=gap_m if math.isfinite(gap_m) else 0.0,
+            guidance_ms=guidance_ms,
+            assemble_ms=float(assemble_ms),
+            solve_ms=float(solve_ms),
+            iterations=solved.iterations,
+        )

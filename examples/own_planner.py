@@ -1,0 +1,51 @@
+"""A planner of your own in one file: who would come too near to another turns right; the slot QP keeps it safe.
+
+    cd examples
+    edc-swarm sim --planner own_planner:TurnRight
+
+It never overlaps, and it is no good planner: in dense missions UAVs circle for ever.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from edc_swarm.config import Mission
+from edc_swarm.planner import Plan, PlanRequest, Stopwatch
+from edc_swarm.planner.request import checked_arrays
+from edc_swarm.planner.safe import SafeSteps
+
+NEAR_M = 5.0
+"""Room between two discs at which UAVs begin to turn."""
+RIGHT_RAD = -np.pi / 3
+
+
+class TurnRight:
+    """Straight to the target, to the right of who is near and ahead."""
+
+    def __init__(self, mission: Mission, stopwatch: Stopwatch) -> None:
+        self._u_max_m = mission.u_max_m
+        self._safe = SafeSteps(mission.u_max_m, stopwatch)
+
+    def plan(self, request: PlanRequest) -> Plan:
+        arrays = checked_arrays(request)
+        step_m = self._straight_steps(arrays.target_m - arrays.position_m)
+        for k in range(len(step_m)):
+            if self._is_blocked(k, arrays.position_m, arrays.r_m, step_m):
+                turn = np.array([[np.cos(RIGHT_RAD), -np.sin(RIGHT_RAD)], [np.sin(RIGHT_RAD), np.cos(RIGHT_RAD)]])
+                step_m[k] = turn @ step_m[k]
+        return self._safe.plan(arrays, arrays.position_m + step_m)
+
+    def _straight_steps(self, way_m: NDArray[np.float64]) -> NDArray[np.float64]:
+        length_m = np.hypot(way_m[:, 0], way_m[:, 1])
+        return way_m * np.minimum(1.0, self._u_max_m / np.maximum(length_m, 1e-9))[:, None]
+
+    @staticmethod
+    def _is_blocked(
+        k: int, position_m: NDArray[np.float64], r_m: NDArray[np.float64], step_m: NDArray[np.float64]
+    ) -> bool:
+        to_m = position_m - position_m[k]
+        room_m = np.hypot(to_m[:, 0], to_m[:, 1]) - r_m - r_m[k]
+        ahead = to_m @ step_m[k] > 0
+        return bool((ahead & (room_m < NEAR_M)).any())
