@@ -112,12 +112,12 @@ class Head:
 
     def hulls(self, slot: int) -> dict[str, Stadium]:
         """Where every UAV not heard in `slot` can be, in roster order."""
-        heard, office = set(self.heard(slot)), self.office
-        return {
-            uav: self._knowledge.hull(uav, office.grant, office.t0, office.sent, self._rules)
-            for uav in self._roster
-            if uav not in heard
-        }
+        heard = set(self.heard(slot))
+        return {uav: self._hull(uav) for uav in self._roster if uav not in heard}
+
+    def _hull(self, uav: str) -> Stadium:
+        office = self.office
+        return self._knowledge.hull(uav, office.grant, office.t0, office.sent, self._rules)
 
     def powerless(self, slot: int) -> Report:
         """Report of a slot that ended without a quorum."""
@@ -184,6 +184,7 @@ class Head:
 
     def _report(self, slot: int, fixes: Sequence[Fix], hulls: dict[str, Stadium], plan: Plan) -> Report:
         heard = [fix.uav for fix in fixes]
+        listed = {**hulls, self._uav: self._hull(self._uav)}
         return Report(
             head=self._uav,
             slot=slot,
@@ -200,12 +201,12 @@ class Head:
             solve_ms=plan.solve_ms,
             iterations=plan.iterations,
             min_gap_m=plan.min_gap_m,
-            hull_uav=list(hulls),
-            hull_ax_m=[hull.ax_m for hull in hulls.values()],
-            hull_ay_m=[hull.ay_m for hull in hulls.values()],
-            hull_bx_m=[hull.bx_m for hull in hulls.values()],
-            hull_by_m=[hull.by_m for hull in hulls.values()],
-            hull_r_m=[hull.radius_m for hull in hulls.values()],
+            hull_uav=list(listed),
+            hull_ax_m=[hull.ax_m for hull in listed.values()],
+            hull_ay_m=[hull.ay_m for hull in listed.values()],
+            hull_bx_m=[hull.bx_m for hull in listed.values()],
+            hull_by_m=[hull.by_m for hull in listed.values()],
+            hull_r_m=[hull.radius_m for hull in listed.values()],
         )
 
 

@@ -5,7 +5,7 @@ Rules kept here (named as in ARCHITECTURE.md):
 - *heard*: a fix counts for a slot only if it is a fix of that very slot with the right grant;
 - *newest*: fixes are ordered by (slot, term), so late, duplicated or reordered ones change nothing;
 - *no fix from the future*: a fix of a slot that has not begun here waits until it has;
-- *hull*: where an unheard UAV can be, for the head of one term planning one slot;
+- *hull*: where an unheard UAV can be, for the head of one term planning one slot; known best of the term before;
 - *lost memory*: the fix of a UAV that lost its promise is not knowledge of where it is.
 """
 
@@ -46,7 +46,7 @@ class Knowledge:
         self.newest: dict[str, Fix] = {}
         self._granting: Counter[tuple[int, int, str]] = Counter()
         self._early: dict[str, Fix] = {}
-        self._relayed: dict[str, tuple[int, Stadium]] = {}
+        self._relayed: dict[str, tuple[int, int, Stadium]] = {}
 
     def hear_fix(self, fix: Fix, slot: int) -> None:
         """Take in a fix; `slot` is the receiver's own current slot."""
@@ -69,11 +69,12 @@ class Knowledge:
                 del self._granting[key]
 
     def hear_report(self, report: Report) -> None:
-        """Take in the hulls of a report of slot s: each serves like a fix of slot s."""
+        """Take in the hulls of a report, of those that its head did not hear and of the head itself."""
+        age = report.slot, report.term
         for uav, *shape in zip(report.hull_uav, *report.hull_columns, strict=False):
             known = self._relayed.get(uav)
-            if uav in self._roster and (known is None or report.slot > known[0]):
-                self._relayed[uav] = (report.slot, Stadium(*shape))
+            if uav in self._roster and (known is None or age > known[:2]):
+                self._relayed[uav] = (*age, Stadium(*shape))
 
     def begin_slot(self, slot: int) -> None:
         """Take in the fixes that were too early, now that `slot` has begun."""
@@ -116,19 +117,25 @@ class Knowledge:
         fix = self.newest.get(uav)
         if fix is not None and (fix.term, fix.head) == grant:
             return _after_own_command(fix, sent.get(uav), rules)
-        slot, known = self._last_seen(uav, rules)
-        return known.grown(rules.u_max_m * max(0, t0 + 1 - slot))
+        seen = self._seen(uav, grant[0], rules)
+        return min(
+            (place.grown(rules.u_max_m * max(0, t0 + 1 - slot)) for slot, place in seen), key=lambda hull: hull.radius_m
+        )
 
-    def _last_seen(self, uav: str, rules: HullRules) -> tuple[int, Stadium]:
-        """Slot and place at which `uav` was last known, by its own fix or by a head's report."""
-        fix = self.newest.get(uav)
-        relayed = self._relayed.get(uav)
-        if relayed is not None and (fix is None or relayed[0] > fix.slot):
-            return relayed
+    def _seen(self, uav: str, term: int, rules: HullRules) -> Iterator[tuple[int, Stadium]]:
+        """Slots at whose end `uav` was somewhere: by its own fix, by a head's report, else by the roster.
+
+        Of the term just before `term`, a report of slot s tells of the end of slot s + 1 too: no term lies
+        between, and in slot s its own head sent nobody that it lists anything but what it lists.
+        """
+        fix, relayed, entry = self.newest.get(uav), self._relayed.get(uav), self._roster[uav]
         if fix is not None:
-            return fix.slot, _about(fix, rules)
-        entry = self._roster[uav]
-        return -1, Stadium(entry.start_x_m, entry.start_y_m, entry.start_x_m, entry.start_y_m)
+            yield fix.slot, _about(fix, rules)
+        if relayed is not None:
+            slot, of_term, place = relayed
+            yield slot + (of_term + 1 == term), place
+        if fix is None and relayed is None:
+            yield -1, Stadium(entry.start_x_m, entry.start_y_m, entry.start_x_m, entry.start_y_m)
 
 
 @dataclass(frozen=True, slots=True)

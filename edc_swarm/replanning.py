@@ -109,5 +109,5 @@ def _request(recording: Recording, report: Report, fixes: list[Fix], index: dict
 
 def _hulls(recording: Recording, report: Report, index: dict[str, int]) -> Iterator[Hull]:
     for uav, ax_m, ay_m, bx_m, by_m, radius_m in zip(report.hull_uav, *report.hull_columns, strict=False):
-        if uav in index:
+        if uav in index and uav != report.head:
             yield Hull(index[uav], ax_m, ay_m, bx_m, by_m, radius_m, recording.mission.roster[index[uav]].r_m)

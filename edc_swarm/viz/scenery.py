@@ -212,7 +212,7 @@ class Scenery:
         if report is None:
             return []
         for name, ax_m, ay_m, bx_m, by_m, radius_m in zip(report.hull_uav, *report.hull_columns, strict=False):
-            if name in self._uavs:
+            if name in self._uavs and name != report.head:
                 outline = stadium((ax_m, ay_m), (bx_m, by_m), radius_m + self._uavs[name].entry.r_m)
                 shown.append(entity(name, now_ns))
                 shown[-1].lines.append(line(outline, AMBER, 3.0, closed=True))
