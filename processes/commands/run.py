@@ -84,7 +84,7 @@ def run(
             protection=protection,
         )
         report = launcher.run()
-        if output.part.exists():
+        if output.part.exists() and report.flew:
             missing = "; ".join(output.recover_part()) or "nothing is missing"
             note(f"the recorder died; recovered {output.path}: {missing}")
     _tell(report, len(mission.roster))
