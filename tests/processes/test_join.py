@@ -181,6 +181,24 @@ def test_more_than_are_left_is_refused(start, hosted):
     assert run.end().status == 1
 
 
+def test_who_is_waited_for_is_named(start, hosted):
+    """The operator says which UAVs are not there, the joiner what became of its router."""
+    run, _ = hosted(2)
+    nowhere = free_endpoint()
+    joined = start("join", nowhere)
+    assert line_with(joined, "waiting for a router") == f"waiting for a router at {nowhere} (connection refused)"
+    assert "u004, u005" in line_with(run, "to connect")
+    for command in (run, joined):
+        command.process.send_signal(signal.SIGINT)
+        assert command.end().status == 1
+
+
+def line_with(command: Started, words: str) -> str:
+    """The line with these words that a command says beside its result."""
+    assert command.process.stderr is not None
+    return next(line.strip() for line in command.process.stderr if words in line)
+
+
 def test_who_was_away_flies_what_is_left(start, hosted, tmp_path: Path):
     """Before the mission its id is issued to another; when it is back it asks again."""
     run, address = hosted(2)
