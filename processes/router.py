@@ -32,6 +32,8 @@ from processes.parent import die_with_parent
 ONE_MISSION = "mission"
 PATIENCE_S = 120.0
 """An operator that has not come by then is not waited for: it has been killed before it could say so."""
+LEAVE_S = 2 * LINGER_S
+"""After everybody's last sign: who works for an operator leaves after it, and closes slowly without a router."""
 NOTICE_S = 30.0
 """For so long whoever starts late is told that there will be no mission."""
 
@@ -103,7 +105,7 @@ def _route_one_mission(session: zenoh.Session, signals: set[signal.Signals]) -> 
     while not is_over():
         if is_stopped(LINGER_S):
             return 0
-    if operators or is_stopped(LINGER_S):  # The operator that has given up is to be the first to leave.
+    if is_stopped(LEAVE_S) or operators:
         return 0
     if not words:
         print(f"router: no operator has come within {PATIENCE_S:g} s", file=sys.stderr)
