@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import fcntl
+import socket
 import time
 from pathlib import Path
 
@@ -18,7 +19,7 @@ from edc_swarm.planner.interface import Plan, PlanRequest
 from edc_swarm.roster import complete_mission
 from edc_swarm.simulation import mission_message
 from edc_swarm.vehicle import Airframe, Promise
-from processes.address import check_endpoint, connect_endpoint, free_endpoint
+from processes.address import SILENT, check_endpoint, connect_endpoint, free_endpoint, sought_router
 from processes.clock import WallClock
 from processes.ears import MAX_TOKENS, Gate, Heard, Malformed, Postbox, Token
 from processes.faulty import Faulty
@@ -289,6 +290,15 @@ def test_addresses():
     for bad in ("foo", "tcp/localhost", "tcp/localhost:0", "tcp/localhost:99999", "udp/localhost:5"):
         with pytest.raises(InputError, match="--listen"):
             check_endpoint(bad)
+
+
+@pytest.mark.parametrize("protocol", ["tcp", "tls"])
+def test_a_router_that_does_not_answer_is_said_to_be_absent_or_silent(protocol: str):
+    """What a bare connection shows of an address with nobody, and with somebody else."""
+    with socket.create_server(("127.0.0.1", 0)) as somebody:
+        endpoint = f"{protocol}/127.0.0.1:{somebody.getsockname()[1]}"
+        assert sought_router(endpoint) == f"a router at {endpoint} ({SILENT[protocol]})"
+    assert sought_router(endpoint) == f"a router at {endpoint} (connection refused)"
 
 
 def test_a_part_that_is_being_written_is_left_alone(tmp_path: Path):

@@ -54,7 +54,9 @@ def test_before_the_mission_a_claimant_that_has_gone_leaves_its_ids(book: Claims
     book.issue(claim(ANNE, 3))
     assert book.issue(claim(BERT)) == []
     book.see_claimant(ANNE, False)
+    assert book.held == set()
     assert book.issue(claim(BERT, 2)) == ["u1", "u2"]
+    assert book.held == {"u1", "u2"}
     assert book.issue(claim(ANNE)) == ["u3"]
 
 
