@@ -165,9 +165,7 @@ def _bridged(fixes: Sequence[Fix], index: dict[str, int], unsaid: Bools, centre_
         start_m = (fix.from_x_m, fix.from_y_m) if fix.executing else (fix.waypoint_x_m, fix.waypoint_y_m)
         if first < after and _point(centre_m[after, k]) != start_m:
             lost[first:after, k] = True
-            shares = np.linspace(0.0, 1.0, after - first + 1)[1:, None]
-            centre_m[first + 1 : after + 1, k] += shares * (np.array(start_m) - centre_m[first, k])
-            centre_m[after, k] = start_m
+            centre_m[first : after + 1, k] = np.linspace(centre_m[first, k], start_m, after - first + 1)
     return lost
 
 

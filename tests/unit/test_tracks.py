@@ -1,0 +1,58 @@
+"""Where every disc was: what lost messages leave open, and what they do not."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+import pytest
+from synthetic import change, flight, parallel, recorded
+
+from edc_swarm.messages import Command, Fix, Message, Truth
+from edc_swarm.recording.tracks import Tracks, tracks_of
+
+
+def without(first: int, last: int, *kinds: type, **fields: Any) -> Tracks:
+    """Tracks of three UAVs of whose messages u1's of slots first..last are lost; `fields` change its next fix."""
+    messages = flight(parallel())
+    change(messages, {"uav": "u1", "slot": last + 1}, Fix, **fields)
+    lost = [("u1", slot, kind) for slot in range(first, last + 1) for kind in (*kinds, Command)]
+    lost.append(("u1", 8, Fix))
+    kept = [m for m in messages if (getattr(m, "uav", ""), getattr(m, "slot", 0), type(m)) not in lost]
+    return tracks_of(recorded(kept))
+
+
+@pytest.mark.parametrize(("first", "last"), [(0, 3), (3, 5)])
+def test_a_lost_way_is_flown_evenly(first: int, last: int) -> None:
+    """From where the UAV was last seen to where it is seen again, also from the start of the mission."""
+    tracks = without(first, last, Fix, Truth, from_x_m=18.0)
+    start_m, end_m = np.array([12.0, 2.0 * max(first - 1, 0)]), np.array([18.0, 2.0 * last])
+    assert tracks.centre_m.shape == (10, 3, 2)
+    assert tracks.centre_m[first : last + 2, 1] == pytest.approx(np.linspace(start_m, end_m, last - first + 2))
+    assert np.flatnonzero(tracks.lost[:, 1]).tolist() == list(range(first, last + 1))
+    assert not tracks.lost[:, [0, 2]].any()
+    assert np.isnan(tracks.true_to_m[first : last + 1, 1]).all()
+    assert np.isnan(tracks.true_from_m[first : last + 1, 1]).all()
+
+
+def test_a_truth_that_is_not_lost_is_known() -> None:
+    """The disc's way is lost, the UAV's is not."""
+    tracks = without(3, 5, Fix, from_x_m=18.0)
+    assert tracks.lost[3:6, 1].all()
+    assert tracks.true_to_m[3:6, 1, 0].tolist() == [12.5] * 3
+
+
+def test_who_holds_after_a_loss_is_at_its_waypoint() -> None:
+    """Recordings of early versions say no more."""
+    tracks = without(3, 5, Fix, Truth, executing=False, from_x_m=0.0, from_y_m=0.0, waypoint_x_m=18.0)
+    assert tracks.centre_m[6, 1].tolist() == [18.0, 12.0]
+
+
+def test_no_way_is_lost_where_only_a_repetition_is() -> None:
+    """A fix that was sent again in its slot is missing: the disc was where it was said to be."""
+    messages: list[Message] = flight(parallel())
+    for slot in range(5, 9):
+        change(messages, {"uav": "u1", "slot": slot}, Fix, seq=slot + 1, from_x_m=18.0)
+    tracks = tracks_of(recorded(messages))
+    assert not tracks.lost.any()
+    assert tracks.centre_m[5, 1].tolist() == [12.0, 8.0]
