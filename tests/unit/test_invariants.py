@@ -333,7 +333,9 @@ def died_in_slot_4() -> list[Message]:
 
 def test_a_step_accepted_in_silence_is_found_in_the_commands() -> None:
     """The next fix shows that the step was flown, and the command explains it."""
-    verdicts = results(died_in_slot_4())
+    messages = died_in_slot_4()
+    change(messages, {"uav": "u2", "slot": 6}, Command, target_y_m=9.0)
+    verdicts = results(messages)
     assert verdicts["G2"].status == "held"
     assert verdicts["G4"].status == "held"
 
@@ -373,12 +375,14 @@ def test_a_silent_step_must_be_valid_too() -> None:
 
 
 def test_the_truth_tells_of_a_last_step() -> None:
-    """A UAV whose battery ends says its truth and no fix any more."""
+    """A UAV whose battery ends says its truth and no fix any more; of two commands it tells which was flown."""
     messages = flight(parallel())
     for slot in range(4, 20):
         drop(messages, Fix, uav="u2", slot=slot)
     for slot in range(5, 20):
         drop(messages, Truth, uav="u2", slot=slot)
+    command = next(m for m in messages if isinstance(m, Command) and m.uav == "u2" and m.slot == 4)
+    messages.insert(1, msgspec.structs.replace(command, target_y_m=6.5, instance="i0b"))
     verdicts = results(messages)
     assert verdicts["G2"].status == verdicts["G4"].status == "held"
     drop(messages, Command, uav="u2", slot=4)

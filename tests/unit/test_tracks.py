@@ -56,3 +56,12 @@ def test_no_way_is_lost_where_only_a_repetition_is() -> None:
     tracks = tracks_of(recorded(messages))
     assert not tracks.lost.any()
     assert tracks.centre_m[5, 1].tolist() == [12.0, 8.0]
+
+
+def test_a_step_whose_fix_alone_is_lost_is_known_by_its_command() -> None:
+    """The command of the next step begins where it ended."""
+    messages = [m for m in flight(parallel()) if not (isinstance(m, Fix) and m.uav == "u1" and m.slot in {3, 6})]
+    for said in (messages, [m for m in messages if not isinstance(m, Truth)]):
+        tracks = tracks_of(recorded(said))
+        assert [(step.uav, step.slot, step.command.slot) for step in tracks.silent] == [(1, 3, 3), (1, 6, 6)]
+        assert not tracks.lost.any()
