@@ -630,6 +630,9 @@ def test_g5_notes_what_is_no_message(messages: list[Message]) -> None:
     assert len(check_no_loss(gather(recording)).notes) == MAX_GARBAGE_NOTES + 1
     recording.garbage.append(Garbage("/c", 0, "torn"))
     notes = check_no_loss(gather(recording)).notes
+    recording.run_end = None
+    assert check_no_loss(gather(recording)).status == "held"
+    assert compute_metrics(recording).fetched == 0
     assert notes[MAX_GARBAGE_NOTES:] == [left_out, f"not messages: {MAX_GARBAGE_NOTES + 2} in all, 21 kinds of them"]
 
 
