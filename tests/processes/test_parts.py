@@ -22,7 +22,7 @@ from processes.address import check_endpoint, connect_endpoint, free_endpoint
 from processes.clock import WallClock
 from processes.ears import MAX_TOKENS, Gate, Heard, Malformed, Postbox, Token
 from processes.faulty import Faulty
-from processes.giving_up import _router
+from processes.giving_up import _router, _word_after
 from processes.inbox import Inbox
 from processes.output import Output, salvage_parts
 from processes.peers import CHECK_AFTER_NS, Peers
@@ -79,6 +79,7 @@ def test_who_looks_on_lets_a_burst_gather(monkeypatch: pytest.MonkeyPatch):
 def test_an_operator_gives_up_where_it_would_have_operated(words: str, router: str | None):
     """However its command line is wrong otherwise; nobody else gives up anything."""
     assert _router(words.split()) == router
+    assert _word_after("--certs", [*words.split(), "--certs=a=b"]) == "a=b"
 
 
 def test_the_gate_counts_tells_and_drops():
@@ -169,7 +170,7 @@ def test_a_torn_airframe_is_refused_by_name(tmp_path: Path):
     """Nobody knows where that vehicle is."""
     create_state(tmp_path, MISSION.roster[0])
     (tmp_path / "u001.airframe").write_bytes(b'{"x_m":')
-    with pytest.raises(InputError, match="state file = .*: must be the record of an airframe"):
+    with pytest.raises(InputError, match=r"state file = .*: must be the record of an airframe"):
         UavState(tmp_path, "u001")
 
 
