@@ -129,6 +129,14 @@ def test_nothing_is_recorded_twice(watch: Watch):
     assert watch.hear(2) == [False]
 
 
+def test_what_comes_by_itself_in_the_midst_of_a_hole_leaves_both_ends(watch: Watch):
+    """They are asked for, and found."""
+    watch.hear(0, 6)
+    assert watch.hear(3) == [True]
+    assert watch.asks(GATHER_S) == [(US, Ask([Span(FIX, 1, 2), Span(FIX, 4, 5)]))]
+    assert watch.answer([(FIX, 4), (FIX, 5), (FIX, 1), (FIX, 2)]) == [4, 5, 1, 2]
+
+
 def test_what_really_was_said_twice_is_recorded_twice(watch: Watch):
     """Two messages of one number are evidence, also where the first of them was fetched."""
     watch.hear(0, 2)
@@ -215,6 +223,17 @@ def test_so_many_are_asked_at_once_and_no_more(watch: Watch):
     assert watch.asks(GATHER_S) == []
     assert watch.answer([(KEYS.fix("u0"), 0), (KEYS.fix("u0"), 2)], who=("u0", "1-x")) == [0, 2]
     assert [name for (name, _), _ in watch.asks(GATHER_S)] == [names[-1]]
+
+
+def test_who_is_not_asked_yet_takes_nobodys_turn(watch: Watch):
+    """However many holes are still being gathered."""
+    names = [f"u{number}" for number in range(MAX_AT_ONCE)]
+    watch.known.update(names)
+    watch.hear(1)
+    watch.now_s += GATHER_S
+    for name in names:
+        watch.hear(1, key=KEYS.fix(name))
+    assert [name for name, _ in watch.asks()] == [US]
 
 
 def test_holes_are_bounded(watch: Watch, monkeypatch: pytest.MonkeyPatch):
