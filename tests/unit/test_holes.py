@@ -120,13 +120,14 @@ def test_a_hole_during_an_ask_waits_for_the_answer(watch: Watch):
 
 
 def test_nothing_is_recorded_twice(watch: Watch):
-    """Neither an answer that comes twice, nor a message that comes by itself after it was fetched, or before."""
+    """Nor what nobody asked for: an answer twice, a message after it was fetched or before, keys never heard of."""
     watch.hear(0, 3)
     watch.asks(GATHER_S)
     assert watch.hear(1) == [True]
     assert watch.answer([(FIX, 1), (FIX, 2)]) == [2]
     assert watch.answer([(FIX, 1), (FIX, 2)]) == []
     assert watch.hear(2) == [False]
+    assert watch.answer([(TRUTH, 0)], [(EVENT, 0)]) == []
 
 
 def test_what_comes_by_itself_in_the_midst_of_a_hole_leaves_both_ends(watch: Watch):
