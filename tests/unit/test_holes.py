@@ -187,6 +187,15 @@ def test_instances_are_publishers_of_their_own(watch: Watch):
     assert watch.asks(GATHER_S) == [(US, Ask([Span(FIX, 1, 1)])), (("a", "2-x"), Ask([Span(FIX, 1, 1)]))]
 
 
+def test_a_hole_during_an_ask_is_asked_for_as_often_as_any(watch: Watch):
+    """A publisher that has not answered yet shows that it lives: the ask under way is the first for all of it."""
+    watch.hear(1)
+    for after_s in (GATHER_S, *WAITS_S[:2]):
+        assert watch.asks(after_s)
+    watch.hear(3)
+    assert sum(len(watch.asks(10.0)) for _ in range(2 * MAX_TRIES)) == MAX_TRIES - 1
+
+
 def test_strangers_are_not_asked_before_they_are_known(watch: Watch):
     """Nor is anybody waited for meanwhile."""
     watch.hear(1, key=KEYS.fix("z"))
