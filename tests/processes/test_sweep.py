@@ -117,9 +117,10 @@ def test_printed_command_flies_the_run_again(tmp_path: Path, expected: dict[str,
 
 
 def test_results_of_other_code_are_made_again(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    """A result is used only by the code that made it."""
+    """A result, on disk at once, is used only by the code that made it."""
     with Ledger(tmp_path) as ledger:
         sweep(RUNS[:1], ledger, Local(1))
+        assert len(lines(tmp_path)) == 1
     monkeypatch.setattr("processes.sweep.code_fingerprint", lambda: "other")
     with Ledger(tmp_path) as ledger:
         assert (ledger.results, ledger.outdated) == ({}, 1)

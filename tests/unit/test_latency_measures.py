@@ -13,6 +13,7 @@ from edc_swarm.latency.measures import Sample, sample_of
 from edc_swarm.latency.table import CellRow, flat, row_of
 from edc_swarm.links import DELAY_ERROR, DelayError
 from edc_swarm.messages import Command, Event, Fix, Report
+from edc_swarm.metrics import compute_metrics
 from processes.trials import simulate
 from tests.unit.synthetic import change, flight, parallel, recorded, straight
 
@@ -38,6 +39,14 @@ def test_ages_of_a_faultless_mission() -> None:
     assert found.command_age_ms == pytest.approx(488.0)
     assert found.fix_to_command_ms == pytest.approx(10.0)
     assert (found.held_pct, found.completed, found.broken, found.others_flew) == (0.0, True, [], 2 * 8)
+    assert found.extra_distance_pct == pytest.approx(0.0, abs=1e-9)
+    assert found.energy_kj == pytest.approx(compute_metrics(recorded(flight(parallel()))).energy_propulsion_j / 1e3)
+
+
+def test_who_stays_where_it_is_is_not_held() -> None:
+    """Nor has a record that ends before the first command an age."""
+    assert sample_of(recorded(flight([[(0.0, 0.0)] * 2, [(50.0, 0.0)] * 2]))).held_pct is None
+    assert sample_of(recorded(flight(parallel())[:1])).command_age_ms is None
 
 
 def test_a_fix_that_no_plan_counts_ages() -> None:
@@ -48,11 +57,13 @@ def test_a_fix_that_no_plan_counts_ages() -> None:
 
 
 def test_only_what_a_plan_can_have_counted_is_counted() -> None:
-    """Not a fix said again after the plan, and nothing by a head without a quorum."""
+    """The newest fix before the plan, not one said again after it, and nothing by a head without a quorum."""
     messages = flight(parallel())
     again = next(m for m in messages if isinstance(m, Fix) and (m.uav, m.slot) == ("u1", 3))
     messages.append(msgspec.structs.replace(again, sent_ns=again.sent_ns + 100_000_000, seq=99))
     assert sample_of(recorded(messages)).fix_age_ms == pytest.approx(498.0)
+    newer = [msgspec.structs.replace(again, sent_ns=again.sent_ns + 10_000_000, seq=98), *messages]
+    assert sample_of(recorded(newer)).fix_age_ms == pytest.approx(498.0 - 10.0 / (8 * 3))
     assert change(messages, {"slot": 3}, Report, status="no-quorum", grants=[]) == 1
     assert sample_of(recorded(messages)).fix_age_ms == pytest.approx(498.0 + 500.0 / 8)
 

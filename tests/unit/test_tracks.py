@@ -13,11 +13,10 @@ from edc_swarm.recording.tracks import Tracks, tracks_of
 
 
 def without(first: int, last: int, *kinds: type, **fields: Any) -> Tracks:
-    """Tracks of three UAVs of whose messages u1's of slots first..last are lost; `fields` change its next fix."""
+    """Tracks of three UAVs of whose messages u1's of slots first..last and 8 are lost; `fields` change its next fix."""
     messages = flight(parallel())
     change(messages, {"uav": "u1", "slot": last + 1}, Fix, **fields)
-    lost = [("u1", slot, kind) for slot in range(first, last + 1) for kind in (*kinds, Command)]
-    lost.append(("u1", 8, Fix))
+    lost = [("u1", slot, kind) for slot in (*range(first, last + 1), 8) for kind in (*kinds, Command)]
     kept = [m for m in messages if (getattr(m, "uav", ""), getattr(m, "slot", 0), type(m)) not in lost]
     return tracks_of(recorded(kept))
 
@@ -40,6 +39,18 @@ def test_a_truth_that_is_not_lost_is_known() -> None:
     tracks = without(3, 5, Fix, from_x_m=18.0)
     assert tracks.lost[3:6, 1].all()
     assert tracks.true_to_m[3:6, 1, 0].tolist() == [12.5] * 3
+
+
+def test_the_last_slot_may_be_known_by_its_truth_alone() -> None:
+    """Everybody fell silent in it."""
+    messages = [m for m in flight(parallel()) if not (isinstance(m, Fix) and m.slot == 8)]
+    assert tracks_of(recorded(messages)).slots == 9
+
+
+def test_who_was_never_heard_is_at_its_start() -> None:
+    """As far as anybody knows."""
+    messages = [m for m in flight(parallel()) if getattr(m, "uav", "") != "u2"]
+    assert tracks_of(recorded(messages)).centre_m[:, 2].tolist() == [[24.0, 0.0]] * 10
 
 
 def test_who_holds_after_a_loss_is_at_its_waypoint() -> None:
