@@ -20,11 +20,22 @@ from typing import Any
 import msgspec
 import pytest
 
+import edc_swarm
 from edc_swarm.config import Mission
 from edc_swarm.figures import catalogue
 from edc_swarm.sweeps import Run
 from processes.cli import main
-from processes.sweep import RUNS_FILE, Ledger, Local, SweepError, open_scheduler, sweep
+from processes.sweep import (
+    DECIDE_NO_RESULT,
+    RUNS_FILE,
+    Ledger,
+    Local,
+    SweepError,
+    code_fingerprint,
+    make,
+    open_scheduler,
+    sweep,
+)
 
 RUNS = [Run("processes.trials:fly", Mission(uavs=3, seed=seed)) for seed in range(8)]
 SWEEP = """
@@ -124,6 +135,26 @@ def test_results_of_other_code_are_made_again(tmp_path: Path, monkeypatch: pytes
     monkeypatch.setattr("processes.sweep.code_fingerprint", lambda: "other")
     with Ledger(tmp_path) as ledger:
         assert (ledger.results, ledger.outdated) == ({}, 1)
+
+
+def test_the_code_of_a_result_is_what_decides_it(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """The library but for what only judges results, each of which there is, and the measures."""
+    library, own = Path(edc_swarm.__file__).parent, tmp_path / "trials.py"
+    assert [name for name in DECIDE_NO_RESULT if not (library / name).exists()] == []
+    monkeypatch.setattr(edc_swarm, "__file__", str(tmp_path / "library" / "__init__.py"))
+    monkeypatch.setattr("processes.sweep.__file__", str(tmp_path / "sweep.py"))
+    (tmp_path / "library" / "figures").mkdir(parents=True)
+    own.touch()
+    for name, decides in (("figures/closed_loop.py", True), (DECIDE_NO_RESULT[0], False), ("../trials.py", True)):
+        before = code_fingerprint.__wrapped__()
+        (tmp_path / "library" / name).write_text("more", encoding="utf-8")
+        assert (code_fingerprint.__wrapped__() != before) is decides
+
+
+def test_a_worker_with_other_code_makes_nothing() -> None:
+    """Its result would not be the sweep's."""
+    with pytest.raises(SweepError, match="another version of edc-swarm"):
+        make(RUNS[0], "other")
 
 
 def test_failed_run_is_named_and_others_are_kept(tmp_path: Path) -> None:
