@@ -163,7 +163,7 @@ def _bridged(fixes: Sequence[Fix], index: dict[str, int], unsaid: Bools, centre_
         while first > 0 and unsaid[first - 1, k]:
             first -= 1
         start_m = (fix.from_x_m, fix.from_y_m) if fix.executing else (fix.waypoint_x_m, fix.waypoint_y_m)
-        if first < after and _point(centre_m[after, k]) != start_m:
+        if _point(centre_m[after, k]) != start_m:
             lost[first:after, k] = True
             centre_m[first : after + 1, k] = np.linspace(centre_m[first, k], start_m, after - first + 1)
     return lost

@@ -8,7 +8,7 @@ import pytest
 from edc_swarm.config import Link, Mission
 from edc_swarm.invariants import check
 from edc_swarm.latency.declared import sweep_of
-from edc_swarm.latency.findings import findings, is_safe
+from edc_swarm.latency.findings import NAMED, findings, is_safe, named
 from edc_swarm.latency.measures import Sample, sample_of
 from edc_swarm.latency.table import CellRow, flat, row_of
 from edc_swarm.links import DELAY_ERROR, DelayError
@@ -189,6 +189,29 @@ def test_up_to_a_tenth_lost_all_is_promised() -> None:
     sweep = sweep_of({"delays_ms": [0], "jitters_ms": [0], "losses": [0.1, 0.2], "uavs": [3], "repeats": 1})
     made = [row_of(sweep, "sim", cell, [sample(completed=False)]) for cell in sweep.cells]
     assert [found.kept for found in findings(made)[-2:]] == [False, None]
+
+
+def test_what_broke_is_said() -> None:
+    """Each guarantee once, in order; and holding is expected from the least delay on that fills a slot."""
+    sweep = sweep_of({"delays_ms": [0, 300, 400], "jitters_ms": [0], "losses": [0], "uavs": [3], "repeats": 1})
+    flown = [sample(broken=["G3", "G1"]), sample(completed=False, others_flew=0, broken=["G2", "G1"])]
+    made = [row_of(sweep, "sim", cell, [one]) for cell, one in zip(sweep.cells, [*flown, flown[1]], strict=True)]
+    found = findings(made)
+    assert found[0].text.endswith("broken guarantees: G1 G2 G3.")
+    assert "expected 300 ms" in found[1].text
+    assert findings(rows(sample()))[0].text.endswith("G1-G5 held in every run.")
+
+
+def test_so_many_cells_are_named() -> None:
+    """The others are counted."""
+    delays = list(range(NAMED + 2))
+    sweep = sweep_of({"delays_ms": delays, "jitters_ms": [0], "losses": [0], "uavs": [3], "repeats": 1})
+    made = [row_of(sweep, "sim", cell, [sample(completed=False)]) for cell in sweep.cells]
+    *_, told = findings(made)
+    assert named(made[NAMED - 1]) in told.text
+    assert told.text.endswith("; and 2 more.")
+    *_, told = findings(made[:NAMED])
+    assert told.text.endswith(f"{named(made[NAMED - 1])}.")
 
 
 def test_a_swarm_that_flies_where_it_should_hold() -> None:

@@ -198,6 +198,9 @@ def test_heads_and_failover() -> None:
     assert m.failover_slots == [2]
     messages[1:] = messages[:0:-1]
     assert metrics(messages).heads == m.heads
+    change(messages, {"slot": 6}, Report, slot=4)
+    assert metrics(messages).failover_slots == [0]
+    change(messages, {"slot": 4}, Report, slot=6)
     boast = next(m for m in messages if isinstance(m, Report))
     messages.append(msgspec.structs.replace(boast, head="u2", term=4, grants=["u2"]))
     messages.append(msgspec.structs.replace(boast, head="u2", term=5, status="no-quorum"))

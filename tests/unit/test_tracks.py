@@ -21,7 +21,7 @@ def without(first: int, last: int, *kinds: type, **fields: Any) -> Tracks:
     return tracks_of(recorded(kept))
 
 
-@pytest.mark.parametrize(("first", "last"), [(0, 3), (3, 5)])
+@pytest.mark.parametrize(("first", "last"), [(0, 0), (0, 3), (3, 3), (3, 5)])
 def test_a_lost_way_is_flown_evenly(first: int, last: int) -> None:
     """From where the UAV was last seen to where it is seen again, also from the start of the mission."""
     tracks = without(first, last, Fix, Truth, from_x_m=18.0)
@@ -57,6 +57,11 @@ def test_who_holds_after_a_loss_is_at_its_waypoint() -> None:
     """Recordings of early versions say no more."""
     tracks = without(3, 5, Fix, Truth, executing=False, from_x_m=0.0, from_y_m=0.0, waypoint_x_m=18.0)
     assert tracks.centre_m[6, 1].tolist() == [18.0, 12.0]
+
+
+def test_who_is_where_it_was_before_a_loss_has_stayed_there() -> None:
+    """So much is known, and judged."""
+    assert not without(3, 5, Fix, Truth, from_y_m=4.0).lost.any()
 
 
 def test_no_way_is_lost_where_only_a_repetition_is() -> None:
