@@ -276,14 +276,18 @@ def check_tables(folder: Path, rows: list[dict[str, Any]]) -> None:
         assert len(list(csv.DictReader(stream))) == catalogue.LONG_MISSION.uavs
 
 
-def test_interrupt_ends_the_workers(tmp_path: Path) -> None:
-    """Ctrl-C ends the command and its workers at once; what was made is kept."""
+@pytest.mark.parametrize("flown", [0, 1])
+def test_interrupt_ends_the_workers(tmp_path: Path, flown: int) -> None:
+    """Ctrl-C, which a terminal sends to all, ends command and workers at once, starting or flying, without a word."""
     command = [sys.executable, "-m", "processes.cli", "figures", "--only", "4b", "--jobs", "2", "--out", str(tmp_path)]
-    process = subprocess.Popen(command, stderr=subprocess.DEVNULL)
+    said = tmp_path.with_name("said")
+    with said.open("wb") as stream:
+        process = subprocess.Popen(command, stderr=stream, start_new_session=True)
     wait_for(lambda: len(children(process.pid)) >= 2, "workers")
     workers = children(process.pid)
-    time.sleep(1.0)
-    os.kill(process.pid, signal.SIGINT)
+    wait_for(lambda: len(lines(tmp_path)) >= flown, "results")
+    os.killpg(process.pid, signal.SIGINT)
     process.wait(timeout=10)
     wait_for(lambda: not any(map(alive, workers)), "workers gone", 10)
     assert process.returncode != 0
+    assert b"Traceback" not in said.read_bytes()

@@ -188,7 +188,11 @@ def test_up_to_a_tenth_lost_all_is_promised() -> None:
     """With a tenth exactly, too; beyond it nothing is."""
     sweep = sweep_of({"delays_ms": [0], "jitters_ms": [0], "losses": [0.1, 0.2], "uavs": [3], "repeats": 1})
     made = [row_of(sweep, "sim", cell, [sample(completed=False)]) for cell in sweep.cells]
-    assert [found.kept for found in findings(made)[-2:]] == [False, None]
+    promised, more = findings(made)[-2:]
+    assert (promised.kept, more.kept) == (False, None)
+    assert "0 of 1 cells. Not all in: sim" in promised.text
+    (*_, whole) = findings(rows(sample()))
+    assert whole.text.endswith("in 1 of 1 cells.")
 
 
 def test_what_broke_is_said() -> None:

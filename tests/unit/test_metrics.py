@@ -124,6 +124,7 @@ def test_makespan_begins_with_the_first_command_and_ends_for_good() -> None:
         messages[:] = [m for m in messages if not (isinstance(m, Command) and m.slot == slot + 1)]
     m = metrics(messages)
     assert m.makespan_s == pytest.approx((4 + 1 - 3) * 0.5)
+    assert m.makespan_ratio == pytest.approx(m.makespan_s * 5.0 / 4.0)
 
 
 def test_an_unfinished_mission_has_no_makespan(messages: list[Message]) -> None:
@@ -143,6 +144,15 @@ def test_the_dead_do_not_keep_a_mission_open(messages: list[Message]) -> None:
     messages.append(Event(source="operator", slot=8, kind="fault", detail="kill u2 @8"))
     m = metrics(messages)
     assert (m.completed, m.arrived, m.not_living) == (True, 2, ["u2"])
+
+
+def test_the_dead_hold_nothing_up_after_completion() -> None:
+    """From then on nobody is counted as held."""
+    longer = [[*path, *[path[-1]] * 3] for path in parallel()]
+    messages = [m for m in flight(longer) if not (getattr(m, "uav", "") == "u2" and m.slot > 7)]
+    messages.append(Event(source="operator", slot=8, kind="fault", detail="kill u2 @8"))
+    m = metrics(messages)
+    assert (m.completed, m.not_living, m.slots_held) == (True, ["u2"], 1)
 
 
 def test_held_and_missed_slots() -> None:
@@ -179,7 +189,8 @@ def test_latency_is_counted_from_the_last_fix_before_the_command(messages: list[
 def test_a_command_that_answers_no_fix_has_no_latency(messages: list[Message], again: bool) -> None:
     """A fix that was sent after the command, once or twice, is not what it answers."""
     change(messages, {"uav": "u1", "slot": 3}, Fix, sent_ns=EPOCH_NS + 4 * SLOT_NS)
-    messages += [m for m in messages if again and isinstance(m, Fix) and m.uav == "u1" and m.slot == 3]
+    fix = next(m for m in messages if isinstance(m, Fix) and m.uav == "u1" and m.slot == 3)
+    messages += [msgspec.structs.replace(fix, sent_ns=fix.sent_ns + 1)] * again
     columns = columns_of(recorded(messages))
     assert columns.command_slot.tolist() == sorted([*range(1, 10)] * 2 + [1, 2, 3, 5, 6, 7, 8, 9])
     assert set(np.round(columns.fix_to_command_ms, 6)) == {10.0}
@@ -202,9 +213,11 @@ def test_heads_and_failover() -> None:
     assert metrics(messages).failover_slots == [0]
     change(messages, {"slot": 4}, Report, slot=6)
     boast = next(m for m in messages if isinstance(m, Report))
-    messages.append(msgspec.structs.replace(boast, head="u2", term=4, grants=["u2"]))
-    messages.append(msgspec.structs.replace(boast, head="u2", term=5, status="no-quorum"))
-    assert metrics(messages).heads == m.heads
+    messages.append(msgspec.structs.replace(boast, head="u2", term=4, grants=["u2"], quorum=1))
+    before = metrics(messages)
+    messages.append(msgspec.structs.replace(boast, head="u2", term=5, status="no-quorum", plan_ms=1e6))
+    assert before.heads == metrics(messages).heads == m.heads
+    assert before.plan_ms == metrics(messages).plan_ms
 
 
 def test_what_is_recorded_twice_is_no_gap(messages: list[Message]) -> None:
@@ -257,7 +270,10 @@ def test_a_mission_without_fixes_or_of_one_uav_has_metrics() -> None:
         0,
         0,
     )
-    parked = metrics(flight([[(0.0, 0.0)] * 2]))
-    assert (parked.completed, parked.extra_distance_pct, parked.extra_distance_mean_pct) == (True, None, None)
+    parked = flight([[(0.0, 0.0)] * 2])
+    still = metrics(parked)
+    assert (still.completed, still.extra_distance_pct, still.extra_distance_mean_pct) == (True, None, None)
+    assert (still.makespan_s, still.makespan_ratio) == (0.0, None)
+    assert metrics([m for m in parked if not isinstance(m, Command)]).makespan_s is None
     alone = metrics(flight(parallel(1)))
     assert (alone.completed, alone.min_disc_gap_m, alone.min_true_distance_m) == (True, None, None)
