@@ -22,6 +22,7 @@ import pytest
 
 import edc_swarm
 from edc_swarm.config import Mission
+from edc_swarm.errors import InputError
 from edc_swarm.figures import catalogue
 from edc_swarm.sweeps import Run
 from processes.cli import main
@@ -88,6 +89,18 @@ def alive(pid: int) -> bool:
         return Path(f"/proc/{pid}/stat").read_text(encoding="utf-8").rpartition(")")[2].split()[0] != "Z"
     except FileNotFoundError:
         return False
+
+
+def deaf(pid: int) -> bool:
+    """Whether a process blocks or ignores Ctrl-C."""
+    words = Path(f"/proc/{pid}/status").read_text(encoding="utf-8").split()
+    masks = [int(words[words.index(name) + 1], 16) for name in ("SigBlk:", "SigIgn:")]
+    return any(mask >> (signal.SIGINT - 1) & 1 for mask in masks)
+
+
+def die(_mission: Mission) -> None:
+    """What the kernel does to a worker when there is no memory left."""
+    os._exit(9)
 
 
 def test_killed_sweep_continues(tmp_path: Path, expected: dict[str, Any]) -> None:
@@ -157,6 +170,13 @@ def test_a_worker_with_other_code_makes_nothing() -> None:
         make(RUNS[0], "other")
 
 
+def test_a_worker_that_dies_ends_the_sweep_with_a_word() -> None:
+    """What was made is kept, so it can be gone on with."""
+    runs = [Run(f"{__name__}:die", Mission(seed=seed)) for seed in range(2)]
+    with pytest.raises(SweepError, match="a worker process died"):
+        list(Local(2).results(runs))
+
+
 def test_failed_run_is_named_and_others_are_kept(tmp_path: Path) -> None:
     """A run that cannot be flown ends the sweep with its command; what was made stays."""
     crowded = Run("processes.trials:fly", Mission(uavs=50, area_m2=100.0))
@@ -224,6 +244,8 @@ def test_folder_of_others_is_refused(tmp_path: Path, capfd: pytest.CaptureFixtur
         fcntl.flock(held, fcntl.LOCK_EX)
         assert main(["figures", "--out", str(tmp_path)]) == 2
     assert "no other sweep" in capfd.readouterr().err
+    with Ledger(tmp_path / "mine"), pytest.raises(InputError, match="no other sweep"):
+        Ledger(tmp_path / "mine")
 
 
 @pytest.fixture
@@ -286,6 +308,7 @@ def test_interrupt_ends_the_workers(tmp_path: Path, flown: int) -> None:
     wait_for(lambda: len(children(process.pid)) >= 2, "workers")
     workers = children(process.pid)
     wait_for(lambda: len(lines(tmp_path)) >= flown, "results")
+    assert all(map(deaf, workers))
     os.killpg(process.pid, signal.SIGINT)
     process.wait(timeout=10)
     wait_for(lambda: not any(map(alive, workers)), "workers gone", 10)
