@@ -7,8 +7,8 @@ from collections.abc import Callable
 import pytest
 
 from edc_swarm.figures.catalogue import FIGURES
-from edc_swarm.figures.findings import Finding, finding
-from edc_swarm.figures.table import Row
+from edc_swarm.figures.findings import Finding, finding, grows, trend
+from edc_swarm.figures.table import Row, line
 
 CLAIMS = {figure.name: figure.claim for figure in FIGURES}
 
@@ -47,6 +47,31 @@ def test_collisions_are_judged_by_the_fitted_exponent(figure: str, power: float,
     assert any("With edc no pair overlapped in any of its 90 missions" in text for text in said.found)
 
 
+@pytest.mark.parametrize("figure", ["4a", "4b", "4c"])
+def test_without_collisions_there_is_nothing_to_fit(figure: str) -> None:
+    """That is no reproduction."""
+    said = found(figure, {"straight": lambda _x: 0.0, "paper": lambda _x: 0.0, "edc": lambda _x: 0.0}, [10, 20])
+    assert (said.verdict, said.found[0]) == ("not reproduced", "Too few collisions for a fit.")
+
+
+@pytest.mark.parametrize("power", [-2.0, -0.5])
+def test_why_the_area_does_not_count_twice(power: float) -> None:
+    """Is said where it does not; an exponent of two points has no interval."""
+    said = found("4b", {"straight": lambda x: 7e4 * x**power}, [10, 20])
+    assert said.verdict == ("reproduced" if power == -2.0 else "not reproduced")
+    assert ("no quadratic function" in " ".join(said.found)) is (power != -2.0)
+    assert said.found[0].endswith(f"to the power of {power:.2f}.")
+    assert Finding("", None, []).verdict == "not from the paper"
+
+
+def test_a_line_may_grow_by_its_fit_alone() -> None:
+    """Its ends are not clearly apart, but all its points are on a rising line."""
+    points = [Row("6a", "edc", "s", x, "y", 30, 1e-4 * x, 1e-4 * x - 1, 1e-4 * x + 1, 0, 0, 0) for x in (1, 2, 3, 4)]
+    rising = line(points, "edc")
+    assert rising is not None
+    assert (trend(rising), grows(rising)) == (0, True)
+
+
 def test_collisions_of_edc_are_not_hidden() -> None:
     """One overlapping pair in one mission is said."""
     lines = {"straight": lambda x: x**2, "paper": lambda x: x**2, "edc": lambda x: float(x == 40)}
@@ -61,6 +86,7 @@ def test_extra_distance_is_judged_by_its_trend(figure: str, slope: int, reproduc
     said = found(figure, {"edc": lambda x: 100 + slope * x, "paper": lambda _x: 0.0}, [10, 20, 40])
     assert said.reproduced is reproduced
     assert ("not what the paper says" in " ".join(said.found)) is not reproduced
+    assert f"the extra distance {'rises' if slope > 0 else 'falls'}, from" in said.found[0]
 
 
 def test_overlapping_intervals_are_no_trend() -> None:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import math
+from collections import Counter
 from typing import Any
 
 import msgspec
@@ -18,6 +19,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 from synthetic import EPOCH_NS, OFFSET_M, SLOT_NS, at, change, flight, mission_of, parallel
 
+from edc_swarm.config import NS_PER_S
 from edc_swarm.geodesy import to_wgs84
 from edc_swarm.messages import Command, Event, Fix, Message, MissionMessage, Report, Truth
 from edc_swarm.viz import Scenery, Shown, channel_of, layout, topic_of
@@ -69,6 +71,41 @@ def test_what_comes_late_takes_nothing_back(messages: list[Message]) -> None:
         scenery.advance(until_ns)
         scenes.append(scenery.advance(until_ns + SLOT_NS))
     assert scenes[0] == scenes[1] != []
+
+
+def test_each_topic_has_its_rate(messages: list[Message]) -> None:
+    """Discs twice a second, trails and the map once, what stays where it is once a minute."""
+    scenery = Scenery()
+    assert scenery.next_ns is None
+    for message in messages[:7]:
+        scenery.hear(message, EPOCH_NS)
+    assert scenery.next_ns == EPOCH_NS
+    said = [each for tick in range(122) for each in scenery.advance(EPOCH_NS + tick * SLOT_NS)]
+    counts = Counter(each.topic.removeprefix("/viz/") for each in said)
+    assert {name: counts[name] for name in ("uavs", "trails", "location/u1", "area")} == {
+        "uavs": 122,
+        "trails": 61,
+        "location/u1": 61,
+        "area": 2,
+    }
+
+
+def test_the_time_of_a_long_silence_is_not_shown(messages: list[Message]) -> None:
+    """One picture after it, not hundreds of what nobody saw."""
+    scenery = Scenery()
+    scenery.hear(messages[0], EPOCH_NS)
+    scenery.advance(EPOCH_NS)
+    for silence_ns, pictures in ((60 * NS_PER_S, 120), (61 * NS_PER_S, 1)):
+        begun_ns = scenery.next_ns
+        assert begun_ns is not None
+        said = scenery.advance(begun_ns + silence_ns - 1)
+        assert sum(each.topic == "/viz/uavs" for each in said) == pictures
+
+
+def test_a_uav_without_memory_is_shown_where_its_disc_is(messages: list[Message]) -> None:
+    """Its fix says nothing about that."""
+    change(messages, {"uav": "u1", "slot": 4}, Fix, voter=False, executing=False, waypoint_x_m=90.0)
+    assert scene(messages, "uavs", 4.9)["u1"].cylinders[0].pose.position.x == 12.0
 
 
 def test_every_scene_is_a_full_snapshot(messages: list[Message]) -> None:
