@@ -102,8 +102,64 @@ def test_execution_time_must_grow_with_both_planners() -> None:
     assert found("6b", {"paper": rising, "edc": falling}, [10, 50]).reproduced is False
 
 
+def test_why_times_do_not_grow_is_said() -> None:
+    """Where a reason is known; a line that was not timed is named, and so is the longest slot."""
+    rising, falling, slot = (lambda x: 1.0 + x), (lambda x: 100.0 - x), (lambda x: 0.002 * x)
+    reason = "edc plans slot by slot"
+    said = found("6b", {"paper": rising, "edc": falling, "edc-slot": slot}, [10, 50])
+    assert reason in said.found[-1]
+    assert "takes edc 100 ms in the mean at its worst point and 100 ms in the worst mission" in said.found[-2]
+    assert reason not in " ".join(found("6b", {"paper": rising, "edc": rising}, [10, 50]).found)
+    assert "not timed here" in found("6a", {"edc": rising}, [10, 50]).found[0]
+
+
+def test_what_the_papers_planner_flies_too_much_is_said() -> None:
+    """Less than a millimetre is nothing; without its line, or without that of edc, there is no finding."""
+    edc = {"edc": lambda x: x}
+    for paper, words in ((lambda _x: 9e-4, "no extra distance"), (lambda x: 0.01 * x, "from 0.100 to 0.400 m more")):
+        assert words in found("5a", {**edc, "paper": paper}, [10, 40]).found[-1]
+    for lines in (edc, {"paper": lambda _x: 0.0}):
+        assert found("5a", lines, [10, 40]).found[:-1] == []
+        assert found("5a", lines, [10, 40]).reproduced is None
+
+
+def test_energy_is_compared_with_the_straight_lines() -> None:
+    """At both ends of the line, and over all of the paper's."""
+    lines = {"bound": lambda _x: 100.0, "paper": lambda x: 110.0 + x, "edc": lambda x: 110.0 + 2 * x}
+    said = found("energy-plan", lines, [10, 20])
+    assert said.reproduced is True
+    assert "edc spends 30 % more than the straight lines at full speed would with 10 UAVs and 50 %" in said.found[0]
+    assert "still spends 20 to 30 % more" in said.found[1]
+    for missing in lines:
+        rest = {name: line for name, line in lines.items() if name != missing}
+        assert (found("energy-plan", rest, [10, 20]).reproduced, found("energy-plan", rest, [10, 20]).found) == (
+            None,
+            [],
+        )
+
+
+def test_energy_of_the_head_is_said() -> None:
+    """From the first point to the last."""
+    assert "costs from 1.00 to 4.00 J per mission" in found("energy-head", {"edc": lambda x: x / 10}, [10, 40]).found[0]
+    assert found("energy-head", {}, [10, 40]).found == []
+
+
+@pytest.mark.parametrize(("energy", "saves"), [(-2.0, "saves"), (2.0, "does not save")])
+def test_what_is_minimised_is_compared(energy: float, saves: str) -> None:
+    """Changes at both ends and in the mean; the mean says whether it pays."""
+    lines = {"energy": lambda x: energy * x / 10, "distance": lambda _x: 1.0, "time": lambda _x: -1.0}
+    said = found("energy-minimise", lines, [10, 20])
+    ends = f"{energy:+.1f} % (x = 10) to {2 * energy:+.1f} % (x = 20), {1.5 * energy:+.1f} % in the mean"
+    assert f"changes propulsion energy by {ends}" in said.found[0]
+    assert f"{saves} energy in the mean" in said.found[2]
+    for missing in lines:
+        rest = {name: line for name, line in lines.items() if name != missing}
+        assert found("energy-minimise", rest, [10, 20]).found == []
+
+
 def test_missions_that_did_not_end_are_said() -> None:
     """No incomplete mission passes in silence."""
     lines = {"edc": lambda x: x, "paper": lambda _x: 0.0}
     said = finding("5a", "", rows("5a", lines, [10, 20], incomplete=2))
     assert "4 of 60 missions of edc did not bring every UAV home." in said.found
+    assert "did not bring" not in " ".join(found("5a", lines, [10, 20]).found)

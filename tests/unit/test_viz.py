@@ -121,10 +121,11 @@ def test_every_scene_is_a_full_snapshot(messages: list[Message]) -> None:
 def test_discs_are_where_the_fixes_say(messages: list[Message]) -> None:
     """At a tick in mid-slot a disc is half-way along its executed step, the body at its offset in it."""
     change(messages, {"slot": 4}, Fix, waypoint_y_m=8.0, from_y_m=6.0)
+    change(messages, {"slot": 4}, Truth, to_x_m=14.5)
     messages[0] = msgspec.structs.replace(messages[0], sent_ns=EPOCH_NS + SLOT_NS // 2)
     disc, body = scene(messages, "uavs", 4.5)["u1"].cylinders
     assert (disc.pose.position.x, disc.pose.position.y, disc.size.x) == (12.0, 7.0, 10.0)
-    assert (body.pose.position.x, body.pose.position.y) == pytest.approx((12.0 + OFFSET_M[0], 7.0 + OFFSET_M[1]))
+    assert (body.pose.position.x, body.pose.position.y) == pytest.approx((13.5, 7.0 + OFFSET_M[1]))
 
 
 def test_the_head_is_marked_and_standbys_are_numbered(messages: list[Message]) -> None:
@@ -178,10 +179,38 @@ def test_trails_fade_and_commands_are_drawn(messages: list[Message]) -> None:
     (trail,) = scene(messages, "trails", 6)["u1"].lines
     alphas = [colour.a for colour in trail.colors]
     assert len(trail.points) == len(alphas) > 2
-    assert alphas == sorted(alphas)
+    assert alphas == pytest.approx([0.8 * (1 - age_s / 15) for age_s in (3, 2, 1, 0)])
     change(messages, {}, Command, speed_mps=4.0)
     (step,) = scene(messages, "commands", 3)["u1"].lines
     assert [(p.x, p.y) for p in step.points] == [at(parallel()[1], 2), at(parallel()[1], 3)]
+    assert scene(messages, "commands", 10) == {}
+
+
+def test_the_status_is_that_of_the_last_plan(messages: list[Message]) -> None:
+    """With what all who were heard have said."""
+    kept = [m for m in messages if not (isinstance(m, Fix) and m.uav == "u2")]
+    said = [each for each in shown(kept, EPOCH_NS + 9 * SLOT_NS) if each.topic == "/viz/status"]
+    assert msgspec.json.decode(said[-1].payload, type=Status) == Status(
+        slot=8,
+        term=1,
+        head="u0",
+        status="planned",
+        plan_ms=10.0,
+        plan_limit_ms=pytest.approx(300.0),
+        gap_m=pytest.approx(2.0, abs=0.1),
+        planned_gap_m=0.0,
+        gap_limit_m=0.0,
+        heard=3,
+        unheard=0,
+        arrived=2,
+        least_energy_j=5e4 - 560,
+    )
+
+
+def test_targets_are_marked(messages: list[Message]) -> None:
+    """Each with a ring about it."""
+    rings = scene(messages, "area", 1)["targets"].lines
+    assert [(ring.pose.position.x, ring.pose.position.y) for ring in rings] == [(0.0, 16.0), (12.0, 16.0), (24.0, 16.0)]
 
 
 def test_the_area_holds_all_starts_and_targets() -> None:
