@@ -9,6 +9,7 @@ from typing import Any
 
 import msgspec
 import pytest
+from foxglove_schemas_protobuf.LinePrimitive_pb2 import LinePrimitive
 from foxglove_schemas_protobuf.LocationFix_pb2 import LocationFix
 from foxglove_schemas_protobuf.Log_pb2 import Log
 from foxglove_schemas_protobuf.SceneUpdate_pb2 import SceneUpdate
@@ -26,7 +27,7 @@ from edc_swarm.viz import Scenery, Shown, channel_of, layout, topic_of
 from edc_swarm.viz.channels import Status
 from edc_swarm.viz.layout import MAP_PX, TILE_MPP
 from edc_swarm.viz.scenery import extent_m, gaps
-from edc_swarm.viz.shapes import RED, colour_of
+from edc_swarm.viz.shapes import RED, colour_of, stadium
 
 
 def shown(messages: list[Message], until_ns: int | None = None) -> list[Shown]:
@@ -123,7 +124,10 @@ def test_discs_are_where_the_fixes_say(messages: list[Message]) -> None:
     change(messages, {"slot": 4}, Fix, waypoint_y_m=8.0, from_y_m=6.0)
     change(messages, {"slot": 4}, Truth, to_x_m=14.5)
     messages[0] = msgspec.structs.replace(messages[0], sent_ns=EPOCH_NS + SLOT_NS // 2)
-    disc, body = scene(messages, "uavs", 4.5)["u1"].cylinders
+    drawn = scene(messages, "uavs", 4.5)["u1"]
+    (disc, body), (outline, *_) = drawn.cylinders, drawn.lines
+    assert [math.hypot(p.x, p.y) for p in outline.points] == pytest.approx([5.0] * len(outline.points))
+    assert outline.type == LinePrimitive.LINE_LOOP
     assert (disc.pose.position.x, disc.pose.position.y, disc.size.x) == (12.0, 7.0, 10.0)
     assert (body.pose.position.x, body.pose.position.y) == pytest.approx((13.5, 7.0 + OFFSET_M[1]))
 
@@ -174,11 +178,23 @@ def test_hulls_of_the_unheard_are_outlined_with_their_radius(messages: list[Mess
     assert scene(messages, "hulls", 3) == {}
 
 
+def test_an_outline_goes_once_round_its_segment() -> None:
+    """Wherever the segment points: to its radius beyond both ends and on both sides, in order."""
+    points = stadium((1.0, 2.0), (4.0, 6.0), 2.5)
+    along = [((x - 1) * 3 + (y - 2) * 4) / 5 for x, y in points]
+    across = [((y - 2) * 3 - (x - 1) * 4) / 5 for x, y in points]
+    assert [max(along), min(along), max(across), min(across)] == pytest.approx([7.5, -2.5, 2.5, -2.5])
+    pairs = zip(points, [*points[1:], points[0]], strict=True)
+    area_m2 = sum(a[0] * b[1] - b[0] * a[1] for a, b in pairs) / 2
+    assert 0.95 < abs(area_m2) / (5 * 5 + math.pi * 2.5**2) < 1
+
+
 def test_trails_fade_and_commands_are_drawn(messages: list[Message]) -> None:
     """A trail has one colour per point, opaque at its new end; a command is its step."""
     (trail,) = scene(messages, "trails", 6)["u1"].lines
     alphas = [colour.a for colour in trail.colors]
     assert len(trail.points) == len(alphas) > 2
+    assert trail.type == LinePrimitive.LINE_STRIP
     assert alphas == pytest.approx([0.8 * (1 - age_s / 15) for age_s in (3, 2, 1, 0)])
     change(messages, {}, Command, speed_mps=4.0)
     (step,) = scene(messages, "commands", 3)["u1"].lines
