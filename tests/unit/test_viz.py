@@ -27,7 +27,7 @@ from edc_swarm.viz import Scenery, Shown, channel_of, layout, topic_of
 from edc_swarm.viz.channels import Status
 from edc_swarm.viz.layout import MAP_PX, TILE_MPP
 from edc_swarm.viz.scenery import extent_m, gaps
-from edc_swarm.viz.shapes import RED, colour_of, stadium
+from edc_swarm.viz.shapes import RED, VERTICES, colour_of, stadium
 
 
 def shown(messages: list[Message], until_ns: int | None = None) -> list[Shown]:
@@ -186,7 +186,7 @@ def test_an_outline_goes_once_round_its_segment() -> None:
     assert [max(along), min(along), max(across), min(across)] == pytest.approx([7.5, -2.5, 2.5, -2.5])
     pairs = zip(points, [*points[1:], points[0]], strict=True)
     area_m2 = sum(a[0] * b[1] - b[0] * a[1] for a, b in pairs) / 2
-    assert 0.95 < abs(area_m2) / (5 * 5 + math.pi * 2.5**2) < 1
+    assert area_m2 == pytest.approx(5 * 5 + 2.5**2 * VERTICES / 2 * math.sin(2 * math.pi / VERTICES))
 
 
 def test_trails_fade_and_commands_are_drawn(messages: list[Message]) -> None:
@@ -234,6 +234,7 @@ def test_the_area_holds_all_starts_and_targets() -> None:
     mission = mission_of([[(-30.0, 4.0), (500.0, 4.0)]], area_m2=100.0, sent_ns=EPOCH_NS)
     fence = scene([mission], "area", 1)["geofence"].lines[0]
     assert {p.x for p in fence.points} == {-30.0, 500.0}
+    assert fence.type == LinePrimitive.LINE_LOOP
 
 
 def test_events_are_logged_with_their_source() -> None:
