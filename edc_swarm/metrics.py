@@ -266,7 +266,7 @@ def _arrival_slots(at_target: NDArray[np.bool_]) -> NDArray[np.int64]:
 
 def _makespan_s(mission: Mission, arrival: NDArray[np.int64], first: int | None) -> float | None:
     """From the start of the first commanded slot to the end of the last UAV's last motion."""
-    if first is None or not len(arrival):
+    if first is None:
         return None
     slots = int(arrival.max()) + 1 - first
     return max(0.0, slots * mission.dt_s - mission.guard_s)

@@ -253,7 +253,7 @@ class Local:
         before = set(multiprocessing.active_children())
         with ProcessPoolExecutor(jobs, mp_context=spawn, initializer=_begin_worker, initargs=(os.getpid(),)) as pool:
             try:
-                yield from _windowed(lambda run: pool.submit(make, run, code_of(run)), runs, jobs * IN_FLIGHT)
+                yield from _windowed(lambda run: _submitted(pool, run), runs, jobs * IN_FLIGHT)
             except BrokenProcessPool:
                 raise SweepError("a worker process died (out of memory?); run it again to go on") from None
             except BaseException:
@@ -274,10 +274,18 @@ def _windowed(
             pending.update((submit(run), run) for run in islice(waiting, 1))
 
 
+def _submitted(pool: ProcessPoolExecutor, run: Run) -> Future[tuple[Any, float]]:
+    """Give a run to the pool; a worker that this starts inherits that Ctrl-C is held back, from its first moment."""
+    before = signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGINT})
+    try:
+        return pool.submit(make, run, code_of(run))
+    finally:
+        signal.pthread_sigmask(signal.SIG_SETMASK, before)
+
+
 def _begin_worker(parent_pid: int) -> None:
     """End with the command, which alone hears Ctrl-C."""
     die_with_parent(parent_pid)
-    signal.signal(signal.SIGINT, signal.SIG_IGN)
 
 
 def _end(pool: ProcessPoolExecutor, workers: Iterable[BaseProcess]) -> None:

@@ -137,12 +137,11 @@ def test_nobody_is_waited_for_when_all_are_in() -> None:
 
 def test_too_few_commands_for_the_longest_way() -> None:
     """A way of 40 steps needs as many commands in time within the limit."""
-    mission = Mission(
-        uavs=1,
-        roster=[
-            RosterEntry(uav="a", start_x_m=0, start_y_m=0, target_x_m=100, target_y_m=0, r_m=1, body_m=1, energy_j=1)
-        ],
-    )
+    roster = [
+        RosterEntry(uav=uav, start_x_m=0, start_y_m=y_m, target_x_m=x_m, target_y_m=y_m, r_m=1, body_m=1, energy_j=1)
+        for uav, x_m, y_m in (("a", 100, 0), ("b", 5, 50))
+    ]
+    mission = Mission(uavs=2, roster=roster)
     assert starves(mission, 0.1, 399)
     assert not starves(mission, 0.1, 401)
 
