@@ -222,7 +222,7 @@ class Local:
             return
         spawn = multiprocessing.get_context("spawn")
         before = set(multiprocessing.active_children())
-        with ProcessPoolExecutor(jobs, mp_context=spawn, initializer=_begin_worker, initargs=(os.getpid(),)) as pool:
+        with ProcessPoolExecutor(jobs, mp_context=spawn, initializer=begin_worker, initargs=(os.getpid(),)) as pool:
             try:
                 yield from _windowed(lambda run: pool.submit(make, run, code_fingerprint()), runs, jobs * IN_FLIGHT)
             except BrokenProcessPool:
@@ -245,7 +245,7 @@ def _windowed(
             pending.update((submit(run), run) for run in islice(waiting, 1))
 
 
-def _begin_worker(parent_pid: int) -> None:
+def begin_worker(parent_pid: int) -> None:
     """End with the command, which alone hears Ctrl-C."""
     die_with_parent(parent_pid)
     signal.signal(signal.SIGINT, signal.SIG_IGN)
