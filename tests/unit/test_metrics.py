@@ -14,6 +14,7 @@ from edc_swarm.energy import propulsion_power_w
 from edc_swarm.errors import RecordingError
 from edc_swarm.messages import Command, Event, Fix, Message, Report, Truth
 from edc_swarm.metrics import HeadTerm, Metrics, Timing, columns_of, compute_metrics, load_timings
+from edc_swarm.tables import metric_rows
 
 PROMISED = {
     "heads",
@@ -78,6 +79,15 @@ def test_a_straight_mission(messages: list[Message]) -> None:
     assert m.makespan_ratio == pytest.approx(4.0 / (16.0 / 5.0))
     assert (m.slots_held, m.slots_missed, m.gaps, m.ticks_late_pct) == (0, 0, 0, 0.0)
     assert m.messages == len(messages)
+
+
+def test_faults_that_came_to_nothing() -> None:
+    """One whose target nobody was, and one that was to come after the end; not one that was injected."""
+    messages = flight(parallel(), fault=["kill head @0", "heal @8", "heal @9", "kill u1 @20s"])
+    messages.append(Event(source="operator", slot=0, kind="fault-without-target", detail="kill head @0s"))
+    assert metrics(messages).faults_undone == ["kill head @0s", "heal @4.5s", "kill u1 @20s"]
+    assert ("faults not done", "kill head @0s; heal @4.5s; kill u1 @20s") in metric_rows(metrics(messages))
+    assert "faults not done" not in dict(metric_rows(metrics(flight(parallel()))))
 
 
 def test_energy_is_the_power_curve_over_the_flight(messages: list[Message]) -> None:
