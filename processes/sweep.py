@@ -251,7 +251,7 @@ class Local:
             return
         spawn = multiprocessing.get_context("spawn")
         before = set(multiprocessing.active_children())
-        with ProcessPoolExecutor(jobs, mp_context=spawn, initializer=_begin_worker, initargs=(os.getpid(),)) as pool:
+        with ProcessPoolExecutor(jobs, mp_context=spawn, initializer=begin_worker, initargs=(os.getpid(),)) as pool:
             try:
                 yield from _windowed(lambda run: _submitted(pool, run), runs, jobs * IN_FLIGHT)
             except BrokenProcessPool:
@@ -275,15 +275,21 @@ def _windowed(
 
 
 def _submitted(pool: ProcessPoolExecutor, run: Run) -> Future[tuple[Any, float]]:
-    """Give a run to the pool; a worker that this starts inherits that Ctrl-C is held back, from its first moment."""
+    with interrupt_held_back():
+        return pool.submit(make, run, code_of(run))
+
+
+@contextmanager
+def interrupt_held_back() -> Iterator[None]:
+    """Hold Ctrl-C back: workers that are started meanwhile inherit that, and are deaf to it from their first moment."""
     before = signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGINT})
     try:
-        return pool.submit(make, run, code_of(run))
+        yield
     finally:
         signal.pthread_sigmask(signal.SIG_SETMASK, before)
 
 
-def _begin_worker(parent_pid: int) -> None:
+def begin_worker(parent_pid: int) -> None:
     """End with the command, which alone hears Ctrl-C."""
     die_with_parent(parent_pid)
 

@@ -83,6 +83,15 @@ def test_a_straight_mission(messages: list[Message]) -> None:
     assert m.plan_ms == Quantiles(6.0, pytest.approx(9.92), 10.0)
 
 
+def test_faults_that_came_to_nothing() -> None:
+    """One whose target nobody was, and one that was to come after the end; not one that was injected."""
+    messages = flight(parallel(), fault=["kill head @0", "heal @8", "heal @9", "kill u1 @20s"])
+    messages.append(Event(source="operator", slot=0, kind="fault-without-target", detail="kill head @0s"))
+    assert metrics(messages).faults_undone == ["kill head @0s", "heal @4.5s", "kill u1 @20s"]
+    assert ("faults not done", "kill head @0s; heal @4.5s; kill u1 @20s") in metric_rows(metrics(messages))
+    assert "faults not done" not in dict(metric_rows(metrics(flight(parallel()))))
+
+
 def test_energy_is_the_power_curve_over_the_flight(messages: list[Message]) -> None:
     """4 m/s for 4 s each, against the same way at 5 m/s."""
     m, model = metrics(messages), EnergyModel()
