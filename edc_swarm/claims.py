@@ -100,6 +100,11 @@ class Claims:
         """The ids of a claimant."""
         return [uav for uav, holder in self._holder.items() if holder == claimant]
 
+    @property
+    def held(self) -> set[str]:
+        """The ids of claimants that are there."""
+        return {uav for uav, holder in self._holder.items() if holder in self._there}
+
     def free(self, among: Sequence[str] = ()) -> list[str]:
         """The ids that can be issued, of those in `among` if there are any.
 

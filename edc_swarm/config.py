@@ -109,7 +109,7 @@ class Link(Struct, frozen=True, kw_only=True):
     """Quality of the directed links from `sender` to `receiver` ("*" is every UAV).
 
     Delay is in milliseconds of wall time. `distribution` shapes the jitter: `constant` adds none,
-    `uniform` adds U(0, jitter), `normal` adds |N(0, jitter)| truncated at three jitters,
+    `uniform` adds U(0, jitter), `normal` adds |N(0, jitter)| clipped at three jitters,
     `lognormal` adds a lognormal of median `jitter`/2. Loss is independent with probability
     `loss`, or bursty (Gilbert-Elliott) when `burst_enter` > 0: the link enters its bad state with
     that probability per message, leaves it with `burst_leave`, and loses `burst_loss` there. A message

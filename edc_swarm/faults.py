@@ -12,9 +12,13 @@
     gps TARGET MODEL @WHEN
     slow TARGET MS @WHEN [for D]            the solver takes MS longer
 
-TARGET is an id, `head` or `standby`, for the first four also `recorder` or `router`. A group is
-`halves` (either side), `rest`, `head`, `standby` or ids joined by commas; A and B are ids or `*`.
-WHEN and D are slots, or seconds of mission time with an `s`: `@10`, `@5s`, `for 4`, `for 2.5s`.
+TARGET is an id, `head` or `standby`, for the first four also `router` or, with real processes,
+`recorder`, which is not restarted. LEFT|RIGHT is `halves`, or two groups: `rest` (one of them), or ids,
+`head`, `standby` joined by commas; A and B are ids, `head`, `standby` or `*`. WHEN and D are slots, or
+seconds of mission time with an `s`: `@10`, `@5s`, `for 4`, `for 2.5s`. Without `for` it is for good.
+Of freezes that overlap the longest counts. A `link` replaces what those links did before: what it does
+not say is 0. A fault whose target nobody is at its time does nothing, and the record says so (event
+`fault-without-target`; what was done when is in the events `fault`, with ids in place of words).
 `mid-step` stops the process between two effects of one step; it is honoured by the simulator, where
 such a moment can be aimed at, and is an ordinary kill or freeze for real processes.
 """
@@ -42,10 +46,29 @@ WORDS = {
 """What a fault may name besides the UAVs of the roster."""
 LASTING_VERBS = frozenset({"kill", "freeze", "partition", "link", "slow"})
 """Faults that may end by themselves, `for D`."""
+WITHOUT_TARGET = "fault-without-target"
+"""Kind of the event that tells of a fault whose target nobody is."""
 MOST = 1e9
 """Largest time in seconds and largest quantity in a fault."""
 MOST_DRIFT_PPM = 500_000.0
 USAGE = "a fault such as 'kill head @10', 'freeze u003 @5s for 2s' or 'partition halves @10 for 20'"
+FORMS = {
+    "kill": "kill TARGET [mid-step] @WHEN [for D]",
+    "restart": "restart TARGET [lose-memory] @WHEN",
+    "freeze": "freeze TARGET [mid-step] @WHEN [for D]",
+    "resume": "resume TARGET @WHEN",
+    "partition": "partition LEFT|RIGHT @WHEN [for D] or partition LEFT>RIGHT @WHEN [for D]",
+    "heal": "heal @WHEN",
+    "link": "link A>B [delay MS] [jitter MS] [loss P] [duplicate P] [reorder P] [range M] @WHEN [for D]",
+    "clock": "clock TARGET [offset MS] [drift PPM] @WHEN",
+    "gps": "gps TARGET MODEL @WHEN",
+    "slow": "slow TARGET MS @WHEN [for D]",
+}
+"""What is said of a fault that cannot be read, by its verb."""
+
+
+class _UnreadableError(ValueError):
+    """Why, in words for the user."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -105,11 +128,13 @@ def parse_fault(text: str, dt_s: float) -> Fault:
         With the text and what would have been accepted.
     """
     words = text.split()
+    form = FORMS.get(words[0], USAGE) if words else USAGE
     try:
-        fault = _parse_words(words, dt_s)
-    except (ValueError, IndexError, KeyError) as error:
-        raise MissionError("fault", text, f"{USAGE} ({error or 'incomplete'})") from None
-    return fault
+        return _parse_words(words, dt_s)
+    except _UnreadableError as error:
+        raise MissionError("fault", text, f"{form} ({error})") from None
+    except (ValueError, IndexError, KeyError):
+        raise MissionError("fault", text, form) from None
 
 
 def parse_faults(mission: Mission) -> list[Fault]:
@@ -126,7 +151,7 @@ def parse_faults(mission: Mission) -> list[Fault]:
         fault = parse_fault(text, mission.dt_s)
         for name in (*fault.left, *fault.right):
             if name not in roster | WORDS.get(fault.verb, frozenset()):
-                raise MissionError("fault", text, f"about a UAV of the roster, which {name} is not")
+                raise MissionError("fault", text, f"about a UAV of the roster, which {name!r} is not")
         faults.append(fault)
     return sorted(faults, key=lambda fault: fault.at_s)
 
@@ -154,35 +179,41 @@ def _resolved(names: tuple[str, ...], head: str, standbys: Sequence[str]) -> tup
 def _parse_words(words: list[str], dt_s: float) -> Fault:
     verb, rest = words[0], words[1:]
     if verb not in _READERS:
-        raise ValueError(f"unknown fault {verb}")
+        raise _UnreadableError(f"unknown fault {verb}")
     when = next((i for i, word in enumerate(rest) if word.startswith("@")), None)
     if when is None:
-        raise ValueError("no @WHEN")
+        raise _UnreadableError("no @WHEN")
     tail = rest[when + 1 :]
     for_s = math.inf
     if tail:
         if tail[0] != "for" or len(tail) != 2 or verb not in LASTING_VERBS:
-            raise ValueError(f"unexpected {' '.join(tail)}")
+            raise _UnreadableError(f"unexpected {' '.join(tail)}")
         for_s = _seconds(tail[1], dt_s)
     fault = _READERS[verb](verb, rest[:when])
     return replace(fault, at_s=_seconds(rest[when][1:], dt_s), for_s=for_s)
 
 
 def _seconds(text: str, dt_s: float) -> float:
-    value = float(text[:-1]) if text.endswith("s") else float(text) * dt_s
-    return _finite(value)
+    return _bounded(_number(text[:-1]) if text.endswith("s") else _number(text) * dt_s)
 
 
-def _finite(value: float) -> float:
+def _bounded(value: float) -> float:
     if not 0 <= value <= MOST:
-        raise ValueError(f"a time or quantity must be from 0 to {MOST:g}")
+        raise _UnreadableError(f"a time or quantity must be from 0 to {MOST:g}")
     return value
+
+
+def _number(text: str) -> float:
+    try:
+        return float(text)
+    except ValueError:
+        raise _UnreadableError(f"{text!r} is no number") from None
 
 
 def _read_process(verb: str, words: list[str]) -> Fault:
     allowed = {"kill": "mid-step", "freeze": "mid-step", "restart": "lose-memory"}.get(verb)
     if any(flag != allowed for flag in words[1:]):
-        raise ValueError(f"{verb} takes a target and {allowed or 'nothing more'}")
+        raise ValueError
     return Fault(verb, (words[0],), flags=tuple(words[1:]))
 
 
@@ -194,13 +225,13 @@ def _read_partition(verb: str, words: list[str]) -> Fault:
     left, right = groups.split(">" if one_way else "|")
     names = left.split(","), right.split(",")
     if HALVES in (*names[0], *names[1]) or (REST in (*names[0], *names[1]) and (names.count([REST]) != 1)):
-        raise ValueError("halves stands alone, and rest is one whole group of the two")
+        raise _UnreadableError("halves stands alone, and rest is one whole group of the two")
     return Fault(verb, tuple(names[0]), tuple(names[1]), ("one-way",) if one_way else ())
 
 
 def _read_heal(verb: str, words: list[str]) -> Fault:
     if words:
-        raise ValueError("heal takes no target")
+        raise ValueError
     return Fault(verb)
 
 
@@ -209,32 +240,34 @@ def _read_link(verb: str, words: list[str]) -> Fault:
     fields = {"delay": "delay_ms", "jitter": "jitter_ms", "range": "range_m"}
     pairs = list(zip(words[1::2], words[2::2], strict=True))
     if any(name not in LINK_WORDS for name, _ in pairs):
-        raise ValueError(f"a link takes {', '.join(LINK_WORDS)}")
-    numbers = tuple((fields.get(name, name), _finite(float(value))) for name, value in pairs)
+        raise ValueError
+    numbers = tuple((fields.get(name, name), _bounded(_number(value))) for name, value in pairs)
     if any(value > 1 for name, value in numbers if name not in fields.values()):
-        raise ValueError("a probability is at most 1")
+        raise _UnreadableError("a probability is at most 1")
     return Fault(verb, (sender,), (receiver,), numbers=numbers)
 
 
 def _read_clock(verb: str, words: list[str]) -> Fault:
     fields = {"offset": "offset_ms", "drift": "drift_ppm"}
-    numbers = tuple((fields[name], float(value)) for name, value in zip(words[1::2], words[2::2], strict=True))
+    numbers = tuple((fields[name], _number(value)) for name, value in zip(words[1::2], words[2::2], strict=True))
     most = {"offset_ms": MOST, "drift_ppm": MOST_DRIFT_PPM}
     if not numbers or not all(abs(value) <= most[name] for name, value in numbers):
-        raise ValueError(f"clock takes offset MS up to {MOST:g} and drift PPM up to {MOST_DRIFT_PPM:g}, either way")
+        raise _UnreadableError(
+            f"clock takes offset MS up to {MOST:g} and drift PPM up to {MOST_DRIFT_PPM:g}, either way"
+        )
     return Fault(verb, (words[0],), numbers=numbers)
 
 
 def _read_gps(verb: str, words: list[str]) -> Fault:
     target, model = words
     if model not in {"none", "bias", "white", "gauss-markov"}:
-        raise ValueError("gps takes none, bias, white or gauss-markov")
+        raise _UnreadableError("gps takes none, bias, white or gauss-markov")
     return Fault(verb, (target,), flags=(model,))
 
 
 def _read_slow(verb: str, words: list[str]) -> Fault:
     target, by_ms = words
-    return Fault(verb, (target,), numbers=(("by_ms", _finite(float(by_ms))),))
+    return Fault(verb, (target,), numbers=(("by_ms", _bounded(_number(by_ms))),))
 
 
 _READERS: dict[str, Callable[[str, list[str]], Fault]] = {

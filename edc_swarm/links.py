@@ -26,7 +26,7 @@ NS_PER_MS = 1_000_000
 ANYONE = "*"
 DELAY_ERROR = "delay-error"
 """Kind of the event with which a UAV process tells its `DelayError` at its end."""
-TRUNCATED_AT = 3.0
+CLIPPED_AT = 3.0
 """A normal jitter is at most this many standard deviations."""
 
 MAX_CHANGES = MAX_LINKS + MAX_FAULTS
@@ -179,7 +179,7 @@ def _jitter_ms(rule: Link, random: Random) -> float:
         case "uniform":
             return random.uniform(0.0, jitter_ms)
         case "normal":
-            return min(abs(random.gauss(0.0, jitter_ms)), TRUNCATED_AT * jitter_ms)
+            return min(abs(random.gauss(0.0, jitter_ms)), CLIPPED_AT * jitter_ms)
         case "lognormal":
             return 0.5 * jitter_ms * random.lognormvariate(0.0, 1.0)
 

@@ -19,9 +19,10 @@ import numpy as np
 from msgspec import Struct
 from numpy.typing import NDArray
 
-from edc_swarm.config import ARRIVED_M, Mission
+from edc_swarm.config import ARRIVED_M, OPERATOR, Mission
 from edc_swarm.energy import compute_energy_j, propulsion_power_w, propulsion_powers_w
 from edc_swarm.errors import RecordingError
+from edc_swarm.faults import WITHOUT_TARGET, parse_faults
 from edc_swarm.messages import Report
 from edc_swarm.recording import Recording, fetched_count, find_gaps
 from edc_swarm.recording.living import alive_in, living_at_end
@@ -98,6 +99,7 @@ class Metrics(Struct, frozen=True, kw_only=True):
     fetched: int
     heads: list[HeadTerm]
     failover_slots: list[int]
+    faults_undone: list[str]
 
 
 @dataclass(frozen=True, slots=True)
@@ -223,7 +225,13 @@ def compute_metrics(recording: Recording, timings: Sequence[Timing] = ()) -> Met
         fetched=fetched_count(recording),
         heads=heads,
         failover_slots=[max(0, new.first_slot - old.last_slot - 1) for old, new in pairwise(heads)],
+        faults_undone=_faults_undone(recording, mission.dt_s * slots),
     )
+
+
+def _faults_undone(recording: Recording, duration_s: float) -> list[str]:
+    aimless = [event.detail for event in recording.events if event.kind == WITHOUT_TARGET and event.source == OPERATOR]
+    return aimless + [str(fault) for fault in parse_faults(recording.mission) if fault.at_s >= duration_s]
 
 
 def _columns(recording: Recording, tracks: Tracks, living: NDArray[np.bool_], timings: Sequence[Timing]) -> Columns:
@@ -266,7 +274,7 @@ def _arrival_slots(at_target: NDArray[np.bool_]) -> NDArray[np.int64]:
 
 def _makespan_s(mission: Mission, arrival: NDArray[np.int64], first: int | None) -> float | None:
     """From the start of the first commanded slot to the end of the last UAV's last motion."""
-    if first is None or not len(arrival):
+    if first is None:
         return None
     slots = int(arrival.max()) + 1 - first
     return max(0.0, slots * mission.dt_s - mission.guard_s)

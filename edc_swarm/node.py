@@ -12,7 +12,8 @@ A slot, from inside (the rules are named in ARCHITECTURE.md):
 2. a head collects fixes until all are in, or until `tau_s`, or until the quorum completes, plans the
    next slot once, publishes a command per heard UAV, then the report;
 3. messages may change the grant or the suspicion: then the promise is persisted and the fix is sent
-   again within the slot.
+   again within the slot. So it is, half of `tau_s` into the slot, by whoever should have had a command
+   and has none: what is lost is likely to be lost again, and a head without a quorum of fixes is none.
 """
 
 from __future__ import annotations
@@ -184,6 +185,7 @@ class UavNode:
         self._planner_wanted = False
         self._candidate = grant[0] == 0 and uav in startup_candidates(mission)
         self._office_ns = 0
+        self._again_ns: int | None = None
         self._held_slots = 0
         self._late_ticks = 0
         self._clock_reported: set[str] = set()
@@ -209,13 +211,14 @@ class UavNode:
 
     def wakeup_ns(self, now_ns: int) -> int:
         """When to send the next `Tick`, in nanoseconds of the clock of `step`."""
-        next_slot_ns = self._start_ns(self._slot_at(now_ns) + 1)
         if self._own is not None or self._plan_due(now_ns):
             return now_ns
-        if not self._collecting():
-            return next_slot_ns
-        deadline_ns = self._deadline_ns()
-        return min(next_slot_ns, deadline_ns) if now_ns < deadline_ns else next_slot_ns
+        due_ns = [self._start_ns(self._slot_at(now_ns) + 1)]
+        if self._again_ns is not None:
+            due_ns.append(max(self._again_ns, now_ns))
+        if self._collecting() and now_ns < self._deadline_ns():
+            due_ns.append(self._deadline_ns())
+        return min(due_ns)
 
     def step(self, event: NodeEvent, now_ns: int) -> list[Effect]:
         """Take in one event at `now_ns` (wall nanoseconds of the own clock); effects in order.
@@ -238,13 +241,19 @@ class UavNode:
                 self._planner = planner
             case GpsChanged(model):
                 self._vehicle.use_gps_model(model)
-            case Tick():
-                if not began and self._planner is not None and self._plan_due(now_ns):
-                    self._plan(self._planner)
+            case Tick() if not began:
+                self._do_due(now_ns)
         self._settle(now_ns)
         self._tell_wishes()
         out, self._out = self._out, []
         return out
+
+    def _do_due(self, now_ns: int) -> None:
+        if self._planner is not None and self._plan_due(now_ns):
+            self._plan(self._planner)
+        elif self._again_ns is not None and now_ns >= self._again_ns:
+            self._again_ns = None
+            self._say(now_ns, with_truth=False)
 
     def event(self, kind: str, detail: str = "") -> Publish:
         """An event of this UAV, stamped, for what only the shell can see."""
@@ -263,11 +272,19 @@ class UavNode:
         self._fly(slot, late)
         self._knowledge.begin_slot(slot)
         self._election.begin_slot(slot)
-        if self._vehicle.energy_j <= 0.0:
+        exhausted = self._vehicle.energy_j <= 0.0
+        again = self._lacks_command() and not exhausted
+        self._again_ns = self._start_ns(slot) + self._tau_ns // 2 if again else None
+        if exhausted:
             self._end()
         else:
             self._say(now_ns, with_truth=True)
         return True
+
+    def _lacks_command(self) -> bool:
+        """Whether a head was granted in an earlier slot already, and there is no command of it to fly in this one."""
+        known = self._said is not None and self._said[0] == self.grant
+        return known and self.grant[0] > 0 and self._flown is None
 
     def _fly(self, slot: int, late: bool) -> None:
         """Validity: execute the pending command of this slot, or hold."""

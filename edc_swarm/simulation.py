@@ -19,8 +19,8 @@ from random import Random
 
 import msgspec
 
-from edc_swarm.config import NS_PER_S, OPERATOR, ROUTER, Mission
-from edc_swarm.faults import Fault, parse_faults, resolve
+from edc_swarm.config import NS_PER_S, OPERATOR, RECORDER, ROUTER, Mission
+from edc_swarm.faults import WITHOUT_TARGET, Fault, parse_faults, resolve
 from edc_swarm.links import LinkEmulator, cut_pair, have_range, mission_s
 from edc_swarm.messages import Command, Event, Fix, Keys, Message, MissionMessage, Report, Truth
 from edc_swarm.node import (
@@ -85,6 +85,7 @@ class Computer:
     node: UavNode | None = None
     lives: int = 0
     frozen: bool = False
+    frozen_until_ns: int = 0
     backlog: list[NodeEvent] = field(default_factory=list)
     stopped_effects: list[Effect] = field(default_factory=list)
     stop_mid_step: Fault | None = None
@@ -260,12 +261,22 @@ class Simulation:
         self._at(self._now_ns + HINT_NS, partial(self._hint, computer, computer.lives))
 
     def _freeze(self, computer: Computer, fault: Fault) -> None:
-        if computer.node is None or computer.frozen:
+        if computer.node is None:
             return
-        computer.frozen = True
-        self._at(self._now_ns + LEASE_NS, partial(self._hint, computer, computer.lives))
+        until_ns = 1 << 62
         if fault.for_s < float("inf"):
-            self._at(self._now_ns + self._ns_of(fault.for_s) - self.mission.epoch_ns, partial(self._resume, computer))
+            until_ns = self._now_ns + self._ns_of(fault.for_s) - self.mission.epoch_ns
+            self._at(until_ns, partial(self._thaw, computer))
+        if computer.frozen:
+            computer.frozen_until_ns = max(computer.frozen_until_ns, until_ns)
+            return
+        computer.frozen, computer.frozen_until_ns = True, until_ns
+        self._at(self._now_ns + LEASE_NS, partial(self._hint, computer, computer.lives))
+
+    def _thaw(self, computer: Computer) -> None:
+        """One freeze is over: go on unless another lasts."""
+        if self._now_ns >= computer.frozen_until_ns:
+            self._resume(computer)
 
     def _resume(self, computer: Computer) -> None:
         """Go on where it stopped: the rest of the broken-off step, then what has queued up."""
@@ -417,8 +428,8 @@ class Simulation:
 
     def _inject(self, fault: Fault) -> None:
         concrete = resolve(fault, self.monitor.head, self.monitor.standbys, self._roster)
-        if concrete is None:
-            self._publish_event("fault-without-target", str(fault))
+        if concrete is None or RECORDER in concrete.left:
+            self._publish_event(WITHOUT_TARGET, str(fault))
             return
         self._publish_event("fault", str(concrete))
         getattr(self, f"_do_{concrete.verb}")(concrete)

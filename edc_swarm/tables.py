@@ -11,6 +11,7 @@ def metric_rows(m: Metrics) -> list[tuple[str, str]]:
     """Name and value of everything that is told of a run."""
     heads = ", ".join(f"{h.head} (term {h.term}, slots {h.first_slot}-{h.last_slot})" for h in m.heads[:MAX_HEADS])
     away = f"; not living: {', '.join(m.not_living)}" if m.not_living else ""
+    undone = [("faults not done", "; ".join(m.faults_undone))] if m.faults_undone else []
     return [
         ("arrived", f"{m.arrived} of {m.uavs}{away}"),
         ("slots", f"{m.slots} ({m.duration_s:g} s), {m.slots_missed} without commands"),
@@ -27,6 +28,7 @@ def metric_rows(m: Metrics) -> list[tuple[str, str]]:
         ("fix to command", _quantiles(m.fix_to_command_ms)),
         ("late ticks", f"{m.ticks_late_pct:.2f} %"),
         ("messages", f"{m.messages}, {m.gaps} gaps" + (f", {m.fetched} fetched again" if m.fetched else "")),
+        *undone,
     ]
 
 

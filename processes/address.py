@@ -8,6 +8,11 @@ import socket
 from edc_swarm.errors import InputError
 
 FREE = " with a port that is free"
+PROBE_S = 1.0
+SILENT = {
+    "tcp": "something listens there and does not answer: one that is secured takes tls/HOST:PORT and --certs",
+    "tls": "something listens there and does not answer, or not to these certificates",
+}
 
 
 def free_endpoint(protocol: str = "tcp") -> str:
@@ -36,6 +41,18 @@ def check_endpoint(endpoint: str, protocol: str = "tcp") -> None:
     except OSError as error:
         allowed = f"{protocol}/HOST:PORT{FREE} ({(error.strerror or str(error)).lower()})"
         raise InputError("--listen", endpoint, allowed) from None
+
+
+def sought_router(endpoint: str) -> str:
+    """A router that does not answer, and why, as far as a bare connection shows it."""
+    protocol, _, address = endpoint.partition("/")
+    host, _, port = address.rpartition(":")
+    try:
+        socket.create_connection((host.strip("[]"), int(port)), PROBE_S).close()
+        why = SILENT[protocol]
+    except OSError as error:
+        why = (error.strerror or str(error)).lower()
+    return f"a router at {endpoint} ({why})"
 
 
 def advertised_endpoint(listen: str) -> str:

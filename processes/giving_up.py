@@ -8,6 +8,8 @@ others pay no heed: an operator that is tried again may still take over.
 from __future__ import annotations
 
 import os
+import signal
+import sys
 import time
 from collections.abc import Sequence
 
@@ -15,6 +17,7 @@ from edc_swarm.config import OPERATOR
 from edc_swarm.errors import InputError
 from edc_swarm.messages import PREFIX
 from processes.address import parse_endpoint
+from processes.console import BAD_INPUT
 from processes.credentials import TLS, credentials
 
 OPTION = "--operate"
@@ -27,12 +30,16 @@ HOLD_S = 2.0
 
 
 def give_up(arguments: Sequence[str]) -> None:
-    """Leave word at the router that the command line names, if it names one to operate at."""
+    """Leave word at the router that the command line names, if it names one to operate at.
+
+    Whoever is told may leave at once, and compose then ends this command too: its status stays what it was.
+    """
     endpoint = _router(arguments)
     if endpoint is None:
         return
     from processes.bus import try_client  # noqa: PLC0415  (no other command that fails needs Zenoh)
 
+    signal.signal(signal.SIGTERM, lambda *_: sys.exit(BAD_INPUT))
     own = credentials(_word_after("--certs", arguments), OPERATOR)
     end_s = time.monotonic() + TRY_FOR_S
     while (session := try_client(endpoint, own)) is None and time.monotonic() < end_s:

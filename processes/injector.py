@@ -12,7 +12,7 @@ from itertools import count
 from typing import Protocol
 
 from edc_swarm.config import NS_PER_S, RECORDER, ROUTER
-from edc_swarm.faults import PROCESS_VERBS, Fault, parse_faults, resolve
+from edc_swarm.faults import PROCESS_VERBS, WITHOUT_TARGET, Fault, parse_faults, resolve
 from edc_swarm.links import mission_s
 from edc_swarm.messages import MissionMessage
 from processes.operator import Operator
@@ -53,6 +53,7 @@ class Injector:
         self._order = count()
         self._due: list[tuple[int, int, Callable[[], None]]] = []
         self._faults = parse_faults(mission)
+        self._frozen_until_s: dict[str, float] = {}
         for fault in (fault for fault in self._faults if fault.at_s >= from_s):
             self._at(fault.at_s, partial(self._inject, fault))
 
@@ -84,7 +85,7 @@ class Injector:
         roster = [entry.uav for entry in self._mission.roster]
         concrete = resolve(fault, bus.monitor.head, bus.monitor.standbys, roster)
         if concrete is None or (concrete.verb == "restart" and concrete.target == RECORDER):
-            bus.publish_event("fault-without-target", str(fault))
+            bus.publish_event(WITHOUT_TARGET, str(fault))
             return
         bus.publish_event("fault", str(concrete))
         if concrete.verb == "freeze" or concrete.target == ROUTER:
@@ -96,6 +97,7 @@ class Injector:
         getattr(self, f"_{fault.verb}")(fault)
 
     def _kill(self, fault: Fault) -> None:
+        self._frozen_until_s.pop(fault.target, None)
         self._processes.signal(fault.target, signal.SIGKILL)
         if math.isfinite(fault.for_s):
             self._at(fault.end_s, partial(self._restart, fault))
@@ -105,12 +107,20 @@ class Injector:
             self._processes.signal(ROUTER, signal.SIGKILL)
             self._at(fault.at_s + SETTLE_S + ROUTER_OUTAGE_S, partial(self._restart, Fault("kill", (ROUTER,))))
         else:
+            self._frozen_until_s.pop(fault.target, None)
             self._processes.restart(fault.target, lose_memory="lose-memory" in fault.flags)
 
     def _freeze(self, fault: Fault) -> None:
         self._processes.signal(fault.target, signal.SIGSTOP)
+        self._frozen_until_s[fault.target] = max(self._frozen_until_s.get(fault.target, 0.0), fault.end_s)
         if math.isfinite(fault.for_s):
-            self._at(fault.end_s, partial(self._resume, fault))
+            self._at(fault.end_s, partial(self._thaw, fault))
+
+    def _thaw(self, fault: Fault) -> None:
+        """One freeze is over: go on unless another lasts."""
+        if fault.end_s >= self._frozen_until_s.get(fault.target, math.inf):
+            self._resume(fault)
 
     def _resume(self, fault: Fault) -> None:
+        self._frozen_until_s.pop(fault.target, None)
         self._processes.signal(fault.target, signal.SIGCONT)

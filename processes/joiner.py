@@ -17,6 +17,7 @@ from edc_swarm.errors import InputError, SwarmError
 from edc_swarm.messages import Event, Keys
 from edc_swarm.node import startup_candidates
 from processes import deeds, fork_source
+from processes.address import sought_router
 from processes.bus import hand_over, try_client
 from processes.children import Child, ChildExited
 from processes.claim_folder import ClaimFolder, make_state
@@ -71,7 +72,7 @@ class Joiner:
             self._session = try_client(self._endpoint, credentials(self._certs, JOIN))
             return self._session is not None
 
-        self._loop.wait(connect, f"a router at {self._endpoint}", look_every_s=LOOK_EVERY_S)
+        self._loop.wait(connect, partial(sought_router, self._endpoint), look_every_s=LOOK_EVERY_S)
         assert self._session is not None
         return self._session
 

@@ -1,7 +1,7 @@
 """Drawing latency experiments: a panel for each jitter and number of UAVs, means with their 95 % bands.
 
 The simulator's lines are whole and their markers full; those of real processes are dashed, with rings. A
-dotted line stands where two delays fill a slot.
+dotted line stands where two delays fill a slot. The title says by whom, how often and with which slot.
 """
 
 from __future__ import annotations
@@ -31,6 +31,7 @@ SMALL: Any = {"svg.fonttype": "none", "font.sans-serif": ["DejaVu Sans", "Verdan
 """Words are words in the SVG files, not outlines: half the size, for the repository."""
 DASHES = {"sim": "-", "processes": "--"}
 ENGINES = {"sim": "simulated", "processes": "real processes"}
+HOLDS = "two delays fill the slot"
 
 
 @dataclass(frozen=True, slots=True)
@@ -59,7 +60,15 @@ def draw_quantity(quantity: Quantity, axis: Axis, rows: Sequence[CellRow], stem:
                 own = [row for row in rows if (row.cell.uavs, row.cell.jitter_ms) == (count, jitter_ms)]
                 _draw_panel(axes, quantity, axis, Panel(count, jitter_ms, own))
         _finish(picture, grid, quantity, axis)
+        picture.suptitle(_what_was_flown(rows), fontsize=8)
         save(picture, stem)
+
+
+def _what_was_flown(rows: Sequence[CellRow]) -> str:
+    engines = " and ".join(ENGINES[engine] for engine in dict.fromkeys(row.engine for row in rows))
+    least, most = (pick(row.runs - row.invalid_runs for row in rows) for pick in (min, max))
+    missions = f"{least}" if least == most else f"{least} to {most}"
+    return f"{engines}, slot {rows[0].cell.slot_s:g} s, valid missions a point: {missions}, mean and 95 % band"
 
 
 def _draw_panel(axes: Any, quantity: Quantity, axis: Axis, panel: Panel) -> None:
@@ -69,7 +78,7 @@ def _draw_panel(axes: Any, quantity: Quantity, axis: Axis, panel: Panel) -> None
             line = [row for row in panel.rows if row.engine == engine and getattr(row.cell, OTHER[axis]) == other]
             _draw_line(axes, quantity, axis, line, index)
     if axis == "delay_ms" and panel.rows:
-        axes.axvline(panel.rows[0].hold_delay_ms, color="#555555", linestyle=":", linewidth=1)
+        axes.axvline(panel.rows[0].hold_delay_ms, color="#555555", linestyle=":", linewidth=1, label=HOLDS)
     axes.set_title(f"{panel.uavs} UAVs, jitter {panel.jitter_ms:g} ms", fontsize=9, loc="left")
     values = sorted({getattr(row.cell, axis) for row in panel.rows})
     labels = [f"{100 * value if axis == 'loss' else value:g}" for value in values]

@@ -61,6 +61,7 @@ LOOK_EVERY_S = 0.1
 CLOSE_TIMEOUT_S = 1.2
 RECORDER_TIMEOUT_S = 30.0
 PORT_TRIES = 5
+MOST_NAMED = 10
 
 
 @dataclass(frozen=True, slots=True)
@@ -173,7 +174,7 @@ class Launcher:
         else:
             self._start_parts()
         self._tell_others()
-        self._loop.wait(lambda: self.bus.alive >= self._everyone(), "all to connect")
+        self._loop.wait(lambda: self.bus.alive >= self._everyone(), self._who_is_missing)
         self._connected_at_s = time.monotonic()
 
     def _start_operator(self, given: Bus) -> None:
@@ -220,6 +221,13 @@ class Launcher:
             return {RECORDER}
         parts = {RECORDER, VIZ} if self._given is not None and self._view.viz else {RECORDER, *self._viz()}
         return {*self._roster, *parts}
+
+    def _who_is_missing(self) -> str:
+        """Who must connect before the mission begins; an id can be claimed and its UAV still not be there."""
+        claimed = self.bus.claimed
+        missing = [f"{who} (claimed)" if who in claimed else who for who in sorted(self._everyone() - self.bus.alive)]
+        more = f" and {len(missing) - MOST_NAMED} more" if len(missing) > MOST_NAMED else ""
+        return f"{', '.join(missing[:MOST_NAMED])}{more} to connect"
 
     def _viz(self) -> set[str]:
         """The visualiser, while it lives."""

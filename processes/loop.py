@@ -23,6 +23,15 @@ PATIENCE_S = 4.0
 """After this long the user is told what is waited for."""
 
 
+What = str | Callable[[], str]
+"""What is waited for, in words; a function where they are best found when they are said."""
+
+
+def in_words(what: What) -> str:
+    """What is waited for, as of now."""
+    return what if isinstance(what, str) else what()
+
+
 class Interrupted(Exception):  # noqa: N818  (nothing is wrong)
     """Ctrl-C, SIGTERM or SIGHUP."""
 
@@ -55,7 +64,7 @@ class Loop:
             signal.signal(number, lambda *_: self.inbox.put_always(Interrupt()))
 
     def wait(
-        self, done: Callable[[], bool], what: str, timeout_s: float = START_TIMEOUT_S, look_every_s: float = math.inf
+        self, done: Callable[[], bool], what: What, timeout_s: float = START_TIMEOUT_S, look_every_s: float = math.inf
     ) -> None:
         """Work until `done`; after a while the user is told `what` is waited for.
 
@@ -65,9 +74,9 @@ class Loop:
         while not done():
             waited_s = time.monotonic() - start_s
             if waited_s >= timeout_s:
-                raise SwarmError(f"waited {timeout_s:g} s for {what}")
+                raise SwarmError(f"waited {timeout_s:g} s for {in_words(what)}")
             if waited_s >= PATIENCE_S and not told:
-                note(f"waiting for {what}")
+                note(f"waiting for {in_words(what)}")
                 told = True
             self.pump(min(look_every_s, (timeout_s if told else PATIENCE_S) - waited_s))
 

@@ -131,6 +131,11 @@ class Operator:
         """Ids (UAVs, the recorder) with a liveliness token."""
         return {uav for uav, _ in self._tokens}
 
+    @property
+    def claimed(self) -> set[str]:
+        """Ids that have been issued to somebody."""
+        return self._desk.claims.held
+
     def take(self, item: object) -> None:
         """Work on what the bus has handed over."""
         match item:

@@ -19,7 +19,7 @@ MAX_OPERATORS = 1000
 """Operators that are remembered: a flood of tokens fills no memory."""
 MOST_NAMED = 10
 GAVE_UP = f"{PREFIX}/-/alive/gave-up"
-"""Token of a router whose operator has ended before it had a mission."""
+"""Token of a router whose operator has ended before it had a mission, or has not come."""
 
 
 class Operators:
@@ -52,10 +52,10 @@ class Operators:
         InputError
             There are several.
         SwarmError
-            There will be none: the operator has ended.
+            There will be none: the operator has ended, or has not come.
         """
         if self._gave_up:
-            raise SwarmError(f"the operator at {endpoint} has ended without a mission")
+            raise SwarmError(f"there is no mission at {endpoint}: its operator has ended without one, or has not come")
         missions = self.missions()
         if len(missions) > 1:
             named = ", ".join(missions[:MOST_NAMED])

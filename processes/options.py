@@ -124,7 +124,6 @@ class MissionOptions:
         if self.fault:
             given["fault"] = [*base.fault, *self.fault]
         link = {name: getattr(self, name) for name in ("delay_ms", "jitter_ms", "loss")}
-        if any(value is not None for value in link.values()):
-            stated = {name: value for name, value in link.items() if value is not None}
-            given["link"] = [*to_builtins(base.link), stated]
+        if stated := {name: value for name, value in link.items() if value is not None}:
+            given["link"] = [stated, *({**rule, **stated} for rule in to_builtins(base.link))]
         return given

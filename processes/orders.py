@@ -11,6 +11,7 @@ import sys
 import time
 from argparse import ArgumentParser, Namespace
 from collections.abc import Callable
+from functools import partial
 from typing import TypeVar
 
 import msgspec
@@ -19,10 +20,11 @@ from msgspec import Struct
 
 from edc_swarm.errors import SwarmError
 from edc_swarm.messages import Keys
+from processes.address import sought_router
 from processes.bus import try_client
 from processes.console import note
 from processes.credentials import Credentials, check_certificates, credentials
-from processes.loop import PATIENCE_S, START_TIMEOUT_S
+from processes.loop import PATIENCE_S, START_TIMEOUT_S, What, in_words
 from processes.operators import LINGER_S, Operators
 
 LOOK_EVERY_S = 0.1
@@ -41,7 +43,7 @@ def orders(kind: type[Kind], name: str) -> Kind:
     endpoint, own = told.endpoint, credentials(told.certs, name)
     if own is not None:
         check_certificates(own.folder, [name])
-    session = await_found(lambda: try_client(endpoint, own), f"a router at {endpoint}")
+    session = await_found(lambda: try_client(endpoint, own), partial(sought_router, endpoint))
     operators = Operators(session)
     mission = await_found(lambda: operators.only_mission(endpoint), f"a mission at {endpoint}")
 
@@ -71,15 +73,15 @@ def asked(session: zenoh.Session, key: str, payload: bytes | None = None) -> byt
     return None
 
 
-def await_found(look: Callable[[], Found | None], what: str) -> Found:
+def await_found(look: Callable[[], Found | None], what: What) -> Found:
     """Look again and again until there is something; after a while the user is told `what` is waited for."""
     start_s, told = time.monotonic(), False
     while (found := look()) is None:
         waited_s = time.monotonic() - start_s
         if waited_s > START_TIMEOUT_S:
-            raise SwarmError(f"waited {START_TIMEOUT_S:g} s for {what}")
+            raise SwarmError(f"waited {START_TIMEOUT_S:g} s for {in_words(what)}")
         if waited_s > PATIENCE_S and not told:
-            note(f"waiting for {what}")
+            note(f"waiting for {in_words(what)}")
             told = True
         time.sleep(LOOK_EVERY_S)
     return found

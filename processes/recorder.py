@@ -55,6 +55,8 @@ MAX_FOREIGN_KEYS = 1000
 
 CLOSING_S = 1.0
 """For at most so long after the operator's last word answers are waited for."""
+STOPPING_S = 2.0
+"""A service that is told to stop waits so long for the operator's last word: all are told at once, by compose."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -114,7 +116,7 @@ class Recorder:
         self._holes = Holes(settings.mission, self._known)
         self._scenes = f"{self._keys.root}/viz/"
         self._fetched = 0
-        self._end_s = math.inf
+        self._end_s = self._stop_s = math.inf
         self.has_mission = False
         self._mission = settings.mission
         self._session = open_client(settings.endpoint, credentials(settings.certs, NAME), observer=True)
@@ -137,6 +139,8 @@ class Recorder:
             for item in self._inbox.wait(self._patience_s(next_flush_s), SETTLE_S):
                 self._take_in(item)
             self._ask()
+            if self._is_stopped():
+                self._end_by(time.monotonic())
             if time.monotonic() >= next_flush_s:
                 self._flush()
                 if self._is_deserted():
@@ -152,7 +156,7 @@ class Recorder:
 
     def _patience_s(self, next_flush_s: float) -> float:
         next_ask_s = self._holes.next_s
-        due_s = min(next_flush_s, self._end_s, next_ask_s if next_ask_s is not None else math.inf)
+        due_s = min(next_flush_s, self._end_s, self._stop_s, next_ask_s if next_ask_s is not None else math.inf)
         return due_s - time.monotonic()
 
     def _take_in(self, item: Item) -> None:
@@ -164,7 +168,7 @@ class Recorder:
             case zenoh.Query():
                 self._answer(item)
             case Stop():
-                self._end_by(time.monotonic())
+                self._stop_s = min(self._stop_s, time.monotonic() + (STOPPING_S if self._operators else 0.0))
 
     def finish(self) -> None:
         """Make the file whole."""
@@ -189,6 +193,11 @@ class Recorder:
     def _is_deserted(self) -> bool:
         """Whether the operator has gone for good without a last word."""
         return self._operators is not None and self._operators.away_s(self._mission) > GIVE_UP_S
+
+    def _is_stopped(self) -> bool:
+        """Whether it was told to stop, and the operator has gone or has had its time."""
+        gone = self._operators is None or self._operators.away_s(self._mission) > 0
+        return self._stop_s < math.inf and (gone or time.monotonic() >= self._stop_s)
 
     def _offer_answers(self) -> None:
         for key in (self._keys.mission, *self._answers):

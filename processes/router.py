@@ -2,14 +2,16 @@
 
 It routes until SIGTERM. With a parent it dies with it; with the word `mission` it ends when a mission
 has been flown, its operator and all who took part have gone. When the operator gives up before it has a
-mission (`processes.giving_up`), it tells everybody, and for a while whoever comes. On a secured bus, ACCESS is the
-file of a `RouterAccess`, or a folder of certificates: then whatever mission is flown by the UAVs that have one there.
+mission (`processes.giving_up`), or none comes, it tells everybody, and for a while whoever comes. On a
+secured bus, ACCESS is the file of a `RouterAccess`, or a folder of certificates: then whatever mission is
+flown by the UAVs that have one there.
 """
 
 from __future__ import annotations
 
 import signal
 import sys
+import time
 from pathlib import Path
 
 import msgspec
@@ -21,12 +23,17 @@ from edc_swarm.errors import InputError
 from edc_swarm.messages import PREFIX
 from processes.access import ANY_MISSION, access_control
 from processes.bus import hand_over, open_router
+from processes.console import FAILED
 from processes.credentials import certified_uavs, check_certificates, credentials
 from processes.giving_up import WORD
 from processes.operators import GAVE_UP, LINGER_S
 from processes.parent import die_with_parent
 
 ONE_MISSION = "mission"
+PATIENCE_S = 120.0
+"""An operator that has not come by then is not waited for: it has been killed before it could say so."""
+LEAVE_S = 2 * LINGER_S
+"""After everybody's last sign: who works for an operator leaves after it, and closes slowly without a router."""
 NOTICE_S = 30.0
 """For so long whoever starts late is told that there will be no mission."""
 
@@ -64,19 +71,21 @@ def main() -> int:
         print(f"router: {error}", file=sys.stderr)
         return 2
     print("ready", flush=True)
+    status = 0
     if for_whom == ONE_MISSION:
-        _route_one_mission(session, signals)
+        status = _route_one_mission(session, signals)
     else:
         signal.sigwait(signals)
     session.close()
-    return 0
+    return status
 
 
-def _route_one_mission(session: zenoh.Session, signals: set[signal.Signals]) -> None:
-    """Wait until an operator has come or given up, and everybody has gone, or a signal comes."""
+def _route_one_mission(session: zenoh.Session, signals: set[signal.Signals]) -> int:
+    """Wait until an operator has come or given up, and everybody has gone, or a signal comes; the exit status."""
     there: set[str] = set()
     operators: set[str] = set()
     words: set[str] = set()
+    patience_until_s = time.monotonic() + PATIENCE_S
 
     def take(sample: zenoh.Sample) -> None:
         key = str(sample.key_expr)
@@ -86,14 +95,24 @@ def _route_one_mission(session: zenoh.Session, signals: set[signal.Signals]) -> 
         elif key.startswith(WORD):
             words.add(key)
 
-    tokens = session.liveliness().declare_subscriber(f"{PREFIX}/*/alive/**", hand_over(take), history=True)
-    while signal.sigtimedwait(signals, LINGER_S) is None and (there or not (operators or words)):
-        pass
-    tokens.undeclare()
-    if not there and not operators:
-        notice = session.liveliness().declare_token(GAVE_UP)
-        signal.sigtimedwait(signals, NOTICE_S)
-        notice.undeclare()
+    def is_over() -> bool:
+        return not there and bool(operators or words or time.monotonic() > patience_until_s)
+
+    def is_stopped(within_s: float) -> bool:
+        return signal.sigtimedwait(signals, within_s) is not None
+
+    session.liveliness().declare_subscriber(f"{PREFIX}/*/alive/**", hand_over(take), history=True)
+    while not is_over():
+        if is_stopped(LINGER_S):
+            return 0
+    if is_stopped(LEAVE_S) or operators:
+        return 0
+    if not words:
+        print(f"router: no operator has come within {PATIENCE_S:g} s", file=sys.stderr)
+    notice = session.liveliness().declare_token(GAVE_UP)
+    is_stopped(NOTICE_S)
+    notice.undeclare()
+    return 0 if words else FAILED
 
 
 if __name__ == "__main__":

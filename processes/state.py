@@ -30,7 +30,7 @@ class StateFile(Generic[Record]):
 
     def __init__(self, path: Path, kind: type[Record]) -> None:
         self._kind = kind
-        self._file = os.open(path, os.O_RDWR | os.O_CLOEXEC)
+        self._file = os.open(path, os.O_RDWR)
         try:
             fcntl.flock(self._file, fcntl.LOCK_EX | fcntl.LOCK_NB)
         except BlockingIOError:

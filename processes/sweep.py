@@ -251,9 +251,9 @@ class Local:
             return
         spawn = multiprocessing.get_context("spawn")
         before = set(multiprocessing.active_children())
-        with ProcessPoolExecutor(jobs, mp_context=spawn, initializer=_begin_worker, initargs=(os.getpid(),)) as pool:
+        with ProcessPoolExecutor(jobs, mp_context=spawn, initializer=begin_worker, initargs=(os.getpid(),)) as pool:
             try:
-                yield from _windowed(lambda run: pool.submit(make, run, code_of(run)), runs, jobs * IN_FLIGHT)
+                yield from _windowed(lambda run: _submitted(pool, run), runs, jobs * IN_FLIGHT)
             except BrokenProcessPool:
                 raise SweepError("a worker process died (out of memory?); run it again to go on") from None
             except BaseException:
@@ -274,10 +274,24 @@ def _windowed(
             pending.update((submit(run), run) for run in islice(waiting, 1))
 
 
-def _begin_worker(parent_pid: int) -> None:
+def _submitted(pool: ProcessPoolExecutor, run: Run) -> Future[tuple[Any, float]]:
+    with interrupt_held_back():
+        return pool.submit(make, run, code_of(run))
+
+
+@contextmanager
+def interrupt_held_back() -> Iterator[None]:
+    """Hold Ctrl-C back: workers that are started meanwhile inherit that, and are deaf to it from their first moment."""
+    before = signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGINT})
+    try:
+        yield
+    finally:
+        signal.pthread_sigmask(signal.SIG_SETMASK, before)
+
+
+def begin_worker(parent_pid: int) -> None:
     """End with the command, which alone hears Ctrl-C."""
     die_with_parent(parent_pid)
-    signal.signal(signal.SIGINT, signal.SIG_IGN)
 
 
 def _end(pool: ProcessPoolExecutor, workers: Iterable[BaseProcess]) -> None:

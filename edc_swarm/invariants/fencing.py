@@ -69,7 +69,7 @@ def _silent_executions(evidence: Evidence, uav: str, steps: list[Step]) -> Itera
     for step in steps:
         earlier = [(f.term, f.head) for f in evidence.fixes[uav] if f.slot < step.slot and f.voter]
         command = step.command
-        if (command.term, command.head) not in earlier or (command.term, command.head) != max(earlier):
+        if (command.term, command.head) != max(earlier, default=None):
             text = f"{uav} executed term {command.term} of {command.head}, which it did not grant"
             yield Violation("not-granted", text, step.slot, [uav])
         yield from _invalid(evidence, uav, command)

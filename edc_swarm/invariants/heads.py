@@ -59,8 +59,7 @@ def _unbacked_plans(evidence: Evidence, granted: Granted) -> Iterator[Violation]
 
 
 def _unbacked_commands(evidence: Evidence, granted: Granted) -> Iterator[Violation]:
-    """Commands to UAVs that were not heard, and plans that no report accounts for without a quorum."""
-    reported = {(r.term, r.head, r.slot) for r in evidence.plans}
+    """Commands to UAVs that were not heard, and plans without a quorum, whether a report accounts for them or not."""
     support = Counter((term, head, slot) for _, slot, term, head in granted)
     unsupported = set()
     lost = evidence.fixes_lost()
@@ -69,7 +68,7 @@ def _unbacked_commands(evidence: Evidence, granted: Granted) -> Iterator[Violati
         if c.uav not in lost and (c.uav, c.slot - 1, c.term, c.head) not in granted:
             text = f"{c.head} commands {c.uav}, whose fix of slot {c.slot - 1} does not grant term {c.term}"
             yield Violation("command-to-unheard", text, c.slot, [c.uav])
-        if plan not in reported and support[plan] + len(lost) < evidence.mission.quorum:
+        if support[plan] + len(lost) < evidence.mission.quorum:
             unsupported.add(plan)
     for term, head, slot in unsupported:
         text = f"commands of term {term} on {support[term, head, slot]} grants"

@@ -20,7 +20,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from edc_swarm.config import Mission, default_tau_s
+from edc_swarm.config import Mission
 from edc_swarm.links import LinkEmulator
 from edc_swarm.roster import complete_mission
 from edc_swarm.simulation import TRANSIT_NS
@@ -49,17 +49,23 @@ def starves(mission: Mission, share: float, limit_slots: int) -> bool:
 def in_time_share(mission: Mission) -> float:
     """Share of the UAV-slots, the head's not counted, that have a command in time, as far as the link decides.
 
-    Drawn from the link model itself, over `SLOTS` slots in which one head leads undisturbed and plans in no time.
+    Drawn from the link model itself, over `SLOTS` slots in which the UAV with most energy leads undisturbed, plans
+    in no time, and all stay where they start. Who has no command says its fix once more, as in `edc_swarm.node`.
     """
-    head, others = LinkEmulator(mission, "head"), [f"u{index}" for index in range(mission.uavs - 1)]
-    links = [LinkEmulator(mission, uav) for uav in others]
-    slot_ms, tau_ms = mission.slot_ns / 1e6, 1e3 * default_tau_s(mission) / mission.time_scale
-    in_time = 0
+    whole = complete_mission(mission)
+    head, *others = (entry.uav for entry in sorted(whole.roster, key=lambda entry: -entry.energy_j))
+    ears, links = LinkEmulator(whole, head), [LinkEmulator(whole, uav) for uav in others]
+    slot_ms, tau_ms = whole.slot_ns / 1e6, 1e3 * whole.tau_s / whole.time_scale
+    in_time, lacks = 0, np.zeros(len(others), bool)
     for _ in range(SLOTS):
-        fixes_ms = np.array([_first_ms(head, uav) for uav in others])
-        planned_ms = _planned_ms(fixes_ms, mission.uavs // 2, tau_ms)
-        commands_ms = planned_ms + np.array([_first_ms(own, "head") for own in links])
-        in_time += int(np.sum((fixes_ms <= planned_ms) & (commands_ms < slot_ms)))
+        fixes_ms = np.array([_first_ms(ears, uav) for uav in others])
+        for index in np.flatnonzero(lacks):
+            fixes_ms[index] = min(fixes_ms[index], tau_ms / 2 + _first_ms(ears, others[index]))
+        planned_ms = _planned_ms(fixes_ms, whole.quorum - 1, tau_ms)
+        commands_ms = planned_ms + np.array([_first_ms(own, head) for own in links])
+        arrived = (fixes_ms <= planned_ms) & (commands_ms < slot_ms)
+        lacks = ~arrived
+        in_time += int(arrived.sum())
     return in_time / (SLOTS * len(others))
 
 

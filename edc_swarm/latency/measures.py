@@ -145,7 +145,7 @@ def _flown_ns(recording: Recording, columns: Columns) -> NDArray[np.int64]:
     table = np.zeros(columns.executed.shape, np.int64)
     index = roster_index(recording.mission.roster)
     for fix in recording.fixes:
-        if fix.executing and fix.slot < len(table):
+        if fix.executing:
             table[fix.slot, index[fix.uav]] = sent_ns.get((fix.uav, fix.slot, fix.command_term), 0)
     return table
 

@@ -145,6 +145,11 @@ class Scene:
     obstacle_m: Floats
     obstacle_r_m: Floats
 
+    @property
+    def distance_m(self) -> Floats:
+        """(n,) how far each UAV is from its goal."""
+        return length_m(self.goal_m - self.position_m)
+
 
 class Guidance:
     """Preferred steps from slot to slot; remembers plans and lateness by roster index."""
@@ -175,23 +180,26 @@ class Guidance:
 
     def _remember(self, scene: Scene) -> None:
         """Bring the memory to this slot: time passes, lateness grows, who was long unheard is forgotten."""
-        memory = self._memory.grown(int(scene.uav.max()) + 1)
-        self._memory = memory
-        distance_m = length_m(scene.goal_m - scene.position_m)
+        memory = self._memory = self._memory.grown(int(scene.uav.max()) + 1)
         elapsed = scene.slot - memory.seen[scene.uav]
         known = (elapsed > 0) & (elapsed <= self._tuning.look_ahead)
-        lost = elapsed - (memory.distance_m[scene.uav] - distance_m) / self._u_max_m
-        late = memory.late[scene.uav]
-        late = np.where(distance_m < ARRIVED_M, late * (1 - 1 / self._tuning.patience), late + lost)
-        went_m = length_m(scene.position_m - memory.position_m[scene.uav])
-        memory.still[scene.uav] = np.where(
-            known & (went_m < STILL_SHARE * self._u_max_m), memory.still[scene.uav] + 1, 0
-        )
-        memory.position_m[scene.uav] = scene.position_m
+        memory.still[scene.uav] = np.where(known & self._stood_still(scene), memory.still[scene.uav] + 1, 0)
+        memory.late[scene.uav] = np.where(known, self._lateness(scene, elapsed), 0.0)
         memory.advance(scene.uav, known, elapsed)
         memory.seen[scene.uav] = scene.slot
-        memory.late[scene.uav] = np.where(known, np.maximum(late, 0.0), 0.0)
-        memory.distance_m[scene.uav] = distance_m
+        memory.position_m[scene.uav] = scene.position_m
+        memory.distance_m[scene.uav] = scene.distance_m
+
+    def _stood_still(self, scene: Scene) -> NDArray[np.bool_]:
+        """Who is where it was when it was last planned for."""
+        return length_m(scene.position_m - self._memory.position_m[scene.uav]) < STILL_SHARE * self._u_max_m
+
+    def _lateness(self, scene: Scene, elapsed: Indices) -> Floats:
+        """Slots lost against full speed; at the goal they are forgotten little by little."""
+        late = self._memory.late[scene.uav]
+        lost = elapsed - (self._memory.distance_m[scene.uav] - scene.distance_m) / self._u_max_m
+        fading = late * (1 - 1 / self._tuning.patience)
+        return np.maximum(np.where(scene.distance_m < ARRIVED_M, fading, late + lost), 0.0)
 
     def _luck(self, scene: Scene) -> Floats:
         """Right of way of all vehicles, in slots: lateness times chance, and the length of the way to go."""

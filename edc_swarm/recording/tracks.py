@@ -163,11 +163,9 @@ def _bridged(fixes: Sequence[Fix], index: dict[str, int], unsaid: Bools, centre_
         while first > 0 and unsaid[first - 1, k]:
             first -= 1
         start_m = (fix.from_x_m, fix.from_y_m) if fix.executing else (fix.waypoint_x_m, fix.waypoint_y_m)
-        if first < after and _point(centre_m[after, k]) != start_m:
+        if _point(centre_m[after, k]) != start_m:
             lost[first:after, k] = True
-            shares = np.linspace(0.0, 1.0, after - first + 1)[1:, None]
-            centre_m[first + 1 : after + 1, k] += shares * (np.array(start_m) - centre_m[first, k])
-            centre_m[after, k] = start_m
+            centre_m[first : after + 1, k] = np.linspace(centre_m[first, k], start_m, after - first + 1)
     return lost
 
 
@@ -220,14 +218,11 @@ class _Sightings:
     """What is recorded of one UAV in the slots of which no fix says what its disc did."""
 
     commands: dict[int, list[Command]]
-    moved: dict[int, bool]
     disc_m: dict[int, Point]
 
-    def agrees(self, slot: int, start: Point, end: Point) -> bool:
-        """Whether the truth of the slot, if there is one, allows this motion of the disc."""
-        if slot in self.disc_m:
-            return math.dist(self.disc_m[slot], end) <= TRUTH_TOLERANCE_M
-        return self.moved.get(slot, start != end) == (start != end)
+    def agrees(self, slot: int, end: Point) -> bool:
+        """Whether the truth of the slot, if there is one, allows that the disc ended there."""
+        return slot not in self.disc_m or math.dist(self.disc_m[slot], end) <= TRUTH_TOLERANCE_M
 
 
 def _silent_steps(
@@ -240,7 +235,7 @@ def _silent_steps(
     index = roster_index(recording.mission.roster)
     runs = {k: list(_runs(unsaid[:, k])) for k in np.flatnonzero(unsaid.any(axis=0)).tolist()}
     wanted = {k: {slot for first, after in spans for slot in range(first, after + 1)} for k, spans in runs.items()}
-    seen = {k: _Sightings({}, {}, {}) for k in runs}
+    seen = {k: _Sightings({}, {}) for k in runs}
     for command in recording.commands:
         k = index.get(command.uav, -1)
         if k in wanted and command.slot in wanted[k]:
@@ -248,7 +243,6 @@ def _silent_steps(
     offset_m = _offsets_m(_points(truths, "to"), cells, centre_m[1:]).tolist()
     for i in np.flatnonzero(unsaid[cells]).tolist():
         truth, k = truths[i], int(cells[1][i])
-        seen[k].moved[truth.slot] = (truth.from_x_m, truth.from_y_m) != (truth.to_x_m, truth.to_y_m)
         if not math.isnan(offset_m[k][0]):
             seen[k].disc_m[truth.slot] = (truth.to_x_m - offset_m[k][0], truth.to_y_m - offset_m[k][1])
     for k, sightings in seen.items():
@@ -291,10 +285,10 @@ def _advanced(
     paths: dict[Point, tuple[Step, ...]], k: int, slot: int, sightings: _Sightings
 ) -> dict[Point, tuple[Step, ...]]:
     """Where the UAV can be a slot later; where it was when nothing explains what is recorded."""
-    reached = {point: path for point, path in paths.items() if sightings.agrees(slot, point, point)}
+    reached = {point: path for point, path in paths.items() if sightings.agrees(slot, point)}
     for command in sightings.commands.get(slot, []):
         start, end = (command.start_x_m, command.start_y_m), (command.target_x_m, command.target_y_m)
-        if start in paths and sightings.agrees(slot, start, end):
+        if start in paths and sightings.agrees(slot, end):
             reached.setdefault(end, (*paths[start], Step(k, slot, command)))
     return reached or paths
 

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import os
-import signal
 from collections.abc import Iterator
 from concurrent.futures import ProcessPoolExecutor
 from dataclasses import dataclass
@@ -16,6 +15,7 @@ from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, T
 
 from edc_swarm.errors import InputError
 from processes.console import note, print_json
+from processes.sweep import begin_worker, interrupt_held_back
 
 MAX_RUNS = 10_000_000
 MAX_SHOWN = 20
@@ -109,15 +109,12 @@ def _search(options: FuzzOptions, kept: tuple[int, ...] | None) -> Iterator[Foun
     if jobs == 1:
         yield from (_run((seed, kept)) for seed in seeds)
         return
-    with ProcessPoolExecutor(jobs, mp_context=get_context("spawn"), initializer=_ignore_interrupt) as pool:
+    with ProcessPoolExecutor(jobs, get_context("spawn"), begin_worker, (os.getpid(),)) as pool:
         window = jobs * IN_FLIGHT
         for start in range(0, len(seeds), window):
-            yield from pool.map(_run, [(seed, kept) for seed in seeds[start : start + window]])
-
-
-def _ignore_interrupt() -> None:
-    """Ctrl-C is for the command, which then ends its workers."""
-    signal.signal(signal.SIGINT, signal.SIG_IGN)
+            with interrupt_held_back():
+                found = pool.map(_run, [(seed, kept) for seed in seeds[start : start + window]])
+            yield from found
 
 
 def _run(job: tuple[int, tuple[int, ...] | None]) -> Found | None:

@@ -13,7 +13,7 @@ from edc_swarm.config import OPERATOR, RECORDER, ROUTER, Mission
 from edc_swarm.errors import InputError
 from edc_swarm.faults import parse_faults
 from edc_swarm.links import have_range
-from processes.address import check_endpoint, parse_endpoint
+from processes.address import check_endpoint, parse_endpoint, sought_router
 from processes.bus import try_client
 from processes.conclusion import conclude
 from processes.console import FAILED, note
@@ -84,7 +84,7 @@ def run(
             protection=protection,
         )
         report = launcher.run()
-        if output.part.exists():
+        if output.part.exists() and report.flew:
             missing = "; ".join(output.recover_part()) or "nothing is missing"
             note(f"the recorder died; recovered {output.path}: {missing}")
     _tell(report, len(mission.roster))
@@ -105,7 +105,7 @@ def _meet(address: str, mission: Mission, alone: Mapping[str, object], protectio
     for fault in parse_faults(mission):
         if fault.left and fault.target in {ROUTER, RECORDER}:
             raise InputError("fault", str(fault), "about UAVs where --operate is given")
-    session = await_found(partial(try_client, address, own, observer=True), f"a router at {address}")
+    session = await_found(partial(try_client, address, own, observer=True), partial(sought_router, address))
     return Bus(address, session, find_takeover(session, mission))
 
 

@@ -69,7 +69,7 @@ class Swarm:
 
     def secure(self) -> None:
         """Make certificates, and fly with them from now on."""
-        self.files.append("compose.secure.yaml")
+        self.files = ["compose.yaml", "compose.secure.yaml"]
         self.compose("run", "--rm", "certs")
 
     def containers(self, service: str = "", *, running: bool = False) -> list[str]:

@@ -129,6 +129,7 @@ def test_lost_messages_are_recorded_once_as_they_were(bench: Bench, lose: Lose) 
     for publisher, its_inbox in ((uav, inbox), (viz, viz_inbox)):
         publisher.flush()
         publisher.stay(its_inbox)
+        assert publisher._released
     bench.say_last_word()
     recorded = bench.end()
     fixes = sorted((seq, payload) for channel, seq, _, _, payload in recorded if channel.topic == FIX)
@@ -181,6 +182,44 @@ def test_the_recorder_waits_for_answers_after_the_last_word(bench: Bench, lose: 
     bench.say_last_word()
     uav.stay(inbox)
     assert sorted(seq for channel, seq, *_ in bench.end() if channel.topic == FIX) == [0, 1, 2]
+
+
+def test_what_waits_for_a_router_is_said_in_the_end(bench: Bench, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Also when the router comes back after the last word."""
+    inbox, routers = Inbox[object](), list[str]()
+    monkeypatch.setattr(outbox, "is_connected", lambda _: bool(routers))
+    uav = Outbox(bench.session, KEYS.again("u001", "p-1"), inbox)
+    for seq in range(3):
+        uav.put(FIX, fix(seq), seq)
+    uav.put(KEYS.event("u001"), closed("u001", {FIX: 2}), 0)
+    uav.flush()
+    assert uav.holds_back
+    routers.append("again there")
+    uav.stay(inbox)
+    assert not uav.holds_back
+    bench.say_last_word()
+    assert [seq for channel, seq, *_ in bench.end() if channel.topic == FIX] == [0, 1, 2]
+
+
+def test_what_is_no_ask_is_left_alone(endpoint: str) -> None:
+    """Noise in the place of an ask is nobody else's; a query on another key is."""
+    again_key, heard = KEYS.again("u001", "p-1"), dict[str, bool]()
+    with open_client(endpoint) as asker, open_client(endpoint) as session:
+        inbox = Inbox[zenoh.Query]()
+        uav = Outbox(session, again_key, inbox)
+        session.declare_queryable(KEYS.claims, hand_over(inbox.put))
+
+        def both_heard() -> bool:
+            for key in (again_key, KEYS.claims):
+                asker.get(key, payload=b"\xff noise")
+            for query in inbox.wait(0.05):
+                heard[str(query.key_expr)] = uav.hear(query)
+                query.drop()
+            return len(heard) == 2
+
+        await_true(both_heard)
+        assert heard == {again_key: True, KEYS.claims: False}
+        assert not uav.is_asked
 
 
 def test_what_is_fetched_takes_no_more_room_than_what_comes_by_itself(bench: Bench, lose: Lose) -> None:

@@ -35,6 +35,14 @@ def test_guarantees_hold(run, faults):
     assert len(told) == len(faults)
 
 
+def test_freezes_that_overlap(run):
+    """The longest counts: the end of the one within it wakes nobody."""
+    ended = run("--fault", "freeze u003 @6 for 9", "--fault", "freeze u003 @8 for 2")
+    said = {fix.slot for fix in ended.recording.fixes if fix.uav == "u003"}
+    assert not said & set(range(8, 14))
+    assert max(said) >= 15
+
+
 def test_router_restarted(run):
     """What was in the router's hands dies with it; who said it lives, and is asked for it again."""
     ended = run("--fault", "restart router @10")

@@ -15,10 +15,11 @@ import pytest
 from edc_swarm.claims import Claim, Issued
 from edc_swarm.config import JOIN, OPERATOR
 from edc_swarm.messages import PREFIX, Keys
-from edc_swarm.recording import Recording, find_gaps, read_recording
+from edc_swarm.recording import Recording, find_gaps, read_recording, unknown_tails
 from processes.address import free_endpoint
 from processes.bus import open_client, put
 from processes.certificates import write_certificates
+from processes.giving_up import WORD
 from processes.operators import Operators
 from processes.orders import asked, await_found
 from tests.processes.conftest import Ended, Started, await_true
@@ -181,6 +182,24 @@ def test_more_than_are_left_is_refused(start, hosted):
     assert run.end().status == 1
 
 
+def test_who_is_waited_for_is_named(start, hosted):
+    """The operator says which UAVs are not there, the joiner what became of its router."""
+    run, _ = hosted(2)
+    nowhere = free_endpoint()
+    joined = start("join", nowhere)
+    assert line_with(joined, "waiting for a router") == f"waiting for a router at {nowhere} (connection refused)"
+    assert "u004, u005" in line_with(run, "to connect")
+    for command in (run, joined):
+        command.process.send_signal(signal.SIGINT)
+        assert command.end().status == 1
+
+
+def line_with(command: Started, words: str) -> str:
+    """The line with these words that a command says beside its result."""
+    assert command.process.stderr is not None
+    return next(line.strip() for line in command.process.stderr if words in line)
+
+
 def test_who_was_away_flies_what_is_left(start, hosted, tmp_path: Path):
     """Before the mission its id is issued to another; when it is back it asks again."""
     run, address = hosted(2)
@@ -326,10 +345,72 @@ def test_an_operator_that_gives_up_ends_everything(parts: Parts):
     for joined in (waiting, parts.join("late")):
         ended = joined.end()
         assert ended.status == 2
-        assert f"the operator at {parts.address} has ended without a mission" in ended.stderr
+        assert f"there is no mission at {parts.address}: its operator has ended" in ended.stderr
     assert [parts.parts[name].wait(30) for name in ("recorder", "viz")] == [2, 2]
     parts.parts["router"].terminate()
     assert parts.parts["router"].wait(30) == 0
+
+
+def test_who_gives_up_is_the_first_to_leave_and_keeps_its_status(parts: Parts):
+    """Compose ends everything with the first that leaves, and where asked to, with the status of the operator."""
+    waiting = parts.join("waiting")
+    given_up = parts.operate("--planner", "nonsense")
+    await_there(parts, f"{WORD}/*")
+    given_up.process.terminate()
+    assert given_up.process.wait() == 2
+    assert waiting.process.poll() is None
+    assert waiting.end().status == 2
+
+
+def await_there(parts: Parts, token: str) -> None:
+    """Wait for a liveliness token."""
+    with open_client(parts.address) as session:
+        await_true(lambda: any(reply.ok is not None for reply in session.liveliness().get(token)))
+
+
+def test_a_router_waits_for_an_operator_only_so_long(start):
+    """One that was killed before it could say anything: everybody is told, in one line."""
+    address = free_endpoint()
+    script = "import sys; from processes import router; router.PATIENCE_S = 0.5; sys.exit(router.main())"
+    command = [sys.executable, "-c", script, address, "mission"]
+    with subprocess.Popen(command, stderr=subprocess.PIPE, stdout=subprocess.DEVNULL, text=True) as router:
+        joined = start("join", address).end()
+        assert joined.status == 2
+        assert f"there is no mission at {address}" in joined.stderr
+        router.terminate()
+        assert router.wait() == 1
+        assert router.stderr is not None
+        assert router.stderr.read() == "router: no operator has come within 0.5 s\n"
+
+
+def test_told_to_stop_all_at_once_the_record_has_every_last_word(parts: Parts):
+    """As compose does, the recorder too: it waits for the others."""
+    joined = [parts.join(f"{number}") for number in range(5)]
+    operator = parts.operate("--speed-max", "1")
+    part = operator.path.with_name("run.mcap.part")
+    operator.await_file(lambda: part.exists() and operator._has_fixes())
+    for process in (parts.parts["recorder"], operator.process, *(each.process for each in joined), parts.parts["viz"]):
+        process.terminate()
+    ended = operator.end()
+    assert ended.status == 1
+    assert "interrupted" in ended.stderr
+    assert not find_gaps(ended.recording)
+    assert not unknown_tails(ended.recording)
+    assert {command.end().status for command in joined} <= {0, 1}
+    parts.await_end()
+
+
+def test_ctrl_c_of_an_operator_without_a_recorder(start, endpoint: str):
+    """Nothing was flown and nothing is written; nothing is said of a recording."""
+    operator = start("run", *FAST, "--operate", endpoint)
+    with open_client(endpoint) as session:
+        operators = Operators(session)
+        await_true(lambda: bool(operators.missions()))
+    operator.process.send_signal(signal.SIGINT)
+    ended = operator.end()
+    assert (ended.status, ended.stdout) == (1, "")
+    assert ended.stderr.splitlines()[-1] == "interrupted"
+    assert not list(ended.path.parent.glob("run.*"))
 
 
 def test_a_bad_option_ends_no_mission(parts: Parts):

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import fcntl
+import socket
 import time
 from pathlib import Path
 
@@ -18,11 +19,11 @@ from edc_swarm.planner.interface import Plan, PlanRequest
 from edc_swarm.roster import complete_mission
 from edc_swarm.simulation import mission_message
 from edc_swarm.vehicle import Airframe, Promise
-from processes.address import check_endpoint, connect_endpoint, free_endpoint
+from processes.address import SILENT, check_endpoint, connect_endpoint, free_endpoint, sought_router
 from processes.clock import WallClock
 from processes.ears import MAX_TOKENS, Gate, Heard, Malformed, Postbox, Token
 from processes.faulty import Faulty
-from processes.giving_up import _router
+from processes.giving_up import _router, _word_after
 from processes.inbox import Inbox
 from processes.output import Output, salvage_parts
 from processes.peers import CHECK_AFTER_NS, Peers
@@ -79,6 +80,7 @@ def test_who_looks_on_lets_a_burst_gather(monkeypatch: pytest.MonkeyPatch):
 def test_an_operator_gives_up_where_it_would_have_operated(words: str, router: str | None):
     """However its command line is wrong otherwise; nobody else gives up anything."""
     assert _router(words.split()) == router
+    assert _word_after("--certs", [*words.split(), "--certs=a=b"]) == "a=b"
 
 
 def test_the_gate_counts_tells_and_drops():
@@ -134,7 +136,8 @@ def test_state_survives_and_is_locked(tmp_path: Path):
     assert state.promise == Promise(waypoint_x_m=entry.start_x_m, waypoint_y_m=entry.start_y_m)
     promise = Promise(slot=7, term=3, head="u" * 32, waypoint_x_m=0.1 + 0.2, waypoint_y_m=-1e-300)
     airframe = Airframe(x_m=0.1 + 0.2, y_m=-1e-300, energy_j=1.0)
-    state.write(promise, airframe)
+    for slot in (6, 7):
+        state.write(msgspec.structs.replace(promise, slot=slot), airframe)
     with pytest.raises(InputError, match="no other process flies"):
         UavState(tmp_path, entry.uav)
     del state
@@ -162,6 +165,14 @@ def test_a_missing_or_torn_promise_is_a_lost_memory(tmp_path: Path):
     assert [state.promise for state in states] == [None, None]
     states[0].write(None, states[0].airframe)
     assert not promise_path(tmp_path, first.uav).exists()
+
+
+def test_a_torn_airframe_is_refused_by_name(tmp_path: Path):
+    """Nobody knows where that vehicle is."""
+    create_state(tmp_path, MISSION.roster[0])
+    (tmp_path / "u001.airframe").write_bytes(b'{"x_m":')
+    with pytest.raises(InputError, match=r"state file = .*: must be the record of an airframe"):
+        UavState(tmp_path, "u001")
 
 
 def test_peers_believe_a_vanished_token_only_after_a_moment():
@@ -289,6 +300,15 @@ def test_addresses():
     for bad in ("foo", "tcp/localhost", "tcp/localhost:0", "tcp/localhost:99999", "udp/localhost:5"):
         with pytest.raises(InputError, match="--listen"):
             check_endpoint(bad)
+
+
+@pytest.mark.parametrize("protocol", ["tcp", "tls"])
+def test_a_router_that_does_not_answer_is_said_to_be_absent_or_silent(protocol: str):
+    """What a bare connection shows of an address with nobody, and with somebody else."""
+    with socket.create_server(("127.0.0.1", 0)) as somebody:
+        endpoint = f"{protocol}/127.0.0.1:{somebody.getsockname()[1]}"
+        assert sought_router(endpoint) == f"a router at {endpoint} ({SILENT[protocol]})"
+    assert sought_router(endpoint) == f"a router at {endpoint} (connection refused)"
 
 
 def test_a_part_that_is_being_written_is_left_alone(tmp_path: Path):

@@ -20,11 +20,24 @@ from typing import Any
 import msgspec
 import pytest
 
+import edc_swarm
 from edc_swarm.config import Mission
+from edc_swarm.errors import InputError
 from edc_swarm.figures import catalogue
 from edc_swarm.sweeps import Run
 from processes.cli import main
-from processes.sweep import RUNS_FILE, Ledger, Local, SweepError, _file_digest, open_scheduler, sweep
+from processes.sweep import (
+    DECIDE_NO_RESULT,
+    RUNS_FILE,
+    Ledger,
+    Local,
+    SweepError,
+    _file_digest,
+    code_fingerprint,
+    make,
+    open_scheduler,
+    sweep,
+)
 
 RUNS = [Run("processes.trials:fly", Mission(uavs=3, seed=seed)) for seed in range(8)]
 SWEEP = """
@@ -79,6 +92,18 @@ def alive(pid: int) -> bool:
         return False
 
 
+def deaf(pid: int) -> bool:
+    """Whether a process blocks or ignores Ctrl-C."""
+    words = Path(f"/proc/{pid}/status").read_text(encoding="utf-8").split()
+    masks = [int(words[words.index(name) + 1], 16) for name in ("SigBlk:", "SigIgn:")]
+    return any(mask >> (signal.SIGINT - 1) & 1 for mask in masks)
+
+
+def die(_mission: Mission) -> None:
+    """What the kernel does to a worker when there is no memory left."""
+    os._exit(9)
+
+
 def test_killed_sweep_continues(tmp_path: Path, expected: dict[str, Any]) -> None:
     """After kill -9 in mid-sweep no worker is left, and going on gives the same results, each made once."""
     code = SWEEP.format(tests=str(Path(__file__).parent), folder=str(tmp_path), jobs=2)
@@ -117,9 +142,10 @@ def test_printed_command_flies_the_run_again(tmp_path: Path, expected: dict[str,
 
 
 def test_results_of_other_code_are_made_again(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    """A result is used only by the code that made it."""
+    """A result, on disk at once, is used only by the code that made it."""
     with Ledger(tmp_path) as ledger:
         sweep(RUNS[:1], ledger, Local(1))
+        assert len(lines(tmp_path)) == 1
     monkeypatch.setattr("processes.sweep.code_fingerprint", lambda: "other")
     with Ledger(tmp_path) as ledger:
         assert (ledger.results, ledger.outdated) == ({}, 1)
@@ -139,6 +165,33 @@ def test_results_of_a_planner_that_was_edited_are_made_again(tmp_path: Path, mon
     _file_digest.cache_clear()
     with Ledger(tmp_path / "sweep") as ledger:
         assert (list(ledger.results), ledger.outdated) == ([RUNS[0].key], 1)
+
+
+def test_the_code_of_a_result_is_what_decides_it(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """The library but for what only judges results, each of which there is, and the measures."""
+    library, own = Path(edc_swarm.__file__).parent, tmp_path / "trials.py"
+    assert [name for name in DECIDE_NO_RESULT if not (library / name).exists()] == []
+    monkeypatch.setattr(edc_swarm, "__file__", str(tmp_path / "library" / "__init__.py"))
+    monkeypatch.setattr("processes.sweep.__file__", str(tmp_path / "sweep.py"))
+    (tmp_path / "library" / "figures").mkdir(parents=True)
+    own.touch()
+    for name, decides in (("figures/closed_loop.py", True), (DECIDE_NO_RESULT[0], False), ("../trials.py", True)):
+        before = code_fingerprint.__wrapped__()
+        (tmp_path / "library" / name).write_text("more", encoding="utf-8")
+        assert (code_fingerprint.__wrapped__() != before) is decides
+
+
+def test_a_worker_with_other_code_makes_nothing() -> None:
+    """Its result would not be the sweep's."""
+    with pytest.raises(SweepError, match="another version of edc-swarm"):
+        make(RUNS[0], "other")
+
+
+def test_a_worker_that_dies_ends_the_sweep_with_a_word() -> None:
+    """What was made is kept, so it can be gone on with."""
+    runs = [Run(f"{__name__}:die", Mission(seed=seed)) for seed in range(2)]
+    with pytest.raises(SweepError, match="a worker process died"):
+        list(Local(2).results(runs))
 
 
 def test_failed_run_is_named_and_others_are_kept(tmp_path: Path) -> None:
@@ -208,6 +261,8 @@ def test_folder_of_others_is_refused(tmp_path: Path, capfd: pytest.CaptureFixtur
         fcntl.flock(held, fcntl.LOCK_EX)
         assert main(["figures", "--out", str(tmp_path)]) == 2
     assert "no other sweep" in capfd.readouterr().err
+    with Ledger(tmp_path / "mine"), pytest.raises(InputError, match="no other sweep"):
+        Ledger(tmp_path / "mine")
 
 
 @pytest.fixture
@@ -260,15 +315,19 @@ def check_tables(folder: Path, rows: list[dict[str, Any]]) -> None:
         assert len(list(csv.DictReader(stream))) == catalogue.LONG_MISSION.uavs
 
 
-def test_interrupt_ends_the_workers(tmp_path: Path) -> None:
-    """Ctrl-C ends the command and its workers at once; what was made is kept."""
+@pytest.mark.parametrize("flown", [0, 1])
+def test_interrupt_ends_the_workers(tmp_path: Path, flown: int) -> None:
+    """Ctrl-C, which a terminal sends to all, ends command and workers at once, starting or flying, without a word."""
     command = [sys.executable, "-m", "processes.cli", "figures", "--only", "4b", "--jobs", "2", "--out", str(tmp_path)]
-    process = subprocess.Popen(command, stderr=subprocess.DEVNULL)
-    wait_for(lambda: lines(tmp_path), "a result")
+    said = tmp_path.with_name("said")
+    with said.open("wb") as stream:
+        process = subprocess.Popen(command, stderr=stream, start_new_session=True)
+    wait_for(lambda: len(children(process.pid)) >= 2, "workers")
     workers = children(process.pid)
-    assert len(workers) >= 2
-    os.kill(process.pid, signal.SIGINT)
+    wait_for(lambda: len(lines(tmp_path)) >= flown, "results")
+    assert all(map(deaf, workers))
+    os.killpg(process.pid, signal.SIGINT)
     process.wait(timeout=60)
     wait_for(lambda: not any(map(alive, workers)), "workers gone", 60)
     assert process.returncode == 1
-    assert [json.loads(line)["key"] for line in lines(tmp_path)]
+    assert b"Traceback" not in said.read_bytes()

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from itertools import pairwise
 from typing import Any
 
@@ -200,7 +201,8 @@ def test_link() -> None:
     flight = Flight("link u002>* loss 1 @3.1s for 3s", to_the_end=True)
     assert [report.slot for report in flight.reports if "u002" in report.unheard] == [7, 8, 9, 10, 11, 12]
     slow = Flight("link *>u002 delay 600 @3.1s for 3s", to_the_end=True, planner=Circling)
-    assert [fix.slot for fix in slow.fixes("u002") if not fix.executing and fix.slot >= 7] == [8, 9, 10, 11, 12, 13]
+    held = [fix.slot for fix in slow.fixes("u002") if not fix.executing and fix.slot >= 7]
+    assert held == [slot for slot in range(8, 14) for _ in range(2)], "and who lacks a command says its fix again"
 
 
 def test_radio_range() -> None:
@@ -279,6 +281,23 @@ def test_slow() -> None:
 @pytest.mark.parametrize(
     ("faults", "silent"),
     [
+        (("freeze u002 @5 for 8", "freeze u002 @7 for 2"), range(6, 13)),
+        (("freeze u002 @5 for 2", "freeze u002 @6 for 7"), range(6, 13)),
+        (("freeze u002 @5 for 6", "resume u002 @7", "freeze u002 @9 for 5"), (6, 9, 10, 11, 12, 13)),
+        (("freeze u002 @5 for 8", "kill u002 @7 for 1", "freeze u002 @9 for 2"), (6, 7, 9, 10)),
+    ],
+)
+def test_freezes_that_overlap(faults: tuple[str, ...], silent: Sequence[int]) -> None:
+    """The longest counts, and none outlasts a resume or a death."""
+    flight = Flight(*faults, to_the_end=True)
+    said = {fix.slot for fix in flight.fixes("u002") if 5 < fix.slot < 16}
+    assert said == set(range(6, 16)) - set(silent)
+    assert flight.broken() == []
+
+
+@pytest.mark.parametrize(
+    ("faults", "silent"),
+    [
         (("restart router @8",), 2),
         (("kill router @8 for 4",), 4),
         (("freeze router @8 for 3",), 3),
@@ -294,11 +313,11 @@ def test_router(faults: tuple[str, ...], silent: int) -> None:
 
 
 def test_a_fault_without_target() -> None:
-    """A fault for a head while there is none is told and changes nothing."""
-    flight = Flight("kill head @0", to_the_end=True)
+    """A fault for a head while there is none, or for the recorder, is told and changes nothing."""
+    flight = Flight("kill head @0", "kill recorder @4", to_the_end=True)
     assert [m.detail for m in flight.messages if isinstance(m, Event) and m.kind == "fault-without-target"] == [
-        "kill head @0s"
-    ]
+        "kill head @0s", "kill recorder @2s",
+    ]  # fmt: skip
     assert flight.missed(1, 29) == 0
 
 

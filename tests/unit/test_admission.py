@@ -13,9 +13,10 @@ from edc_swarm.messages import Command, Event, Fix, Message, Report, Truth
 from tests.unit.synthetic import EPOCH_NS, SLOT_NS, flight, mission_of, parallel
 
 MISSION = mission_of(parallel(5), max_slots=50, sent_ns=EPOCH_NS - 1)
+MISSION.roster[1] = msgspec.structs.replace(MISSION.roster[1], start_y_m=7.0)
 UAVS = [entry.uav for entry in MISSION.roster]
 NOW: dict[str, Any] = {"slot": 4, "sent_ns": EPOCH_NS + 4 * SLOT_NS}
-FIX = Fix(uav="u1", term=1, head="u0", x_m=12, y_m=0, r_m=5, waypoint_x_m=12, waypoint_y_m=0, **NOW)
+FIX = Fix(uav="u1", term=1, head="u0", x_m=12, y_m=0, r_m=5, waypoint_x_m=12, waypoint_y_m=7, **NOW)
 TRUTH = Truth(uav="u1", from_x_m=0, from_y_m=0, to_x_m=0, to_y_m=0, **NOW)
 COMMAND = Command(
     head="u0", uav="u1", term=1, start_x_m=0, start_y_m=0, target_x_m=0, target_y_m=0, slot=5, sent_ns=NOW["sent_ns"]
@@ -39,7 +40,7 @@ def test_a_whole_mission_is_admitted():
         (FIX, {"slot": 1051}, "slot 1051 is after the end"),
         (FIX, {"sent_ns": NOW["sent_ns"] - 1}, "sent before slot 4 began"),
         (FIX, {"term": 1 << 39}, "there is no term 549755813888"),
-        (FIX, {"waypoint_y_m": 13.0}, "13 m from the start in slot 4"),
+        (FIX, {"waypoint_y_m": 20.0}, "13 m from the start in slot 4"),
         (TRUTH, {"uav": "zz"}, "no UAV zz"),
         (COMMAND, {"head": "zz"}, "no UAV zz"),
         (COMMAND, {"uav": "zz"}, "no UAV zz"),
@@ -81,6 +82,20 @@ def test_what_cannot_be_true_is_refused(message: Message, changes: dict[str, Any
 def test_terms_may_grow_as_fast_as_any_election():
     """Up to the limit a term is believed, however many elections failed before."""
     assert Admission(MISSION).refusal(msgspec.structs.replace(REPORT, term=2000 * 1050)) is None
+
+
+@pytest.mark.parametrize(
+    ("message", "changes"),
+    [
+        (FIX, {"waypoint_y_m": 7.0 + 5 * 2.5}),
+        (FIX, {"waypoint_y_m": 7.0 - 5 * 2.5 * (1 + 1e-7)}),
+        (TRUTH, {"slot": 1050, "sent_ns": EPOCH_NS + 1050 * SLOT_NS}),
+        (EVENT, {"sent_ns": EPOCH_NS - 1}),
+    ],
+)
+def test_what_is_just_possible_is_believed(message: Message, changes: dict[str, Any]):
+    """Full speed in every slot but for rounding, a clock that is far ahead, and what is said with the mission."""
+    assert Admission(MISSION).refusal(msgspec.structs.replace(message, **changes)) is None
 
 
 def test_a_report_without_a_plan_needs_no_quorum():

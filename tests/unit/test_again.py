@@ -23,7 +23,7 @@ def ring(count: int, size: int = 10, **limit: int) -> Ring:
     """A ring that was told `count` messages on one key."""
     made = Ring(**limit)
     for seq in range(count):
-        made.keep(Kept("k", seq, bytes(size)))
+        made.keep(Kept("k", seq, bytes(size), b"stamp"))
     return made
 
 
@@ -44,7 +44,7 @@ def test_exactly_what_is_asked_for_is_given():
 
 def test_the_oldest_are_forgotten():
     """Of ten messages the ring holds the last three, whatever their key."""
-    kept = ring(10, limit_bytes=3 * (10 + OVERHEAD_BYTES))
+    kept = ring(10, limit_bytes=3 * (10 + 5 + OVERHEAD_BYTES))
     answer = kept.answer(Ask([Span("k", 0, 9)]))
     assert numbers(answer) == [7, 8, 9]
     assert answer.gone == [("k", seq) for seq in range(7)]

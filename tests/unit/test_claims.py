@@ -54,7 +54,9 @@ def test_before_the_mission_a_claimant_that_has_gone_leaves_its_ids(book: Claims
     book.issue(claim(ANNE, 3))
     assert book.issue(claim(BERT)) == []
     book.see_claimant(ANNE, False)
+    assert book.held == set()
     assert book.issue(claim(BERT, 2)) == ["u1", "u2"]
+    assert book.held == {"u1", "u2"}
     assert book.issue(claim(ANNE)) == ["u3"]
 
 
@@ -105,7 +107,8 @@ def test_the_mission_message_says_who_holds_what(book: Claims):
 def test_names_of_instances():
     """The claimant is the end of the name, if there is one."""
     assert claimant_of(instance_name("12-00ff00ff", ANNE)) == ANNE
-    assert claimant_of(instance_name("12-00ff00ff", "")) == ""
+    assert instance_name("12-00ff00ff", "") == "12-00ff00ff"
+    assert claimant_of("12-00ff00ff") == ""
 
 
 def test_a_mission_without_remote_uavs_names_no_claimants():

@@ -10,9 +10,11 @@ from pathlib import Path
 
 import pytest
 
+from edc_swarm.config import Link
 from edc_swarm.node import PLANNER_FAILED
 from edc_swarm.recording import read_recording
 from processes.cli import app, main
+from processes.options import MissionOptions
 
 COMMANDS = [name for name in app if not name.startswith("-")]
 
@@ -262,6 +264,21 @@ def test_same_seed_same_bytes(tmp_path: Path):
     for name in ("a", "b"):
         main(["sim", "--uavs", "4", "--seed", "3", "--loss", "0.1", "--json", "--out", f"{tmp_path / name}.mcap"])
     assert (tmp_path / "a.mcap").read_bytes() == (tmp_path / "b.mcap").read_bytes()
+
+
+def test_link_options_are_about_every_link_of_the_file(tmp_path: Path):
+    """What they do not say stays as it is in the file, also for single links and for a while."""
+    file = tmp_path / "m.toml"
+    file.write_text('[[link]]\ndelay_ms = 40\nloss = 0.1\n[[link]]\nsender = "u001"\nloss = 1\nend_s = 9\n')
+    links = MissionOptions(jitter_ms=20.0, loss=0.5).mission(file).link
+    assert links == [
+        Link(jitter_ms=20, loss=0.5),
+        Link(delay_ms=40, jitter_ms=20, loss=0.5),
+        Link(sender="u001", jitter_ms=20, loss=0.5, end_s=9),
+    ]
+    assert MissionOptions().mission(file).link == [
+        Link(delay_ms=40, loss=0.1), Link(sender="u001", loss=1.0, end_s=9),
+    ]  # fmt: skip
 
 
 def test_default_name_does_not_collide(tmp_path: Path, capsys):

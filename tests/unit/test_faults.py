@@ -6,9 +6,10 @@ import math
 
 import pytest
 
+from edc_swarm import faults
 from edc_swarm.config import Mission, RosterEntry
 from edc_swarm.errors import MissionError
-from edc_swarm.faults import Fault, parse_fault, parse_faults, resolve
+from edc_swarm.faults import FORMS, USAGE, WORDS, Fault, parse_fault, parse_faults, resolve
 
 ROSTER = ("u001", "u002", "u003", "u004", "u005")
 
@@ -116,8 +117,35 @@ def test_bad_faults_are_refused_in_one_line(text: str) -> None:
     """The message names the field, the whole text and what is allowed."""
     with pytest.raises(MissionError) as caught:
         parse_fault(text, 0.5)
-    assert str(caught.value).startswith(f"fault = {text!r}: must be a fault such as ")
+    assert str(caught.value).startswith(f"fault = {text!r}: must be ")
     assert "\n" not in str(caught.value)
+
+
+@pytest.mark.parametrize(
+    ("text", "allowed"),
+    [
+        ("", USAGE),
+        ("explode head @3", f"{USAGE} (unknown fault explode)"),
+        ("kill head", "kill TARGET [mid-step] @WHEN [for D] (no @WHEN)"),
+        ("resume head @soon", "resume TARGET @WHEN ('soon' is no number)"),
+        ("partition u1 @3", FORMS["partition"]),
+        ("link u1>u2 loss @3", FORMS["link"]),
+        ("link u1>u2 loss 1.5 @3", f"{FORMS['link']} (a probability is at most 1)"),
+        ("clock u1 speed 3 @3", FORMS["clock"]),
+    ],
+)
+def test_the_form_of_the_fault_is_said(text: str, allowed: str) -> None:
+    """What is allowed is the line of the vocabulary, and why in the user's words, not in the parser's."""
+    with pytest.raises(MissionError) as caught:
+        parse_fault(text, 0.5)
+    assert caught.value.allowed == allowed
+
+
+def test_the_forms_are_those_of_the_vocabulary() -> None:
+    """Every verb has a form, and it stands in the docstring that users read."""
+    assert FORMS.keys() == WORDS.keys() | {"heal"}
+    lines = (form for forms in FORMS.values() for form in forms.split(" or "))
+    assert all(line in (faults.__doc__ or "") for line in lines)
 
 
 @pytest.mark.parametrize(

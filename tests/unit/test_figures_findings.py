@@ -7,8 +7,8 @@ from collections.abc import Callable
 import pytest
 
 from edc_swarm.figures.catalogue import FIGURES
-from edc_swarm.figures.findings import Finding, finding
-from edc_swarm.figures.table import Row
+from edc_swarm.figures.findings import Finding, finding, grows, trend
+from edc_swarm.figures.table import Row, line
 
 CLAIMS = {figure.name: figure.claim for figure in FIGURES}
 
@@ -47,6 +47,30 @@ def test_collisions_are_judged_by_the_fitted_exponent(figure: str, power: float,
     assert any("With edc no pair overlapped in any of its 90 missions" in text for text in said.found)
 
 
+@pytest.mark.parametrize("figure", ["4a", "4b", "4c"])
+def test_without_collisions_there_is_nothing_to_fit(figure: str) -> None:
+    """That decides nothing."""
+    said = found(figure, {"straight": lambda _x: 0.0, "paper": lambda _x: 0.0, "edc": lambda _x: 0.0}, [10, 20])
+    assert (said.verdict, said.found[0]) == ("undecided, with so few runs", "Too few collisions for a fit.")
+
+
+@pytest.mark.parametrize("power", [-2.0, -0.5])
+def test_why_the_area_does_not_count_twice(power: float) -> None:
+    """Is said where it does not; an exponent of two points has no interval."""
+    said = found("4b", {"straight": lambda x: 7e4 * x**power}, [10, 20])
+    assert said.verdict == ("reproduced" if power == -2.0 else "not reproduced")
+    assert ("no quadratic function" in " ".join(said.found)) is (power != -2.0)
+    assert f"to the power of {power:.2f};" in said.found[0]
+
+
+def test_a_line_may_grow_by_its_fit_alone() -> None:
+    """Its ends are not clearly apart, but all its points are on a rising line."""
+    points = [Row("6a", "edc", "s", x, "y", 30, 1e-4 * x, 1e-4 * x - 1, 1e-4 * x + 1, 0, 0, 0) for x in (1, 2, 3, 4)]
+    rising = line(points, "edc")
+    assert rising is not None
+    assert (trend(rising), grows(rising)) == (0, True)
+
+
 def test_collisions_of_edc_are_not_hidden() -> None:
     """One overlapping pair in one mission is said."""
     lines = {"straight": lambda x: x**2, "paper": lambda x: x**2, "edc": lambda x: float(x == 40)}
@@ -61,6 +85,7 @@ def test_extra_distance_is_judged_by_its_trend(figure: str, slope: int, reproduc
     said = found(figure, {"edc": lambda x: 100 + slope * x, "paper": lambda _x: 0.0}, [10, 20, 40])
     assert said.reproduced is reproduced
     assert ("not what the paper says" in " ".join(said.found)) is not reproduced
+    assert f"the extra distance {'rises' if slope > 0 else 'falls'}, from" in said.found[0]
 
 
 def test_overlapping_intervals_are_no_trend() -> None:
@@ -85,11 +110,73 @@ def test_questions_of_the_project_are_none_of_the_papers() -> None:
     assert found("energy-head", {"edc": lambda x: x}, [10, 50]).verdict == "not from the paper"
 
 
+def test_why_times_do_not_grow_is_said() -> None:
+    """Where a reason is known; a line that was not timed is named, and so is the longest slot."""
+    rising, falling, slot = (lambda x: 1.0 + x), (lambda x: 100.0 - x), (lambda x: 0.002 * x)
+    reason = "edc plans slot by slot"
+    said = found("6b", {"paper": rising, "edc": falling, "edc-slot": slot}, [10, 50])
+    assert reason in said.found[-1]
+    assert "takes edc 100 ms in the mean at its worst point and 100 ms in the worst mission" in said.found[-2]
+    assert reason not in " ".join(found("6b", {"paper": rising, "edc": rising}, [10, 50]).found)
+    assert "not timed here" in found("6a", {"edc": rising}, [10, 50]).found[0]
+
+
+def test_what_the_papers_planner_flies_too_much_is_said() -> None:
+    """Less than a millimetre is nothing; without its line, or without that of edc, there is no finding."""
+    edc = {"edc": lambda x: x}
+    for paper, words in ((lambda _x: 9e-4, "no extra distance"), (lambda x: 0.01 * x, "from 0.100 to 0.400 m more")):
+        assert words in found("5a", {**edc, "paper": paper}, [10, 40]).found[-1]
+    for lines in (edc, {"paper": lambda _x: 0.0}):
+        assert found("5a", lines, [10, 40]).found[:-1] == []
+        assert found("5a", lines, [10, 40]).reproduced is None
+
+
+def test_energy_is_compared_with_the_straight_lines() -> None:
+    """At both ends of the line, and over all of the paper's."""
+    lines = {"bound": lambda _x: 100.0, "paper": lambda x: 110.0 + x, "edc": lambda x: 110.0 + 2 * x}
+    said = found("energy-plan", lines, [10, 20])
+    assert said.reproduced is True
+    assert "edc spends 30 % more than the straight lines at full speed would with 10 UAVs and 50 %" in said.found[0]
+    assert "still spends 20 to 30 % more" in said.found[1]
+    for missing in lines:
+        rest = {name: line for name, line in lines.items() if name != missing}
+        assert (found("energy-plan", rest, [10, 20]).reproduced, found("energy-plan", rest, [10, 20]).found) == (
+            None,
+            [],
+        )
+
+
+def test_energy_of_the_head_is_said() -> None:
+    """From the first point to the last."""
+    assert "costs from 1.00 to 4.00 J per mission" in found("energy-head", {"edc": lambda x: x / 10}, [10, 40]).found[0]
+    assert found("energy-head", {}, [10, 40]).found == []
+
+
+@pytest.mark.parametrize(
+    ("energy", "saves"),
+    [
+        (-2.0, "saves energy at 2 of 2 points, and costs some at 0"),
+        (2.0, "saves energy at 0 of 2 points, and costs some at 2"),
+    ],
+)
+def test_what_is_minimised_is_compared(energy: float, saves: str) -> None:
+    """Changes at both ends and in the mean, and where it pays."""
+    lines = {"energy": lambda x: energy * x / 10, "distance": lambda _x: 1.0, "time": lambda _x: -1.0}
+    said = found("energy-minimise", lines, [10, 20])
+    ends = f"{energy:+.1f} % (x = 10) to {2 * energy:+.1f} % (x = 20), {1.5 * energy:+.1f} % in the mean"
+    assert f"changes propulsion energy by {ends}" in said.found[0]
+    assert saves in said.found[2]
+    for missing in lines:
+        rest = {name: line for name, line in lines.items() if name != missing}
+        assert found("energy-minimise", rest, [10, 20]).found == []
+
+
 def test_missions_that_did_not_end_are_said() -> None:
     """No incomplete mission passes in silence."""
     lines = {"edc": lambda x: x, "paper": lambda _x: 0.0}
     said = finding("5a", "", rows("5a", lines, [10, 20], incomplete=2))
     assert "4 of 60 missions of edc did not bring every UAV home." in said.found
+    assert "did not bring" not in " ".join(found("5a", lines, [10, 20]).found)
 
 
 def test_energy_is_saved_only_where_it_shows() -> None:

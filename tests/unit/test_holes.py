@@ -120,13 +120,22 @@ def test_a_hole_during_an_ask_waits_for_the_answer(watch: Watch):
 
 
 def test_nothing_is_recorded_twice(watch: Watch):
-    """Neither an answer that comes twice, nor a message that comes by itself after it was fetched, or before."""
+    """Nor what nobody asked for: an answer twice, a message after it was fetched or before, keys never heard of."""
     watch.hear(0, 3)
     watch.asks(GATHER_S)
     assert watch.hear(1) == [True]
     assert watch.answer([(FIX, 1), (FIX, 2)]) == [2]
     assert watch.answer([(FIX, 1), (FIX, 2)]) == []
     assert watch.hear(2) == [False]
+    assert watch.answer([(TRUTH, 0)], [(EVENT, 0)]) == []
+
+
+def test_what_comes_by_itself_in_the_midst_of_a_hole_leaves_both_ends(watch: Watch):
+    """They are asked for, and found."""
+    watch.hear(0, 6)
+    assert watch.hear(3) == [True]
+    assert watch.asks(GATHER_S) == [(US, Ask([Span(FIX, 1, 2), Span(FIX, 4, 5)]))]
+    assert watch.answer([(FIX, 4), (FIX, 5), (FIX, 1), (FIX, 2)]) == [4, 5, 1, 2]
 
 
 def test_what_really_was_said_twice_is_recorded_twice(watch: Watch):
@@ -178,6 +187,15 @@ def test_instances_are_publishers_of_their_own(watch: Watch):
     assert watch.asks(GATHER_S) == [(US, Ask([Span(FIX, 1, 1)])), (("a", "2-x"), Ask([Span(FIX, 1, 1)]))]
 
 
+def test_a_hole_during_an_ask_is_asked_for_as_often_as_any(watch: Watch):
+    """A publisher that has not answered yet shows that it lives: the ask under way is the first for all of it."""
+    watch.hear(1)
+    for after_s in (GATHER_S, *WAITS_S[:2]):
+        assert watch.asks(after_s)
+    watch.hear(3)
+    assert sum(len(watch.asks(10.0)) for _ in range(2 * MAX_TRIES)) == MAX_TRIES - 1
+
+
 def test_strangers_are_not_asked_before_they_are_known(watch: Watch):
     """Nor is anybody waited for meanwhile."""
     watch.hear(1, key=KEYS.fix("z"))
@@ -215,6 +233,17 @@ def test_so_many_are_asked_at_once_and_no_more(watch: Watch):
     assert watch.asks(GATHER_S) == []
     assert watch.answer([(KEYS.fix("u0"), 0), (KEYS.fix("u0"), 2)], who=("u0", "1-x")) == [0, 2]
     assert [name for (name, _), _ in watch.asks(GATHER_S)] == [names[-1]]
+
+
+def test_who_is_not_asked_yet_takes_nobodys_turn(watch: Watch):
+    """However many holes are still being gathered."""
+    names = [f"u{number}" for number in range(MAX_AT_ONCE)]
+    watch.known.update(names)
+    watch.hear(1)
+    watch.now_s += GATHER_S
+    for name in names:
+        watch.hear(1, key=KEYS.fix(name))
+    assert [name for name, _ in watch.asks()] == [US]
 
 
 def test_holes_are_bounded(watch: Watch, monkeypatch: pytest.MonkeyPatch):

@@ -8,11 +8,12 @@ import pytest
 from edc_swarm.config import Link, Mission
 from edc_swarm.invariants import check
 from edc_swarm.latency.declared import sweep_of
-from edc_swarm.latency.findings import findings, is_safe
+from edc_swarm.latency.findings import NAMED, findings, is_safe, named
 from edc_swarm.latency.measures import Sample, sample_of
 from edc_swarm.latency.table import CellRow, flat, row_of
 from edc_swarm.links import DELAY_ERROR, DelayError
 from edc_swarm.messages import Command, Event, Fix, Report, Truth
+from edc_swarm.metrics import compute_metrics
 from processes.trials import simulate
 from tests.unit.synthetic import change, flight, parallel, recorded, straight
 
@@ -38,6 +39,14 @@ def test_ages_of_a_faultless_mission() -> None:
     assert found.command_age_ms == pytest.approx(488.0)
     assert found.fix_to_command_ms == pytest.approx(10.0)
     assert (found.held_pct, found.completed, found.broken, found.others_flew) == (0.0, True, [], 2 * 8)
+    assert found.extra_distance_pct == pytest.approx(0.0, abs=1e-9)
+    assert found.energy_kj == pytest.approx(compute_metrics(recorded(flight(parallel()))).energy_propulsion_j / 1e3)
+
+
+def test_who_stays_where_it_is_is_not_held() -> None:
+    """Nor has a record that ends before the first command an age."""
+    assert sample_of(recorded(flight([[(0.0, 0.0)] * 2, [(50.0, 0.0)] * 2]))).held_pct is None
+    assert sample_of(recorded(flight(parallel())[:1])).command_age_ms is None
 
 
 def test_a_fix_that_no_plan_counts_ages() -> None:
@@ -48,11 +57,13 @@ def test_a_fix_that_no_plan_counts_ages() -> None:
 
 
 def test_only_what_a_plan_can_have_counted_is_counted() -> None:
-    """Not a fix said again after the plan, and nothing by a head without a quorum."""
+    """The newest fix before the plan, not one said again after it, and nothing by a head without a quorum."""
     messages = flight(parallel())
     again = next(m for m in messages if isinstance(m, Fix) and (m.uav, m.slot) == ("u1", 3))
     messages.append(msgspec.structs.replace(again, sent_ns=again.sent_ns + 100_000_000, seq=99))
     assert sample_of(recorded(messages)).fix_age_ms == pytest.approx(498.0)
+    newer = [msgspec.structs.replace(again, sent_ns=again.sent_ns + 10_000_000, seq=98), *messages]
+    assert sample_of(recorded(newer)).fix_age_ms == pytest.approx(498.0 - 10.0 / (8 * 3))
     assert change(messages, {"slot": 3}, Report, status="no-quorum", grants=[]) == 1
     assert sample_of(recorded(messages)).fix_age_ms == pytest.approx(498.0 + 500.0 / 8)
 
@@ -188,7 +199,34 @@ def test_up_to_a_tenth_lost_all_is_promised() -> None:
     """With a tenth exactly, too; beyond it nothing is."""
     sweep = sweep_of({"delays_ms": [0], "jitters_ms": [0], "losses": [0.1, 0.2], "uavs": [3], "repeats": 1})
     made = [row_of(sweep, "sim", cell, [sample(completed=False)]) for cell in sweep.cells]
-    assert [found.kept for found in findings(made)[-2:]] == [False, None]
+    promised, more = findings(made)[-2:]
+    assert (promised.kept, more.kept) == (False, None)
+    assert "0 of 1 cells. Not all in: sim" in promised.text
+    (*_, whole) = findings(rows(sample()))
+    assert whole.text.endswith("in 1 of 1 cells.")
+
+
+def test_what_broke_is_said() -> None:
+    """Each guarantee once, in order; and holding is expected from the least delay on that fills a slot."""
+    sweep = sweep_of({"delays_ms": [0, 300, 400], "jitters_ms": [0], "losses": [0], "uavs": [3], "repeats": 1})
+    flown = [sample(broken=["G3", "G1"]), sample(completed=False, others_flew=0, broken=["G2", "G1"])]
+    made = [row_of(sweep, "sim", cell, [one]) for cell, one in zip(sweep.cells, [*flown, flown[1]], strict=True)]
+    found = findings(made)
+    assert found[0].text.endswith("broken guarantees: G1 G2 G3.")
+    assert "expected 300 ms" in found[1].text
+    assert findings(rows(sample()))[0].text.endswith("G1-G5 held in every run.")
+
+
+def test_so_many_cells_are_named() -> None:
+    """The others are counted."""
+    delays = list(range(NAMED + 2))
+    sweep = sweep_of({"delays_ms": delays, "jitters_ms": [0], "losses": [0], "uavs": [3], "repeats": 1})
+    made = [row_of(sweep, "sim", cell, [sample(completed=False)]) for cell in sweep.cells]
+    *_, told = findings(made)
+    assert named(made[NAMED - 1]) in told.text
+    assert told.text.endswith("; and 2 more.")
+    *_, told = findings(made[:NAMED])
+    assert told.text.endswith(f"{named(made[NAMED - 1])}.")
 
 
 def test_a_swarm_that_flies_where_it_should_hold() -> None:

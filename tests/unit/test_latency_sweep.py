@@ -124,10 +124,23 @@ def test_slots_are_as_long_as_on_the_wall() -> None:
 
 
 def test_share_in_time_with_loss() -> None:
-    """A fix and a command must both get through, and a quorum must be there."""
-    assert in_time_share(linked(loss=0.1)) == pytest.approx(0.9**2, abs=0.02)
+    """A fix, or the same said again by whom the last slot left without a command, and a command must get through."""
+    for loss in (0.1, 0.3, 0.5):
+        both = (1 - loss) ** 2
+        assert in_time_share(linked(loss=loss)) == pytest.approx(both * (1 + loss) / (1 + loss * both), abs=0.02)
     assert in_time_share(linked(loss=1.0)) == 0.0
-    assert 0.1 < in_time_share(linked(loss=0.5)) < 0.5**2
+
+
+def test_share_in_time_within_radio_range() -> None:
+    """Who is too far from the head's start has no command; those near it have all."""
+    roster = [
+        RosterEntry(
+            uav=uav, start_x_m=x_m, start_y_m=0, target_x_m=x_m, target_y_m=0, r_m=1, body_m=1, energy_j=energy_j
+        )
+        for uav, x_m, energy_j in (("far", 90.0, 1.0), ("head", 0.0, 9.0), ("near", 20.0, 1.0), ("edge", 49.0, 1.0))
+    ]
+    link = Link(range_m=50.0, shadowing_db=0.0)
+    assert in_time_share(Mission(uavs=4, roster=roster, link=[link])) == pytest.approx(2 / 3)
 
 
 def test_nobody_is_waited_for_when_all_are_in() -> None:
@@ -137,12 +150,11 @@ def test_nobody_is_waited_for_when_all_are_in() -> None:
 
 def test_too_few_commands_for_the_longest_way() -> None:
     """A way of 40 steps needs as many commands in time within the limit."""
-    mission = Mission(
-        uavs=1,
-        roster=[
-            RosterEntry(uav="a", start_x_m=0, start_y_m=0, target_x_m=100, target_y_m=0, r_m=1, body_m=1, energy_j=1)
-        ],
-    )
+    roster = [
+        RosterEntry(uav=uav, start_x_m=0, start_y_m=y_m, target_x_m=x_m, target_y_m=y_m, r_m=1, body_m=1, energy_j=1)
+        for uav, x_m, y_m in (("a", 100, 0), ("b", 5, 50))
+    ]
+    mission = Mission(uavs=2, roster=roster)
     assert starves(mission, 0.1, 399)
     assert not starves(mission, 0.1, 401)
 

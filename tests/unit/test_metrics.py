@@ -7,14 +7,14 @@ from pathlib import Path
 import msgspec
 import numpy as np
 import pytest
-from synthetic import change, flight, parallel, recorded, straight
+from synthetic import EPOCH_NS, SLOT_NS, change, flight, parallel, recorded, straight
 
 from edc_swarm.bills import energy_bills
 from edc_swarm.config import EnergyModel
 from edc_swarm.energy import propulsion_power_w
 from edc_swarm.errors import RecordingError
 from edc_swarm.messages import Command, Event, Fix, Message, Report, Truth
-from edc_swarm.metrics import HeadTerm, Metrics, Timing, columns_of, compute_metrics, load_timings
+from edc_swarm.metrics import HeadTerm, Metrics, Quantiles, Timing, columns_of, compute_metrics, load_timings
 from edc_swarm.tables import metric_rows
 
 PROMISED = {
@@ -80,6 +80,16 @@ def test_a_straight_mission(messages: list[Message]) -> None:
     assert m.makespan_ratio == pytest.approx(4.0 / (16.0 / 5.0))
     assert (m.slots_held, m.slots_missed, m.gaps, m.ticks_late_pct) == (0, 0, 0, 0.0)
     assert m.messages == len(messages)
+    assert m.plan_ms == Quantiles(6.0, pytest.approx(9.92), 10.0)
+
+
+def test_faults_that_came_to_nothing() -> None:
+    """One whose target nobody was, and one that was to come after the end; not one that was injected."""
+    messages = flight(parallel(), fault=["kill head @0", "heal @8", "heal @9", "kill u1 @20s"])
+    messages.append(Event(source="operator", slot=0, kind="fault-without-target", detail="kill head @0s"))
+    assert metrics(messages).faults_undone == ["kill head @0s", "heal @4.5s", "kill u1 @20s"]
+    assert ("faults not done", "kill head @0s; heal @4.5s; kill u1 @20s") in metric_rows(metrics(messages))
+    assert "faults not done" not in dict(metric_rows(metrics(flight(parallel()))))
 
 
 def test_energy_is_the_power_curve_over_the_flight(messages: list[Message]) -> None:
@@ -125,6 +135,7 @@ def test_makespan_begins_with_the_first_command_and_ends_for_good() -> None:
         messages[:] = [m for m in messages if not (isinstance(m, Command) and m.slot == slot + 1)]
     m = metrics(messages)
     assert m.makespan_s == pytest.approx((4 + 1 - 3) * 0.5)
+    assert m.makespan_ratio == pytest.approx(m.makespan_s * 5.0 / 4.0)
 
 
 def test_an_unfinished_mission_has_no_makespan(messages: list[Message]) -> None:
@@ -188,6 +199,17 @@ def test_held_and_missed_slots() -> None:
     assert (m.slots_held, m.slots_missed, m.gaps) == (2, 1, 2)
 
 
+def test_slots_count_until_completion(messages: list[Message]) -> None:
+    """What goes by without commands after that is not missed; of an unfinished mission the last slot is."""
+    last = [m for m in messages if not (isinstance(m, Command) and m.slot == 8)]
+    assert metrics(last).slots_missed == 1
+    change(last, {"slot": 8}, Fix, waypoint_y_m=14.0, executing=False)
+    assert (metrics(last).completed, metrics(last).slots_missed, metrics(last).slots_held) == (False, 1, 3)
+    still = [*parallel()[:2], [*parallel()[2], *[parallel()[2][-1]] * 4]]
+    rest = [m for m in flight(still) if not (isinstance(m, Command) and m.slot in {9, 10, 11})]
+    assert (metrics(rest).slots, metrics(rest).slots_missed) == (13, 0)
+
+
 def test_latency_is_counted_from_the_last_fix_before_the_command(messages: list[Message]) -> None:
     """A fix that is sent again restarts the count, one sent after the command does not."""
     fix = next(m for m in messages if isinstance(m, Fix) and m.uav == "u1" and m.slot == 3)
@@ -197,8 +219,19 @@ def test_latency_is_counted_from_the_last_fix_before_the_command(messages: list[
     assert metrics(messages).fix_to_command_ms.max == pytest.approx(10.0)
 
 
+@pytest.mark.parametrize("again", [False, True])
+def test_a_command_that_answers_no_fix_has_no_latency(messages: list[Message], again: bool) -> None:
+    """A fix that was sent after the command, once or twice, is not what it answers."""
+    change(messages, {"uav": "u1", "slot": 3}, Fix, sent_ns=EPOCH_NS + 4 * SLOT_NS)
+    fix = next(m for m in messages if isinstance(m, Fix) and m.uav == "u1" and m.slot == 3)
+    messages += [msgspec.structs.replace(fix, sent_ns=fix.sent_ns + 1)] * again
+    columns = columns_of(recorded(messages))
+    assert columns.command_slot.tolist() == sorted([*range(1, 10)] * 2 + [1, 2, 3, 5, 6, 7, 8, 9])
+    assert set(np.round(columns.fix_to_command_ms, 6)) == {10.0}
+
+
 def test_heads_and_failover() -> None:
-    """Who led when, and how many slots went by without commands at the change."""
+    """Who led when, and how many slots went by without commands at the change; a claim makes nobody head."""
     messages = flight(parallel())
     for slot in range(9):
         if slot in (4, 5):
@@ -208,6 +241,22 @@ def test_heads_and_failover() -> None:
     m = metrics(messages)
     assert m.heads == [HeadTerm(1, "u0", 0, 3), HeadTerm(3, "u1", 6, 8)]
     assert m.failover_slots == [2]
+    messages[1:] = messages[:0:-1]
+    assert metrics(messages).heads == m.heads
+    change(messages, {"slot": 6}, Report, slot=4)
+    assert metrics(messages).failover_slots == [0]
+    change(messages, {"slot": 4}, Report, slot=6)
+    boast = next(m for m in messages if isinstance(m, Report))
+    messages.append(msgspec.structs.replace(boast, head="u2", term=4, grants=["u2"], quorum=1))
+    before = metrics(messages)
+    messages.append(msgspec.structs.replace(boast, head="u2", term=5, status="no-quorum", plan_ms=1e6))
+    assert before.heads == metrics(messages).heads == m.heads
+    assert before.plan_ms == metrics(messages).plan_ms
+
+
+def test_what_is_recorded_twice_is_no_gap(messages: list[Message]) -> None:
+    """A duplicate is G5's to tell, but nothing is missing."""
+    assert metrics([*messages, messages[-1]]).gaps == 0
 
 
 def test_late_ticks_are_counted_per_life() -> None:
@@ -223,7 +272,7 @@ def test_timings_replace_recorded_plan_times(tmp_path: Path, messages: list[Mess
     path = tmp_path / "run.timings.json"
     path.write_bytes(b'[{"slot":0,"plan_ms":4.0,"solve_ms":1.0},{"slot":1,"plan_ms":6.0}]')
     timings = load_timings(tmp_path / "run.mcap")
-    assert timings[0] == Timing(0, 4.0, solve_ms=1.0)
+    assert timings == [Timing(0, 4.0, 0.0, 0.0, 1.0), Timing(1, 6.0, 0.0, 0.0, 0.0)]
     m = compute_metrics(recorded(messages), timings)
     assert (m.plan_ms.p50, m.plan_ms.max) == (5.0, 6.0)
     assert m.energy_compute_j == pytest.approx(0.05)
@@ -247,13 +296,26 @@ def test_timings_are_optional_and_must_be_timings(tmp_path: Path) -> None:
 
 def test_missing_truth_leaves_true_metrics_open(messages: list[Message]) -> None:
     """Without truth there is no true distance, and everything else stands."""
-    m = metrics([m for m in messages if not isinstance(m, Truth)])
+    untrue = [m for m in messages if not isinstance(m, Truth)]
+    m = metrics(untrue)
     assert (m.min_true_distance_m, m.true_collisions, m.completed) == (None, 0, True)
+    assert len(columns_of(recorded(untrue)).time_s) == 9
 
 
 def test_a_mission_without_fixes_or_of_one_uav_has_metrics() -> None:
     """What is not defined is None, never an exception."""
     nothing = metrics(flight(parallel())[:1])
     assert (nothing.slots, nothing.completed, nothing.makespan_s, nothing.plan_ms.p50) == (0, False, None, None)
+    assert (nothing.energy_propulsion_j, nothing.slots_missed, nothing.slots_held, nothing.ticks_late_pct) == (
+        0,
+        0,
+        0,
+        0,
+    )
+    parked = flight([[(0.0, 0.0)] * 2])
+    still = metrics(parked)
+    assert (still.completed, still.extra_distance_pct, still.extra_distance_mean_pct) == (True, None, None)
+    assert (still.makespan_s, still.makespan_ratio) == (0.0, None)
+    assert metrics([m for m in parked if not isinstance(m, Command)]).makespan_s is None
     alone = metrics(flight(parallel(1)))
     assert (alone.completed, alone.min_disc_gap_m, alone.min_true_distance_m) == (True, None, None)

@@ -261,6 +261,43 @@ def test_pending_commands_are_few() -> None:
     assert flown(uav.step(Tick(), at(6)))
 
 
+# --- what may be lost ---------------------------------------------------------------------------
+
+
+def test_a_fix_is_said_again_by_whom_no_command_has_reached() -> None:
+    """Once, half of tau_s into a slot: the same place, slot and grant; no truth, since nothing has moved."""
+    uav = node()
+    first = said(uav.step(Tick(), at(5)), Fix)
+    assert (len(first), uav.wakeup_ns(at(5))) == (1, at(6)), "the head did not know of this life in the slot before"
+    (before,) = said(uav.step(Tick(), at(6)), Fix)
+    assert uav.wakeup_ns(at(6)) == at(6.2)
+    effects = uav.step(Tick(), at(6.2))
+    (again,) = said(effects, Fix)
+    assert again == msgspec.structs.replace(before, seq=before.seq + 1, energy_j=again.energy_j)
+    assert isinstance(effects[0], Persist)
+    assert said(effects, Truth) == []
+    assert uav.wakeup_ns(at(6.2)) == at(7)
+    assert said(uav.step(Tick(), at(6.3)), Fix) == []
+
+
+def test_no_fix_is_said_again_without_need() -> None:
+    """Not with a command to fly, not of a slot that is over, not while there is no head, not when all is over."""
+    uav, alone, last = node(), node(term=0, head=""), node(energy_j=120.0)
+    for one in (uav, alone, last):
+        one.step(Tick(), at(5))
+    uav.step(Received(command(6)), at(5.5))
+    for one in (uav, alone, last):
+        one.step(Tick(), at(6))
+    assert [one.wakeup_ns(at(6)) for one in (uav, alone, last)] == [at(7)] * 3
+    assert last.ended
+    uav.step(Tick(), at(7))
+    assert uav.wakeup_ns(at(7)) == at(7.2)
+    (slept,) = said(uav.step(Tick(), at(8.5)), Fix)
+    assert slept.slot == 8
+    assert uav.wakeup_ns(at(8.5)) == at(8.5)
+    assert [found.slot for found in said(uav.step(Tick(), at(8.5)), Fix)] == [8]
+
+
 # --- the head ----------------------------------------------------------------------------------
 
 

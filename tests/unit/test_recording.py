@@ -68,15 +68,14 @@ def test_what_came_late_is_read_in_its_place(
     tmp_path: Path, messages: list[Message], run_end: dict[str, str], restored: bool
 ) -> None:
     """By its number; a record in which nothing had to be fetched is not looked through."""
-    at = next(i for i, message in enumerate(messages) if isinstance(message, Fix) and message.slot == 2)
-    late = [*messages[:at], *messages[at + 1 :], messages[at]]
+    late = [m for m in messages if isinstance(m, Fix) and m.uav == "u1" and m.slot in {2, 3}]
     stream = io.BytesIO()
     writer = RecordingWriter(stream, {})
-    for message in late:
+    for message in [*(m for m in messages if m not in late), *late]:
         writer.write(KEYS.of(message), encode(message), message.sent_ns)
     writer.finish(run_end)
     recording = read_recording(saved(tmp_path / "a.mcap", stream.getvalue()))
-    said = [fix for fix in recording.fixes if fix.uav == messages[at].uav]  # type: ignore[union-attr]
+    said = [fix for fix in recording.fixes if fix.uav == "u1"]
     assert ([fix.seq for fix in said] == sorted(fix.seq for fix in said)) is restored
 
 

@@ -12,12 +12,13 @@ import numpy as np
 import pytest
 from synthetic import EPOCH_NS, change, flight, parallel, recorded, straight
 
-from edc_swarm.invariants import check
+from edc_swarm.invariants import GuaranteeResult, Violation, check
 from edc_swarm.messages import Event, Fix, Message, Report
 from edc_swarm.metrics import compute_metrics
 from edc_swarm.recording import Recording
 from edc_swarm.report_page import Assets, Page, render
 from edc_swarm.report_page import data as page_data
+from edc_swarm.report_page.render import MAX_WHERE, _guarantee
 from edc_swarm.tables import metric_rows
 
 
@@ -48,12 +49,16 @@ def test_centres_come_back_from_base64(messages: list[Message]) -> None:
     assert centres[0].tolist() == [[0, 0], [12, 0], [24, 0]]
     assert centres[-1].tolist() == [[0, 16], [12, 16], [24, 16]]
     assert page.end_s == page.frames * page.frame_s == 4.5
+    assert page.extent_m == (-5.0, -5.0, 29.0, 21.0)
 
 
 def test_who_led_and_who_was_heard(messages: list[Message]) -> None:
-    """A slot without a plan has no head; a slot without a fix is one of silence."""
+    """A slot without a plan that counts has no head; a slot without a fix is one of silence."""
     messages = [m for m in messages if not (isinstance(m, Report) and m.slot == 4)]
     messages = [m for m in messages if not (isinstance(m, Fix) and (m.uav, m.slot) == ("u2", 6))]
+    report = next(m for m in messages if isinstance(m, Report))
+    for boast in ({"slot": 4, "grants": ["u0"], "quorum": 1}, {"slot": 4, "status": "no-quorum"}, {"slot": 9}):
+        messages.append(msgspec.structs.replace(report, **boast))
     page = page_of(messages)
     assert page.leader == [0, 0, 0, 0, -1, 0, 0, 0, 0]
     heard = np.frombuffer(base64.b64decode(page.heard), np.uint8).reshape(page.frames, 3)
@@ -78,6 +83,27 @@ def test_plots_show_what_the_metrics_sum_up(messages: list[Message]) -> None:
     assert max(latency.series[0].y) == metrics.fix_to_command_ms.max
     assert energy.series[0].y[-1] == pytest.approx(3 * 70 * 8 / 1e3)
     assert all(plot.unit for plot in page.plots)
+
+
+def test_plots_stand_at_mission_time_with_their_limits() -> None:
+    """The plan time has what is left of a slot of the wall, and a command answers the fix of the slot before."""
+    gap, plan, latency, _ = page_of(flight(parallel(), dt_s=1.0, time_scale=2.0)).plots
+    assert (gap.limit, plan.limit) == (0.0, pytest.approx(1e3 * (1.0 - 0.2) / 2.0))
+    assert gap.series[0].x == plan.series[0].x == latency.series[0].x == [float(slot) for slot in range(9)]
+
+
+def test_no_gap_is_drawn_where_the_way_is_lost(messages: list[Message]) -> None:
+    """Nobody knows where the disc was."""
+    change(messages, {"uav": "u1", "slot": 6}, Fix, from_x_m=13.0)
+    kept = [m for m in messages if not (getattr(m, "uav", "") == "u1" and 3 <= getattr(m, "slot", 0) <= 5)]
+    assert page_of(kept).plots[0].series[0].x == [0.0, 0.5, 1.0, 3.0, 3.5, 4.0]
+
+
+def test_energy_is_used_from_the_first_word_to_the_last(messages: list[Message]) -> None:
+    """Of who comes late and who falls silent."""
+    quiet = {("u1", 0), ("u1", 1), *(("u2", slot) for slot in range(4, 9))}
+    kept = [m for m in messages if not (isinstance(m, Fix) and (m.uav, m.slot) in quiet)]
+    assert page_of(kept).plots[3].series[0].y[-1] == pytest.approx(70 * (8 + 6 + 3) / 1e3)
 
 
 def test_long_missions_are_thinned_out(messages: list[Message], monkeypatch: pytest.MonkeyPatch) -> None:
@@ -105,6 +131,23 @@ def test_the_page_needs_no_network_and_cannot_be_broken_out_of(messages: list[Me
     assert text.count("</script>") == 3
 
 
+def test_a_mission_without_faults_says_so(messages: list[Message]) -> None:
+    """And that everything held."""
+    text = document(recorded(messages))
+    assert "; every guarantee held" in text
+    assert "<tr><th scope=row>none</th><td></td></tr>" in text
+    assert "<ul>" not in text
+
+
+def test_so_many_violations_are_told() -> None:
+    """Of more, their number."""
+    for extra in (0, 1):
+        violations = [Violation("gap", f"x{number}.") for number in range(MAX_WHERE + extra)]
+        text = _guarantee(GuaranteeResult("G5", "No loss", "broken", violations))
+        assert text.count("<li>x") == MAX_WHERE
+        assert (f"<li>... {MAX_WHERE + 1} in all</li>" in text) == bool(extra)
+
+
 def test_a_list_of_the_roster_can_be_broken_into_lines(messages: list[Message]) -> None:
     """It has no space in it; names are not cut."""
     messages.append(Event(source="operator", kind="fault", detail="partition u0|u1,u2 @1s", sent_ns=EPOCH_NS))
@@ -121,4 +164,5 @@ def test_the_page_says_what_the_terminal_says() -> None:
     assert embedded is not None
     assert json.loads(embedded[1]) == msgspec.to_builtins(metrics)
     assert '<span class="broken">broken</span>' in text
+    assert f"broken: {', '.join(result.guarantee for result in check(recording) if not result.held)}" in text
     assert "u0 and u1: discs overlap by up to 1 m" in text

@@ -50,3 +50,8 @@ def test_power_law_is_linear_regression_of_logarithms() -> None:
 def test_power_law_needs_two_positive_points() -> None:
     """Zeroes have no logarithm, and one point no slope."""
     assert power_law([10.0, 20.0], [0.0, 3.0]) is None
+    assert power_law([0.0, 20.0], [1.0, 3.0]) is None
+    assert power_law([10.0, 10.0], [1.0, 3.0]) is None
+    exact = power_law([0.25, 0.5], [0.5, 1.0])
+    assert exact is not None
+    assert (exact.exponent, exact.factor, exact.low, exact.high) == (pytest.approx(1.0), pytest.approx(2.0), None, None)

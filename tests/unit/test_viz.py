@@ -4,10 +4,12 @@ from __future__ import annotations
 
 import json
 import math
+from collections import Counter
 from typing import Any
 
 import msgspec
 import pytest
+from foxglove_schemas_protobuf.LinePrimitive_pb2 import LinePrimitive
 from foxglove_schemas_protobuf.LocationFix_pb2 import LocationFix
 from foxglove_schemas_protobuf.Log_pb2 import Log
 from foxglove_schemas_protobuf.SceneUpdate_pb2 import SceneUpdate
@@ -18,13 +20,14 @@ from hypothesis import given
 from hypothesis import strategies as st
 from synthetic import EPOCH_NS, OFFSET_M, SLOT_NS, at, change, flight, mission_of, parallel
 
+from edc_swarm.config import NS_PER_S
 from edc_swarm.geodesy import to_wgs84
 from edc_swarm.messages import Command, Event, Fix, Message, MissionMessage, Report, Truth
 from edc_swarm.viz import Scenery, Shown, channel_of, layout, topic_of
 from edc_swarm.viz.channels import Status
 from edc_swarm.viz.layout import MAP_PX, TILE_MPP
 from edc_swarm.viz.scenery import extent_m, gaps
-from edc_swarm.viz.shapes import RED, colour_of
+from edc_swarm.viz.shapes import RED, VERTICES, colour_of, stadium
 
 
 def shown(messages: list[Message], until_ns: int | None = None) -> list[Shown]:
@@ -71,6 +74,41 @@ def test_what_comes_late_takes_nothing_back(messages: list[Message]) -> None:
     assert scenes[0] == scenes[1] != []
 
 
+def test_each_topic_has_its_rate(messages: list[Message]) -> None:
+    """Discs twice a second, trails and the map once, what stays where it is once a minute."""
+    scenery = Scenery()
+    assert scenery.next_ns is None
+    for message in messages[:7]:
+        scenery.hear(message, EPOCH_NS)
+    assert scenery.next_ns == EPOCH_NS
+    said = [each for tick in range(122) for each in scenery.advance(EPOCH_NS + tick * SLOT_NS)]
+    counts = Counter(each.topic.removeprefix("/viz/") for each in said)
+    assert {name: counts[name] for name in ("uavs", "trails", "location/u1", "area")} == {
+        "uavs": 122,
+        "trails": 61,
+        "location/u1": 61,
+        "area": 2,
+    }
+
+
+def test_the_time_of_a_long_silence_is_not_shown(messages: list[Message]) -> None:
+    """One picture after it, not hundreds of what nobody saw."""
+    scenery = Scenery()
+    scenery.hear(messages[0], EPOCH_NS)
+    scenery.advance(EPOCH_NS)
+    for silence_ns, pictures in ((60 * NS_PER_S, 120), (61 * NS_PER_S, 1)):
+        begun_ns = scenery.next_ns
+        assert begun_ns is not None
+        said = scenery.advance(begun_ns + silence_ns - 1)
+        assert sum(each.topic == "/viz/uavs" for each in said) == pictures
+
+
+def test_a_uav_without_memory_is_shown_where_its_disc_is(messages: list[Message]) -> None:
+    """Its fix says nothing about that."""
+    change(messages, {"uav": "u1", "slot": 4}, Fix, voter=False, executing=False, waypoint_x_m=90.0)
+    assert scene(messages, "uavs", 4.9)["u1"].cylinders[0].pose.position.x == 12.0
+
+
 def test_every_scene_is_a_full_snapshot(messages: list[Message]) -> None:
     """A viewer that seeks loads only the last message: all that was shown before must go."""
     scenes = [each for each in shown(messages) if channel_of(each.topic).schema_name == "foxglove.SceneUpdate"]
@@ -84,10 +122,14 @@ def test_every_scene_is_a_full_snapshot(messages: list[Message]) -> None:
 def test_discs_are_where_the_fixes_say(messages: list[Message]) -> None:
     """At a tick in mid-slot a disc is half-way along its executed step, the body at its offset in it."""
     change(messages, {"slot": 4}, Fix, waypoint_y_m=8.0, from_y_m=6.0)
+    change(messages, {"slot": 4}, Truth, to_x_m=14.5)
     messages[0] = msgspec.structs.replace(messages[0], sent_ns=EPOCH_NS + SLOT_NS // 2)
-    disc, body = scene(messages, "uavs", 4.5)["u1"].cylinders
+    drawn = scene(messages, "uavs", 4.5)["u1"]
+    (disc, body), (outline, *_) = drawn.cylinders, drawn.lines
+    assert [math.hypot(p.x, p.y) for p in outline.points] == pytest.approx([5.0] * len(outline.points))
+    assert outline.type == LinePrimitive.LINE_LOOP
     assert (disc.pose.position.x, disc.pose.position.y, disc.size.x) == (12.0, 7.0, 10.0)
-    assert (body.pose.position.x, body.pose.position.y) == pytest.approx((12.0 + OFFSET_M[0], 7.0 + OFFSET_M[1]))
+    assert (body.pose.position.x, body.pose.position.y) == pytest.approx((13.5, 7.0 + OFFSET_M[1]))
 
 
 def test_the_head_is_marked_and_standbys_are_numbered(messages: list[Message]) -> None:
@@ -136,15 +178,55 @@ def test_hulls_of_the_unheard_are_outlined_with_their_radius(messages: list[Mess
     assert scene(messages, "hulls", 3) == {}
 
 
+def test_an_outline_goes_once_round_its_segment() -> None:
+    """Wherever the segment points: to its radius beyond both ends and on both sides, in order."""
+    points = stadium((1.0, 2.0), (4.0, 6.0), 2.5)
+    along = [((x - 1) * 3 + (y - 2) * 4) / 5 for x, y in points]
+    across = [((y - 2) * 3 - (x - 1) * 4) / 5 for x, y in points]
+    assert [max(along), min(along), max(across), min(across)] == pytest.approx([7.5, -2.5, 2.5, -2.5])
+    pairs = zip(points, [*points[1:], points[0]], strict=True)
+    area_m2 = sum(a[0] * b[1] - b[0] * a[1] for a, b in pairs) / 2
+    assert area_m2 == pytest.approx(5 * 5 + 2.5**2 * VERTICES / 2 * math.sin(2 * math.pi / VERTICES))
+
+
 def test_trails_fade_and_commands_are_drawn(messages: list[Message]) -> None:
     """A trail has one colour per point, opaque at its new end; a command is its step."""
     (trail,) = scene(messages, "trails", 6)["u1"].lines
     alphas = [colour.a for colour in trail.colors]
     assert len(trail.points) == len(alphas) > 2
-    assert alphas == sorted(alphas)
+    assert trail.type == LinePrimitive.LINE_STRIP
+    assert alphas == pytest.approx([0.8 * (1 - age_s / 15) for age_s in (3, 2, 1, 0)])
     change(messages, {}, Command, speed_mps=4.0)
     (step,) = scene(messages, "commands", 3)["u1"].lines
     assert [(p.x, p.y) for p in step.points] == [at(parallel()[1], 2), at(parallel()[1], 3)]
+    assert scene(messages, "commands", 10) == {}
+
+
+def test_the_status_is_that_of_the_last_plan(messages: list[Message]) -> None:
+    """With what all who were heard have said."""
+    kept = [m for m in messages if not (isinstance(m, Fix) and m.uav == "u2")]
+    said = [each for each in shown(kept, EPOCH_NS + 9 * SLOT_NS) if each.topic == "/viz/status"]
+    assert msgspec.json.decode(said[-1].payload, type=Status) == Status(
+        slot=8,
+        term=1,
+        head="u0",
+        status="planned",
+        plan_ms=10.0,
+        plan_limit_ms=pytest.approx(300.0),
+        gap_m=pytest.approx(2.0, abs=0.1),
+        planned_gap_m=0.0,
+        gap_limit_m=0.0,
+        heard=3,
+        unheard=0,
+        arrived=2,
+        least_energy_j=5e4 - 560,
+    )
+
+
+def test_targets_are_marked(messages: list[Message]) -> None:
+    """Each with a ring about it."""
+    rings = scene(messages, "area", 1)["targets"].lines
+    assert [(ring.pose.position.x, ring.pose.position.y) for ring in rings] == [(0.0, 16.0), (12.0, 16.0), (24.0, 16.0)]
 
 
 def test_the_area_holds_all_starts_and_targets() -> None:
@@ -152,6 +234,7 @@ def test_the_area_holds_all_starts_and_targets() -> None:
     mission = mission_of([[(-30.0, 4.0), (500.0, 4.0)]], area_m2=100.0, sent_ns=EPOCH_NS)
     fence = scene([mission], "area", 1)["geofence"].lines[0]
     assert {p.x for p in fence.points} == {-30.0, 500.0}
+    assert fence.type == LinePrimitive.LINE_LOOP
 
 
 def test_events_are_logged_with_their_source() -> None:

@@ -1,0 +1,59 @@
+"""What each UAV spent its battery on, on a mission small enough to compute by hand."""
+
+from __future__ import annotations
+
+import pytest
+from synthetic import flight, parallel, recorded
+
+from edc_swarm.bills import EnergyBill, Exhausted, energy_bills, exhausted
+from edc_swarm.config import EnergyModel
+from edc_swarm.energy import propulsion_power_w
+from edc_swarm.messages import Event, Fix, Message, Report, Truth
+from edc_swarm.metrics import Timing
+
+MODEL = EnergyModel(radio_j_per_message=0.25)
+HOVER_W = propulsion_power_w(0.0, MODEL)
+STEP_J = 0.4 * propulsion_power_w(5.0, MODEL) + 0.1 * HOVER_W
+
+
+@pytest.fixture
+def messages() -> list[Message]:
+    """Three UAVs that wait a slot and fly 2 m in each of eight; u0 leads, u2 is heard until slot 4."""
+    said = flight(parallel(), guard_s=0.05, energy=MODEL)
+    return [m for m in said if not (isinstance(m, Fix | Truth) and m.uav == "u2" and m.slot > 4)]
+
+
+def test_a_bill(messages: list[Message]) -> None:
+    """Flight outside the guards, waiting, messages, plans; who is silent pays nothing any more."""
+    messages.append(Report(head="u1", slot=8, term=9, status="no-quorum", plan_ms=1e6, quorum=2))
+    head, other, fallen = energy_bills(recorded(messages))
+    spent = {"cruise_j": 8 * STEP_J, "hover_j": 0.5 * HOVER_W, "radio_j": 45 * 0.25, "compute_j": 5.0 * 54e-3}
+    expected = EnergyBill(
+        uav="u0", cruise_s=4.0, hover_s=0.5, total_j=sum(spent.values()), left_j=5e4 - 560, slots_led=9, **spent
+    )
+    for name in EnergyBill.__struct_fields__:
+        assert getattr(head, name) == pytest.approx(getattr(expected, name)), name
+    assert (other.radio_j, other.compute_j, other.slots_led) == (10 * 0.25, 0.0, 0)
+    assert (fallen.cruise_s, fallen.hover_s, fallen.left_j) == (2.0, 0.5, 5e4 - 280)
+
+
+def test_who_was_never_heard_has_its_battery(messages: list[Message]) -> None:
+    """And spent nothing that is known."""
+    *_, silent = energy_bills(recorded([m for m in messages if not (isinstance(m, Fix) and m.uav == "u2")]))
+    assert (silent.left_j, silent.total_j, silent.hover_s) == (5e4, 0.0, 0.0)
+
+
+def test_measured_times_replace_recorded_ones(messages: list[Message]) -> None:
+    """One for each plan of a slot, in their order; where there is none the record counts."""
+    again = next(m for m in messages if isinstance(m, Report) and m.slot == 1)
+    messages.append(Report(head="u1", slot=1, term=2, status=again.status, plan_ms=7.0, quorum=2))
+    timings = [Timing(0, 100.0), Timing(1, 200.0), Timing(1, 300.0)]
+    bills = energy_bills(recorded(messages), timings)
+    assert [bill.compute_j for bill in bills] == pytest.approx([5.0 * (0.3 + 49e-3), 5.0 * 0.3, 0.0])
+
+
+def test_who_ran_empty(messages: list[Message]) -> None:
+    """In the order in which they did; other events are none."""
+    for uav, slot in (("u2", 5), ("u1", 7)):
+        messages.append(Event(source=uav, slot=slot, kind="battery-empty"))
+    assert exhausted(recorded(messages)) == [Exhausted("u2", 5), Exhausted("u1", 7)]
