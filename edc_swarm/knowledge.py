@@ -126,7 +126,7 @@ class Knowledge:
         """Slots at whose end `uav` was somewhere: by its own fix, by a head's report, else by the roster.
 
         Of the term just before `term`, a report of slot s tells of the end of slot s + 1 too: no term lies
-        between, and in slot s its own head sent nobody that it lists anything but what it lists.
+        between, and its own head sent whom it lists nothing in slot s, or, itself, the step that it lists.
         """
         fix, relayed, entry = self.newest.get(uav), self._relayed.get(uav), self._roster[uav]
         if fix is not None:

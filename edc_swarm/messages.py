@@ -132,9 +132,10 @@ class Command(Struct, frozen=True, kw_only=True, gc=False):
 class Report(Struct, frozen=True, kw_only=True, gc=False):
     """The head's account of slot `slot` (its commands carry slot + 1).
 
-    `hull_*` are parallel lists over the unheard UAVs and, last, the head itself: the segment a-b and the radius
-    about it that contain the UAV through slot + 1. `min_gap_m` is the least planned centre distance minus R. `status` "claim" is a
-    standby's claim of a new term, `grants` then listing the UAVs that suspect the old head.
+    `hull_*` are parallel lists over the unheard UAVs and, last, the head itself: the segment a-b and the
+    radius about it that contain the UAV through slot + 1. `min_gap_m` is the least planned centre
+    distance minus R. `status` "claim" is a standby's claim of a new term, `grants` then listing the UAVs
+    that suspect the old head.
     """
 
     head: UavId

@@ -21,7 +21,7 @@ from edc_swarm.config import Mission, mission_from_dict
 from edc_swarm.election import Election
 from edc_swarm.head import Head, Office
 from edc_swarm.knowledge import Knowledge
-from edc_swarm.messages import Command, Fix
+from edc_swarm.messages import Command, Fix, Report
 from edc_swarm.node import Effect, Persist, UavNode
 from edc_swarm.solver import certificate, slot_qp
 
@@ -205,6 +205,16 @@ def ball_one_slot_short(patch: Patch) -> None:
     patch.setattr(Knowledge, "hull", mutant)
 
 
+def report_tells_of_a_slot_too_many(patch: Patch) -> None:
+    """A listed hull is taken for good a slot longer than its head can answer for."""
+    hear_report = Knowledge.hear_report
+
+    def mutant(self: Knowledge, report: Report) -> None:
+        hear_report(self, msgspec.structs.replace(report, slot=report.slot + 1))
+
+    patch.setattr(Knowledge, "hear_report", mutant)
+
+
 def hull_reset_by_a_duplicate_fix(patch: Patch) -> None:
     """The last fix to arrive counts, not the newest."""
 
@@ -262,6 +272,19 @@ def failovers(seed: int) -> Mission:
     return _crowd(seed, faults, uavs=5, standbys=3)
 
 
+def relapses(seed: int) -> Mission:
+    """The same, but that the UAV was unheard in the slot before as well, and is listed in that slot's report."""
+    faults = []
+    for slot in range(6, 66, 6):
+        at_s, uav = slot * 0.5, f"u00{1 + slot // 6 % 5}"
+        faults += [
+            f"partition {uav}|rest @{at_s - 0.51:.3f}s for 0.45s",
+            f"partition {uav}|rest @{at_s + 0.005:.3f}s for 0.7s",
+        ]
+        faults.append(f"restart head @{at_s + 0.006:.3f}s")
+    return _crowd(seed, faults, uavs=5, standbys=3)
+
+
 def _crowd(seed: int, faults: list[str], uavs: int = 4, standbys: int = 0) -> Mission:
     crowd = {"area_m2": 300.0 * uavs, "planner": fuzzing.RECKLESS, "max_slots": 70}
     return mission_from_dict({**crowd, "uavs": uavs, "standbys": standbys, "seed": seed, "fault": faults})
@@ -271,6 +294,7 @@ AIMED = [
     (frozen_uav_executes_late, freezes, 20),
     (restarted_head_plans_in_its_term, restarts, 20),
     (ball_one_slot_short, failovers, 20),
+    (report_tells_of_a_slot_too_many, relapses, 20),
 ]
 """Defects that random schedules meet too rarely: found by schedules of one kind, crowded together."""
 

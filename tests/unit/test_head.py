@@ -162,7 +162,8 @@ def test_the_report() -> None:
     assert (report.head, report.slot, report.term, report.status) == ("a", 5, 2, "planned")
     assert (report.heard, report.grants, report.unheard, report.quorum) == (["a", "b", "c"], ["a", "b", "c"], ["d"], 3)
     assert (report.plan_ms, report.solve_ms, report.iterations, report.min_gap_m) == (7.0, 4.0, 7, 0.5)
-    assert (report.hull_uav, report.hull_ax_m, report.hull_by_m, report.hull_r_m) == (["d"], [60.0], [0.0], [21.0])
+    assert report.hull_uav == ["d", "a"]
+    assert list(zip(*report.hull_columns, strict=True)) == [(60.0, 0.0, 60.0, 0.0, 21.0), (0.0, 0.0, 0.0, 1.5, 0.0)]
     assert report.has_quorum
 
 

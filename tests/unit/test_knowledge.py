@@ -148,18 +148,37 @@ def test_hull_of_one_that_grants_another(grant: tuple[int, str], t0: int, radius
 
 
 def test_hull_that_was_relayed() -> None:
-    """A report newer than the fix serves like a fix of its slot, with its hull in place of the waypoint."""
-    knowledge = heard(fix(5, 2, "c"))
-    knowledge.hear_report(report(8, Stadium(1, 2, 7, 2, 1.5)))
+    """A report serves like a fix of its slot, with its hull in place of the waypoint; the smallest ball counts."""
+    knowledge = heard(fix(5, 1, "c"))
+    knowledge.hear_report(report(8, Stadium(1, 2, 7, 2, 1.5), term=1))
     assert knowledge.hull("b", MINE, 9, {}, RULES) == Stadium(1, 2, 7, 2, 1.5 + 4.0)
-    assert knowledge.hull("b", MINE, 6, {}, RULES) == Stadium(1, 2, 7, 2, 1.5)
-    knowledge.hear_report(report(7, Stadium(0, 0, 0, 0, 0)))
-    assert knowledge.hull("b", MINE, 6, {}, RULES) == Stadium(1, 2, 7, 2, 1.5), "an older report changes nothing"
-    knowledge.hear_fix(fix(8, 2, "c", at=(5, 5)), 9)
+    assert knowledge.hull("b", MINE, 7, {}, RULES) == Stadium(1, 2, 7, 2, 1.5)
+    assert knowledge.hull("b", MINE, 4, {}, RULES) == Stadium(1, 2, 1, 2), "the fix alone, if nothing can have followed"
+    knowledge.hear_report(report(7, Stadium(0, 0, 0, 0, 0), term=1))
+    assert knowledge.hull("b", MINE, 7, {}, RULES) == Stadium(1, 2, 7, 2, 1.5), "an older report changes nothing"
+    knowledge.hear_fix(fix(8, 1, "c", at=(5, 5)), 9)
     assert knowledge.hull("b", MINE, 9, {}, RULES) == Stadium(5, 5, 5, 5, 4.0), "a fix of that slot knows better"
-    knowledge.hear_report(report(9, Stadium(0, 0, 0, 0, 3)))
+    knowledge.hear_report(report(9, Stadium(0, 0, 0, 0, 3), term=1))
+    assert knowledge.hull("b", MINE, 9, {}, RULES) == Stadium(5, 5, 5, 5, 4.0), "as does one before a wide hull"
     knowledge.hear_fix(fix(8, 3, "a", at=(5, 5)), 9)
     assert knowledge.hull("b", MINE, 9, {}, RULES) == Stadium(5, 5, 5, 5), "one that grants me moves by no other"
+
+
+@pytest.mark.parametrize(("term", "radius_m"), [(2, 1.5), (1, 3.5), (3, 3.5)])
+def test_the_term_just_before_is_known_a_slot_longer(term: int, radius_m: float) -> None:
+    """Its head moved none of those in the slot after its report; an older one may have had a successor that did."""
+    knowledge = Knowledge(ROSTER)
+    knowledge.hear_report(report(8, Stadium(1, 2, 7, 2, 1.5), term=term))
+    assert knowledge.hull("b", MINE, 8, {}, RULES) == Stadium(1, 2, 7, 2, radius_m)
+
+
+def test_of_two_reports_of_a_slot_the_later_term_counts() -> None:
+    """Whichever comes first."""
+    knowledge = Knowledge(ROSTER)
+    later, earlier = report(8, Stadium(7, 7, 7, 7), term=2), report(8, Stadium(5, 5, 5, 5), term=1)
+    for said in (earlier, later, earlier):
+        knowledge.hear_report(said)
+    assert knowledge.hull("b", MINE, 8, {}, RULES) == Stadium(7, 7, 7, 7)
 
 
 def test_relayed_hull_of_a_stranger() -> None:

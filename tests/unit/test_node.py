@@ -320,7 +320,7 @@ def test_a_head_plans_with_a_quorum_and_once() -> None:
     commands, (made,) = said(effects, Command), said(effects, Report)
     assert [(c.uav, c.slot, c.term, c.head) for c in commands] == [("a", 6, 2, "a"), ("b", 6, 2, "a")]
     assert (made.heard, made.unheard, made.slot, made.status) == (["a", "b"], ["c"], 5, "no-qp-needed")
-    assert (made.hull_uav, made.hull_r_m) == (["c"], [2.5])
+    assert (made.hull_uav, made.hull_r_m) == (["c", "a"], [2.5, 0.0])
     kinds = [type(e.message) for e in effects if isinstance(e, Publish)]
     assert kinds.index(Report) > max(i for i, kind in enumerate(kinds) if kind is Command)
     uav.step(Received(fix("c", 5, term=2, head="a")), at(5.6))
