@@ -329,7 +329,7 @@ DEFECTS: list[tuple[Defect, int, int]] = [
     (never_heard_uav_left_out, 0, 200),
     (hull_reset_by_a_duplicate_fix, 0, 200),
     (joint_row_only, 0, 200),
-    (negative_gap_taken, 0, 60),
+    (negative_gap_taken, 0, 200),
 ]
 
 
