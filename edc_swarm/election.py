@@ -24,7 +24,7 @@ slot begins         suspicion for another lease, a quorum suspects        grant 
 
 A *quorum of suspicions* before any move (pre-vote) is why one lossy link, or a UAV that comes back,
 disturbs nobody, and why a minority never raises its term. A standby claims later where a better one
-lives (a lease each) or where the head may be back (a slot): after an outage nothing has happened to it.
+lives (a lease each) or where the head may be back (a whole slot): after an outage nothing has happened to it.
 """
 
 from __future__ import annotations
@@ -252,14 +252,14 @@ class Election:
     def _head_may_be_back(self, since_slot: int) -> bool:
         """Whether the head should have this slot to gather its quorum again.
 
-        So it should when it was heard lately, or when this UAV was cut off from most others until
-        now: after an outage of the router everybody suspects a head that nothing has happened to,
-        and a claim would only make it and the standby outbid each other.
+        So it should, for one whole slot, when it was heard lately, or when this UAV was cut off from
+        most others until now: after an outage of the router everybody suspects a head that nothing has
+        happened to, and a claim would only make it and the standby outbid each other.
         """
         if self._head_gone:
             return False
         heard_lately = self._knowledge.last_slot(self.head) >= self.slot - 1
-        return self._cut_off or (heard_lately and self.slot == since_slot)
+        return self._cut_off or (heard_lately and self.slot <= since_slot + 1)
 
     def _earlier_standby_lives(self, since_slot: int) -> bool:
         """Whether a better standby was heard lately and has not had its time, a lease each, yet."""

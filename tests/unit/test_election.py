@@ -239,9 +239,14 @@ def test_the_second_standby_waits_for_the_first() -> None:
 
 
 def test_a_head_that_may_be_back_has_a_slot_to_itself() -> None:
-    """After an outage, or when it is heard again, nobody outbids the old head at once."""
+    """After an outage, or when it is heard again, nobody outbids the old head before a whole slot has passed."""
     suspicions = [fix("d", 8, suspects=True), fix("e", 8, suspects=True)]
-    assert suspecting("b").hear(fix("a", 8, suspects=True), *suspicions).election.claim is None
+    heard_again = suspecting("b", slot=9, lease_slots=3)
+    for slot, claims in ((9, False), (10, False), (11, True)):
+        if slot > 9:
+            heard_again.slot(slot)
+        heard_again.hear(*(fix(uav, slot, suspects=True) for uav in "ade"))
+        assert (heard_again.election.claim is not None) is claims
     cut_off = trusting("b")
     for slot in (6, 7, 8):
         cut_off.slot(slot)
