@@ -576,7 +576,7 @@ def reprice(world: World, k: int, draft: Draft, first: int, end: int, total: flo
 def attempt(world: World, k: int, draft: Draft, count: int, n: int, shift: int, limit: float) -> float:
     """Cost of the draft with a change at way point n, or infinity if that is above `limit`.
 
-    Way point n has moved (shift 0), has been inserted (1) or dropped (-1). Within the limit the draft
+    Way point n has been MOVED, INSERTED or DROPPED, as `shift` says. Within the limit the draft
     takes the change; otherwise the caller puts its way points back.
     """
     first, end, total = refly(world, k, draft, count, n, shift)

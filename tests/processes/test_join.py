@@ -19,6 +19,7 @@ from edc_swarm.recording import Recording, find_gaps, read_recording, unknown_ta
 from processes.address import free_endpoint
 from processes.bus import open_client, put
 from processes.certificates import write_certificates
+from processes.credentials import Credentials
 from processes.giving_up import WORD
 from processes.operators import Operators
 from processes.orders import asked, await_found
@@ -40,9 +41,9 @@ def ids_of(joined: Started, folder: Path, count: int = 1) -> set[str]:
     return {file.stem for file in folder.glob("missions/*/*.promise")}
 
 
-def claimed(address: str, uavs: int) -> set[str]:
+def claimed(address: str, uavs: int, own: Credentials | None = None) -> set[str]:
     """The ids that a claimant gets which then leaves without flying any: with them the mission would begin."""
-    with open_client(address) as session:
+    with open_client(address, own) as session:
         operators = Operators(session)
         mission = await_found(lambda: operators.only_mission(address), "the mission")
         claim = msgspec.json.encode(Claim(claimant="c" * 16, uavs=uavs))

@@ -7,20 +7,14 @@ import signal
 from collections.abc import Callable
 from pathlib import Path
 
-import msgspec
 import pytest
 
-from edc_swarm.claims import Claim, Issued
 from edc_swarm.config import JOIN
-from edc_swarm.messages import Keys
 from processes.address import free_endpoint
-from processes.bus import open_client
 from processes.certificates import write_certificates
 from processes.credentials import Credentials
-from processes.operators import Operators
-from processes.orders import asked
-from tests.processes.conftest import Started, await_true
-from tests.processes.test_join import FAST
+from tests.processes.conftest import Started
+from tests.processes.test_join import FAST, claimed
 
 UAVS = [f"u00{number}" for number in range(1, 6)]
 Host = Callable[..., str]
@@ -79,12 +73,6 @@ def test_what_a_host_cannot_fly_is_issued_to_nobody(start, hosted: tuple[Started
     greedy = start("join", address, "--uavs", "2", "--certs", folder).end()
     assert greedy.status == 2
     assert "--uavs = 2: must be at most 1" in greedy.stderr
-    claim = msgspec.json.encode(Claim(claimant="a" * 16, uavs=1))
-    with open_client(address, Credentials(Path(folder), JOIN)) as session:
-        operators = Operators(session)
-        await_true(lambda: bool(operators.missions()))
-        answer = asked(session, Keys(operators.missions()[0]).claims, claim)
-    assert answer is not None
-    assert msgspec.json.decode(answer, type=Issued).uavs == []
+    assert claimed(address, 1, Credentials(Path(folder), JOIN)) == set()
     run.process.send_signal(signal.SIGINT)
     assert run.end().status == 1
