@@ -32,7 +32,8 @@ HOLD_S = 2.0
 def give_up(arguments: Sequence[str]) -> None:
     """Leave word at the router that the command line names, if it names one to operate at.
 
-    Whoever is told may leave at once, and compose then ends this command too: its status stays what it was.
+    Told to stop while it holds its token, it holds it to the end, or a router that has just started might never see
+    it; and whenever it is told to stop, as by compose when somebody else has left, its status stays what it was.
     """
     endpoint = _router(arguments)
     if endpoint is None:
@@ -45,6 +46,7 @@ def give_up(arguments: Sequence[str]) -> None:
     while (session := try_client(endpoint, own)) is None and time.monotonic() < end_s:
         time.sleep(LOOK_EVERY_S)
     if session is not None:
+        signal.signal(signal.SIGTERM, signal.SIG_IGN)
         token = session.liveliness().declare_token(f"{WORD}/{os.getpid()}")
         time.sleep(HOLD_S)
         token.undeclare()
