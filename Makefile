@@ -13,10 +13,11 @@ RUN ?=
 run: $(READY)
 	$(BIN)/edc-swarm run $(RUN)
 
-# Tests of real processes are about time, so they run one after the other; all others in parallel.
+# Tests of real processes are about time, so they run one after the other; all others in parallel. A machine may stall:
+# one of them that fails is run once more, and named at the end; never one that fails for a broken guarantee.
 test: $(READY)
 	$(BIN)/pytest -n auto --ignore tests/processes --ignore tests/docker
-	$(BIN)/pytest tests/processes tests/docker
+	$(BIN)/pytest --reruns 1 --rerun-except broken -raR tests/processes tests/docker
 
 check: $(READY)
 	$(BIN)/ruff check
