@@ -1,7 +1,8 @@
 """Every exception that edc_swarm raises, in one tree.
 
 Expected outcomes (no quorum, infeasible, stale, unheard) are values, never exceptions. What is
-raised here is bad input, with the data that a caller needs to say what is wrong in one line.
+raised here is bad input, with the data that a caller needs to say what is wrong in one line. What is given
+to an exception is its `args`, so it passes from a worker's process to another whole.
 """
 
 from __future__ import annotations
@@ -27,10 +28,13 @@ class InputError(SwarmError):
     """
 
     def __init__(self, field: str, value: object, allowed: str) -> None:
-        super().__init__(f"{field} = {_shown(value)}: must be {allowed}")
+        super().__init__(field, value, allowed)
         self.field = field
         self.value = value
         self.allowed = allowed
+
+    def __str__(self) -> str:
+        return f"{self.field} = {_shown(self.value)}: must be {self.allowed}"
 
 
 class MissionError(InputError):
@@ -53,9 +57,12 @@ class MessageError(SwarmError):
     """
 
     def __init__(self, key: str, reason: str) -> None:
-        super().__init__(f"{key}: {reason}")
+        super().__init__(key, reason)
         self.key = key
         self.reason = reason
+
+    def __str__(self) -> str:
+        return f"{self.key}: {self.reason}"
 
 
 class RecordingError(SwarmError):
@@ -70,9 +77,12 @@ class RecordingError(SwarmError):
     """
 
     def __init__(self, path: str | Path, reason: str) -> None:
-        super().__init__(f"{path}: {reason}")
+        super().__init__(path, reason)
         self.path = Path(path)
         self.reason = reason
+
+    def __str__(self) -> str:
+        return f"{self.path}: {self.reason}"
 
 
 def _shown(value: object, limit: int = 60) -> str:

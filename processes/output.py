@@ -113,7 +113,7 @@ def check_output(path: Path, *, force: bool) -> None:
 def salvage_parts(folder: Path) -> list[Path]:
     """Recover what killed runs have left in `folder`; the originals are kept as NAME.mcap.part.torn.
 
-    A part that a recorder still holds locked is a run in progress and is left alone.
+    A part that is still held is a run in progress and is left alone.
     """
     return [found for part in sorted(folder.glob(f"*{SUFFIX}{PART}")) if (found := _salvage(part)) is not None]
 
@@ -124,8 +124,16 @@ def recovered_name(part: Path) -> Path:
 
 
 @contextmanager
+def held_for_writing(part: Path) -> Iterator[BinaryIO]:
+    """The file `part`, locked: nobody takes it for what a killed run has left. Rename it before it is let go."""
+    with part.open("r+b") as stream:
+        fcntl.flock(stream, fcntl.LOCK_EX)
+        yield stream
+
+
+@contextmanager
 def locked_for_reading(part: Path) -> Iterator[None]:
-    """Keep a recorder from writing `part` meanwhile.
+    """Keep whoever records from writing `part` meanwhile.
 
     Raises
     ------

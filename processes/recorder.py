@@ -9,7 +9,6 @@ numbers of what has show, is asked for again of its publishers.
 from __future__ import annotations
 
 import errno
-import fcntl
 import math
 import os
 import secrets
@@ -40,6 +39,7 @@ from processes.ears import Gate, Heard
 from processes.inbox import SETTLE_S, Inbox
 from processes.operators import GIVE_UP_S, Operators
 from processes.orders import orders, outlast_operator
+from processes.output import held_for_writing
 from processes.parent import die_with_parent
 from processes.view import attach_layout
 
@@ -336,8 +336,7 @@ def main() -> int:
         die_with_parent(settings.parent)
         signal.signal(signal.SIGINT, signal.SIG_IGN)
     signal.signal(signal.SIGXFSZ, signal.SIG_IGN)
-    with Path(settings.part).open("r+b") as stream:
-        fcntl.flock(stream, fcntl.LOCK_EX)
+    with held_for_writing(Path(settings.part)) as stream:
         if stream.read(1):
             raise InputError("recording", settings.part, "empty (a recorder that died is not gone on with)")
         recorder = Recorder(settings, stream)

@@ -19,7 +19,7 @@ from edc_swarm.simulation import Simulation, SimulationEnd, mission_message
 from edc_swarm.viz import Scenery
 from processes.conclusion import conclude
 from processes.options import MISSION_HELP, MissionOptions
-from processes.output import Output, default_output
+from processes.output import Output, default_output, held_for_writing
 from processes.progress_bar import ProgressBar
 from processes.run_facts import run_facts
 from processes.view import attach_layout, write_shown
@@ -43,8 +43,8 @@ def sim(
 
 def _simulate(mission: Mission, output: Output, *, viz: bool, show_progress: bool) -> list[Timing]:
     message, timings = mission_message(mission), list[Timing]()
-    warm_up(mission)
-    with output.part.open("r+b") as stream:
+    with held_for_writing(output.part) as stream:
+        warm_up(mission)
         writer = RecordingWriter(stream, run_facts("virtual"))
         attach_layout(writer, message)
         scenery = Scenery()
@@ -58,7 +58,7 @@ def _simulate(mission: Mission, output: Output, *, viz: bool, show_progress: boo
         simulation = Simulation(message, lambda: TimedPlanner(message, timings), record)
         end = _fly(simulation, message, show_progress=show_progress)
         writer.finish({"completed": str(end.completed).lower()})
-    output.part.replace(output.path)
+        output.part.replace(output.path)
     return sorted(timings, key=lambda timing: timing.slot)
 
 

@@ -10,6 +10,7 @@ from mcap.reader import make_reader
 
 from edc_swarm.invariants import check
 from edc_swarm.recording import find_gaps, read_recording
+from processes.output import salvage_parts
 from tests.processes.conftest import await_true
 
 
@@ -104,3 +105,13 @@ def test_other_signals_end_in_order_too(start):
     command.await_flight(3)
     command.process.send_signal(signal.SIGHUP)
     assert not find_gaps(command.end().recording)
+
+
+def test_a_simulation_keeps_its_recording_from_those_beside_it(start, tmp_path: Path):
+    """Several in one folder: none takes another's for what a killed run has left."""
+    command = start("sim", "--json", "--uavs", "30", "--area", "20000")
+    part = command.path.with_name(command.path.name + ".part")
+    command.await_file(lambda: part.exists() and part.stat().st_size > 0)
+    assert salvage_parts(tmp_path) == []
+    assert part.exists()
+    assert command.end().status == 0

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import pickle
 from pathlib import Path
 
 import pytest
@@ -38,3 +39,17 @@ def test_one_tree(kind: type[Exception]) -> None:
     assert issubclass(kind, errors.SwarmError)
     assert issubclass(errors.PlacementError, errors.MissionError)
     assert issubclass(errors.MissionError, errors.InputError)
+
+
+@pytest.mark.parametrize(
+    "error",
+    [
+        errors.PlacementError("--uavs", 900, "fewer"),
+        errors.MessageError("uav/a/fix", "not JSON"),
+        errors.RecordingError("a.mcap", "cut short"),
+    ],
+)
+def test_an_error_passes_from_a_worker_whole(error: errors.SwarmError) -> None:
+    """One that did not would end the whole pool of workers, and nobody would learn why."""
+    copy = pickle.loads(pickle.dumps(error))
+    assert (type(copy), str(copy), vars(copy)) == (type(error), str(error), vars(error))
