@@ -7,18 +7,20 @@ import platform
 import shlex
 import subprocess
 import sys
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from importlib.metadata import version
 from pathlib import Path
 
 PACKAGES = ("edc-swarm", "eclipse-zenoh", "osqp", "numpy", "scipy", "numba", "mcap", "msgspec")
+PLACE = "--out"
+MANNER = frozenset({"--json", "--force"})
 
 
 def run_facts(clock: str) -> dict[str, str]:
     """Metadata `run` of a recording; `clock` is "wall" or "virtual"."""
     return {
         "clock": clock,
-        "command": shlex.join([Path(sys.argv[0]).name, *sys.argv[1:]]),
+        "command": shlex.join([Path(sys.argv[0]).name, *_about_the_run(sys.argv[1:])]),
         "commit": _commit(),
         "machine": f"{platform.machine()}, {os.cpu_count()} processors, {platform.system()} {platform.release()}",
         "python": platform.python_version(),
@@ -35,6 +37,16 @@ def made_otherwise(run: Mapping[str, str]) -> str:
         ", ".join(f"{name.removeprefix('version ')} {facts[name]}" for name in others) for facts in (run, here)
     )
     return f"made with {then}; this is {now}" if others else ""
+
+
+def _about_the_run(arguments: Sequence[str]) -> Iterator[str]:
+    """Without where the recording goes and how the end is told: the same run has the same bytes anywhere (G6)."""
+    words = iter(arguments)
+    for word in words:
+        if word == PLACE:
+            next(words, "")
+        elif word not in MANNER and not word.startswith(f"{PLACE}="):
+            yield word
 
 
 def _commit() -> str:

@@ -6,6 +6,7 @@ import json
 import os
 import shlex
 import socket
+import sys
 from pathlib import Path
 
 import pytest
@@ -259,11 +260,14 @@ def test_a_planner_too_slow_for_its_slots_is_told(capsys, tmp_path: Path):
     assert "a slot is 20 ms" in line
 
 
-def test_same_seed_same_bytes(tmp_path: Path):
-    """G6, with the command line's own metadata; the name of the file is not part of it."""
-    for name in ("a", "b"):
-        main(["sim", "--uavs", "4", "--seed", "3", "--loss", "0.1", "--json", "--out", f"{tmp_path / name}.mcap"])
-    assert (tmp_path / "a.mcap").read_bytes() == (tmp_path / "b.mcap").read_bytes()
+def test_same_seed_same_bytes(tmp_path: Path, monkeypatch: pytest.MonkeyPatch):
+    """G6, with the command line in it: where the file is to be, and whether the summary is JSON, are no part of that."""
+    a, b = tmp_path / "a.mcap", tmp_path / "b.mcap"
+    for words in (["--json", "--out", str(a)], ["--force", f"--out={b}"]):
+        monkeypatch.setattr(sys, "argv", ["edc-swarm", "sim", *words, "--uavs", "4", "--seed", "3", "--loss", "0.1"])
+        assert main() == 0
+    assert a.read_bytes() == b.read_bytes()
+    assert read_recording(a).run["command"] == "edc-swarm sim --uavs 4 --seed 3 --loss 0.1"
 
 
 def test_link_options_are_about_every_link_of_the_file(tmp_path: Path):
