@@ -6,6 +6,7 @@ Points are arrays whose last axis holds (x, y) in metres; leading axes broadcast
 from __future__ import annotations
 
 import math
+from collections.abc import Callable
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -27,9 +28,17 @@ def dot(a: Floats, b: Floats) -> Floats:
     return a[..., 0] * b[..., 0] + a[..., 1] * b[..., 1]
 
 
-def rotated(vectors: Floats, angle_rad: ArrayLike) -> Floats:
-    """Vectors (..., 2) turned counter-clockwise by angles (...,)."""
-    cos, sin = np.cos(angle_rad), np.sin(angle_rad)
+def by_libm(function: Callable[..., float], *values: ArrayLike) -> Floats:
+    """A function of `math`, element by element.
+
+    numpy's own sines, arcs and powers use what registers a processor has, and with wide ones differ in
+    the last bit: a seed would not fly the same mission everywhere.
+    """
+    return np.asarray(np.frompyfunc(function, len(values), 1)(*values), dtype=np.float64)
+
+
+def rotated(vectors: Floats, cos: Floats, sin: Floats) -> Floats:
+    """Vectors (..., 2) turned counter-clockwise by angles (...,) with these cosines and sines."""
     x, y = vectors[..., 0], vectors[..., 1]
     return np.stack([cos * x - sin * y, sin * x + cos * y], axis=-1)
 

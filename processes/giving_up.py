@@ -22,7 +22,7 @@ from processes.credentials import TLS, credentials
 
 OPTION = "--operate"
 WORD = f"{PREFIX}/-/alive/giving-up"
-TRY_FOR_S = 10.0
+TRY_FOR_S = 5.0
 """The router may be starting as well."""
 LOOK_EVERY_S = 0.1
 HOLD_S = 2.0

@@ -234,7 +234,7 @@ class Guidance:
             r_m=np.maximum(r_m, 1e-6),
             luck=self._luck(scene),
             imminent=self._imminent(scene, len(r_m)),
-            gamma=np.power(tuning.gamma, np.arange(slots), dtype=np.float64),
+            gamma=np.array([tuning.gamma**slot for slot in range(slots)]),
             head=np.empty((slots, int(cells.prod())), np.int32),
             link=np.empty((slots, len(r_m) << kernel.ENTRY_BITS), np.int32),
             rules=kernel.Rules(

@@ -31,7 +31,7 @@ import osqp
 import scipy.sparse
 
 from edc_swarm.config import ARRIVED_M, Mission
-from edc_swarm.geometry import Floats, length_m
+from edc_swarm.geometry import Floats, by_libm, length_m
 from edc_swarm.planner.interface import Plan, PlanRequest, PlanStatus, Stopwatch
 from edc_swarm.planner.request import Arrays, checked_arrays
 from edc_swarm.planner.straight import least_end_gap_m
@@ -192,7 +192,7 @@ def solve_horizon(program: HorizonProgram, position_m: Floats, target_m: Floats)
 def _polygon(vectors: int, radius_m: float) -> tuple[Any, Floats]:
     """Rows |n.v| <= apothem over half the normals of the 16-gon inscribed in the circle (eq. 36)."""
     angle = np.arange(SIDES // 2) * 2 * np.pi / SIDES
-    normals = np.stack([np.cos(angle), np.sin(angle)], axis=-1)
+    normals = np.stack([by_libm(math.cos, angle), by_libm(math.sin, angle)], axis=-1)
     rows = scipy.sparse.kron(scipy.sparse.identity(vectors), normals, format="csc")
     return rows, np.full(rows.shape[0], radius_m * math.cos(math.pi / SIDES))
 

@@ -20,6 +20,7 @@ It replaces eq. 29-43 of the paper, whose convexification does not separate anyt
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 
 import numpy as np
@@ -28,6 +29,7 @@ from numpy.typing import NDArray
 from edc_swarm.geometry import (
     Floats,
     Indices,
+    by_libm,
     closest_points_of_segments,
     dot,
     length_m,
@@ -38,9 +40,6 @@ from edc_swarm.geometry import (
 
 DELTA_M = 0.02
 """Buffer of the rows, so that the solver's inaccuracy does not eat into the separation."""
-
-CONE = np.array([0.0, -1.0, 1.0, -2.0, 2.0, -3.0, 3.0]) / 3.0
-"""Candidate normals as shares of the cone's half angle, the line of centres first (it wins ties)."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -176,10 +175,10 @@ def _normals(
     sum_m = r_m[first] + r_m[second]
     centre = np.where(distance_m[:, None] > 0, apart_m / np.where(distance_m > 0, distance_m, 1.0)[:, None], [1.0, 0.0])
     ratio = (sum_m + DELTA_M) / np.maximum(distance_m, sum_m + DELTA_M)
-    angle = np.arccos(np.minimum(ratio, 1.0)) * (1 - 1e-9)
+    angle = by_libm(math.acos, np.minimum(ratio, 1.0)) * (1 - 1e-9)
     step_m = wish_m - position_m
     towards = _towards_wishes(apart_m, step_m[first], step_m[second], centre)
-    candidate = np.concatenate([rotated(centre[None], CONE[:, None] * angle), towards[None]])
+    candidate = np.concatenate([_fan(centre, angle), towards[None]])
     room_m = dot(candidate, apart_m[None]) - sum_m
     if previous_m is not position_m:
         room_m = np.minimum(room_m, _least_room_m(candidate, previous_m, position_m, first, second) - sum_m)
@@ -193,6 +192,19 @@ def _normals(
     best = np.argmax(left_m, axis=0)
     pick = np.arange(len(first))
     return candidate[best, pick], room_m[best, pick]
+
+
+def _fan(centre: Floats, half_angle: Floats) -> Floats:
+    """Unit vectors (7, p, 2): the centre, which wins ties, then right and left of it at thirds of the half angle."""
+    cos, sin = by_libm(math.cos, half_angle / 3), by_libm(math.sin, half_angle / 3)
+    cos2, sin2 = cos * cos - sin * sin, 2 * sin * cos
+    cos3, sin3 = cos2 * cos - sin2 * sin, sin2 * cos + cos2 * sin
+    none = np.zeros_like(cos)
+    turns = (  # cosines, sines
+        np.stack([none + 1, cos, cos, cos2, cos2, cos3, cos3]),
+        np.stack([none, -sin, sin, -sin2, sin2, -sin3, sin3]),
+    )
+    return rotated(centre[None], *turns)
 
 
 def _towards_wishes(apart_m: Floats, first_m: Floats, second_m: Floats, centre: Floats) -> Floats:
@@ -255,16 +267,16 @@ def _tangent_normals(point_m: Floats, obstacles: Obstacles, which: Indices) -> t
     the outermost counts, angles being taken from the first end's direction.
     """
     ends = [point_m - obstacles.a_m[which], point_m - obstacles.b_m[which]]
-    base = np.arctan2(ends[0][:, 1], ends[0][:, 0])
+    base = by_libm(math.atan2, ends[0][:, 1], ends[0][:, 0])
     angles = []
     for end in ends:
-        beta = np.arcsin(np.minimum(obstacles.radius_m[which] / np.maximum(length_m(end), 1e-300), 1.0))
-        turn = np.arctan2(end[:, 1], end[:, 0]) - base
+        beta = by_libm(math.asin, np.minimum(obstacles.radius_m[which] / np.maximum(length_m(end), 1e-300), 1.0))
+        turn = by_libm(math.atan2, end[:, 1], end[:, 0]) - base
         turn = (turn + np.pi) % (2 * np.pi) - np.pi
         angles.append((turn - beta, turn + beta))
     low = base + np.minimum(angles[0][0], angles[1][0])
     high = base + np.maximum(angles[0][1], angles[1][1])
     return (
-        np.stack([np.cos(low), np.sin(low)], axis=-1),
-        np.stack([np.cos(high), np.sin(high)], axis=-1),
+        np.stack([by_libm(math.cos, low), by_libm(math.sin, low)], axis=-1),
+        np.stack([by_libm(math.cos, high), by_libm(math.sin, high)], axis=-1),
     )

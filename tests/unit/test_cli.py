@@ -240,8 +240,8 @@ class Tiring:
 
 def test_a_planner_beside_the_mission_is_found_and_its_failure_told(capsys, tmp_path: Path):
     """One file in the current folder is enough; when it fails all hold, the record says why, and so does the end."""
-    (tmp_path / "own_planner.py").write_text(PLANNER)
-    options = ["--planner", "own_planner:Tiring", "--uavs", "3", "--max-slots", "9", "--out", "own.mcap"]
+    (tmp_path / "tiring_planner.py").write_text(PLANNER)
+    options = ["--planner", "tiring_planner:Tiring", "--uavs", "3", "--max-slots", "9", "--out", "own.mcap"]
     assert main(["sim", *options, "--json"]) == 1
     said = capsys.readouterr()
     assert said.err.startswith("warning: 5 plans failed, and all held; first in slot 4: LookupError: no more ideas")
@@ -261,7 +261,7 @@ def test_a_planner_too_slow_for_its_slots_is_told(capsys, tmp_path: Path):
 
 
 def test_same_seed_same_bytes(tmp_path: Path, monkeypatch: pytest.MonkeyPatch):
-    """G6, with the command line in it: where the file is to be, and whether the summary is JSON, are no part of that."""
+    """G6, with the command line in it: where the file is to be, and whether the summary is JSON, are not."""
     a, b = tmp_path / "a.mcap", tmp_path / "b.mcap"
     for words in (["--json", "--out", str(a)], ["--force", f"--out={b}"]):
         monkeypatch.setattr(sys, "argv", ["edc-swarm", "sim", *words, "--uavs", "4", "--seed", "3", "--loss", "0.1"])

@@ -65,4 +65,4 @@ def test_near_pairs_are_those_of_brute_force(count: int, reach_m: float) -> None
 
 def test_rotation_is_counter_clockwise() -> None:
     """A quarter turn takes x to y."""
-    assert rotated(np.array([1.0, 0.0]), np.pi / 2) == pytest.approx([0.0, 1.0])
+    assert rotated(np.array([1.0, 0.0]), np.array(0.0), np.array(1.0)) == pytest.approx([0.0, 1.0])
