@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import sys
 from collections.abc import Sequence
+from contextlib import suppress
 from importlib.metadata import version
 from pathlib import Path
 from typing import Any, Literal, get_args, get_origin
@@ -49,7 +50,8 @@ def main(arguments: Sequence[str] | None = None) -> int:
         status = _run(arguments)
     finally:
         if status == BAD_INPUT:
-            give_up(arguments)
+            with suppress(KeyboardInterrupt):
+                give_up(arguments)
     return status
 
 

@@ -270,6 +270,18 @@ def test_same_seed_same_bytes(tmp_path: Path, monkeypatch: pytest.MonkeyPatch):
     assert read_recording(a).run["command"] == "edc-swarm sim --uavs 4 --seed 3 --loss 0.1"
 
 
+def test_ctrl_c_ends_what_gives_up(monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]):
+    """While it looks for its router: what was wrong has been said."""
+
+    def interrupted(*_: object) -> None:
+        raise KeyboardInterrupt
+
+    monkeypatch.setattr("processes.bus.try_client", interrupted)
+    monkeypatch.setattr("processes.giving_up.signal.signal", lambda *_: None)
+    assert main(["run", "--operate", "tcp/localhost:7447", "--planner", "nonsense"]) == 2
+    assert capsys.readouterr().err.startswith("error: planner = 'nonsense'")
+
+
 def test_link_options_are_about_every_link_of_the_file(tmp_path: Path):
     """What they do not say stays as it is in the file, also for single links and for a while."""
     file = tmp_path / "m.toml"
