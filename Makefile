@@ -14,7 +14,7 @@ run: $(READY)
 	$(BIN)/edc-swarm run $(RUN)
 
 # Tests of real processes are about time, so they run one after the other; all others in parallel. A machine may stall:
-# one of them that fails is run once more, and named at the end; never one that fails for a broken guarantee.
+# one of them that fails is run once more, and named at the end; never one that says that a guarantee is broken.
 test: $(READY)
 	$(BIN)/pytest -n auto --ignore tests/processes --ignore tests/docker
 	$(BIN)/pytest --reruns 1 --rerun-except broken -raR tests/processes tests/docker

@@ -31,8 +31,8 @@ def dot(a: Floats, b: Floats) -> Floats:
 def by_libm(function: Callable[..., float], *values: ArrayLike) -> Floats:
     """A function of `math`, element by element.
 
-    numpy's own sines, arcs and powers use what registers a processor has, and with wide ones differ in
-    the last bit: a seed would not fly the same mission everywhere.
+    numpy's own sines, arcs and powers use what registers a processor has, and with wide ones may differ
+    in the last bit: a seed would not fly the same mission everywhere.
     """
     return np.asarray(np.frompyfunc(function, len(values), 1)(*values), dtype=np.float64)
 

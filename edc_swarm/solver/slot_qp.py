@@ -196,7 +196,8 @@ def _normals(
 
 def _fan(centre: Floats, half_angle: Floats) -> Floats:
     """Unit vectors (7, p, 2): the centre, which wins ties, then right and left of it at thirds of the half angle."""
-    cos, sin = by_libm(math.cos, half_angle / 3), by_libm(math.sin, half_angle / 3)
+    third = half_angle / 3
+    cos, sin = by_libm(math.cos, third), by_libm(math.sin, third)
     cos2, sin2 = cos * cos - sin * sin, 2 * sin * cos
     cos3, sin3 = cos2 * cos - sin2 * sin, sin2 * cos + cos2 * sin
     none = np.zeros_like(cos)

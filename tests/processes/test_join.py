@@ -356,17 +356,34 @@ def test_who_gives_up_is_the_first_to_leave_and_keeps_its_status(parts: Parts):
     """Compose ends everything with the first that leaves, and where asked to, with the status of the operator."""
     waiting = parts.join("waiting")
     given_up = parts.operate("--planner", "nonsense")
-    await_there(parts, f"{WORD}/*")
+    await_there(parts.address, f"{WORD}/*")
     given_up.process.terminate()
     assert given_up.process.wait() == 2
     assert waiting.process.poll() is None
     assert waiting.end().status == 2
 
 
-def await_there(parts: Parts, token: str) -> None:
+def await_there(address: str, token: str) -> None:
     """Wait for a liveliness token."""
-    with open_client(parts.address) as session:
+    with open_client(address) as session:
         await_true(lambda: any(reply.ok is not None for reply in session.liveliness().get(token)))
+
+
+def test_a_router_that_has_just_begun_to_listen_hears_the_word(start):
+    """Whoever gives up is told to stop a second before that router looks who is there."""
+    address = free_endpoint()
+    given_up = start("run", *FAST, "--operate", address, "--planner", "nonsense")
+    assert given_up.process.stderr.readline().startswith("error: planner = ")
+    slowly = "router._route_one_mission = lambda *told: time.sleep(1) or route(*told)"
+    script = f"import sys, time; from processes import router; route = router._route_one_mission; {slowly}"
+    command = [sys.executable, "-c", f"{script}; sys.exit(router.main())", address, "mission"]
+    with subprocess.Popen(command, stdout=subprocess.DEVNULL) as router:
+        await_there(address, f"{WORD}/*")
+        given_up.process.terminate()
+        assert given_up.end().status == 2
+        assert start("join", address).end().status == 2
+        router.terminate()
+        assert router.wait() == 0
 
 
 def test_a_router_waits_for_an_operator_only_so_long(start):

@@ -26,7 +26,7 @@ def test_a_uav_imports_no_numpy():
 
 
 def test_nothing_flown_is_reckoned_with_what_differs_between_processors():
-    """numpy's sines, arcs and powers do in the last bit: `geometry.by_libm` instead."""
+    """numpy's sines, arcs and powers may, in the last bit: `geometry.by_libm` instead."""
     library = ROOT / "edc_swarm"
     reckoning = [library / "geometry.py", *library.glob("planner/*.py"), *library.glob("solver/*.py")]
     assert len(reckoning) > 10
