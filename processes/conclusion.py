@@ -11,7 +11,7 @@ from edc_swarm.metrics import OVERLOADED_PCT, Metrics, compute_metrics, load_tim
 from edc_swarm.node import PLANNER_FAILED
 from edc_swarm.recording import Recording, read_recording
 from processes.console import FAILED, note, print_json, stdout_console
-from processes.summary import print_guarantees, print_metrics
+from processes.summary import guarantees_status, print_guarantees, print_metrics
 
 
 def conclude(path: Path, *, as_json: bool) -> int:
@@ -26,7 +26,7 @@ def conclude(path: Path, *, as_json: bool) -> int:
         print_guarantees(guarantees, console, limit=3)
         print(path)
     _warn(recording, metrics)
-    return 0 if metrics.completed and all(result.held for result in guarantees) else FAILED
+    return guarantees_status(guarantees) if metrics.completed else FAILED
 
 
 def _warn(recording: Recording, metrics: Metrics) -> None:

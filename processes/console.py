@@ -9,8 +9,12 @@ from rich.console import Console
 
 from edc_swarm.errors import RecordingError, SwarmError
 
-BAD_INPUT = 2
 FAILED = 1
+"""Exit status: a guarantee is broken, or a UAV is not at its target."""
+BAD_INPUT = 2
+"""Exit status: an option, a file or the environment is not acceptable."""
+NOT_JUDGED = 3
+"""Exit status: nothing is broken, but a guarantee could not be judged for lack of evidence."""
 
 
 def note(text: str) -> None:

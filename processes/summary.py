@@ -10,6 +10,7 @@ from rich.table import Table
 from edc_swarm.invariants import GuaranteeResult
 from edc_swarm.metrics import Metrics
 from edc_swarm.tables import metric_rows
+from processes.console import FAILED, NOT_JUDGED
 
 
 def print_metrics(metrics: Metrics, console: Console) -> None:
@@ -31,6 +32,13 @@ def print_guarantees(results: Sequence[GuaranteeResult], console: Console, limit
             console.print(f"    {where}", markup=False)
         if len(result.where) > limit:
             console.print(f"    ... {len(result.where)} in all", markup=False)
+
+
+def guarantees_status(results: Sequence[GuaranteeResult]) -> int:
+    """Return the exit status for verdicts: 1 when one is broken, else 3 when one was not judged, else 0."""
+    if any(result.broken for result in results):
+        return FAILED
+    return 0 if all(result.judged for result in results) else NOT_JUDGED
 
 
 def _some(texts: Sequence[str], limit: int) -> str:

@@ -1,4 +1,7 @@
-"""What a check says: per guarantee held, broken (where and when), or not applicable (why)."""
+"""Verdicts on guarantees: held, broken (where and when), not judged (what evidence lacks), not applicable (why).
+
+"held" needs evidence: a checker that found nothing to examine returns `not_judged`, never `verdict(..., [])`.
+"""
 
 from __future__ import annotations
 
@@ -6,7 +9,7 @@ from typing import Literal
 
 from msgspec import Struct
 
-Status = Literal["held", "broken", "not-applicable"]
+Status = Literal["held", "broken", "not-judged", "not-applicable"]
 
 
 class Violation(Struct, frozen=True):
@@ -43,7 +46,11 @@ class Violation(Struct, frozen=True):
 
 
 class GuaranteeResult(Struct, frozen=True):
-    """The verdict on one guarantee; `notes` say what weakens it or why it does not apply."""
+    """The verdict on one guarantee.
+
+    `notes` say what weakens a verdict, what evidence is missing (not-judged), or why the guarantee says
+    nothing about this run (not-applicable).
+    """
 
     guarantee: str
     title: str
@@ -53,8 +60,18 @@ class GuaranteeResult(Struct, frozen=True):
 
     @property
     def held(self) -> bool:
-        """Whether nothing is broken (also where the guarantee does not apply)."""
-        return self.status != "broken"
+        """Whether the guarantee was judged and nothing was broken."""
+        return self.status == "held"
+
+    @property
+    def broken(self) -> bool:
+        """Whether a violation was found."""
+        return self.status == "broken"
+
+    @property
+    def judged(self) -> bool:
+        """Whether there was enough evidence for all that the guarantee says about this run."""
+        return self.status != "not-judged"
 
     @property
     def where(self) -> list[str]:
@@ -63,11 +80,16 @@ class GuaranteeResult(Struct, frozen=True):
 
 
 def verdict(guarantee: str, title: str, violations: list[Violation], notes: list[str] | None = None) -> GuaranteeResult:
-    """Held, or broken where there are violations."""
+    """Return "held", or "broken" where there are violations."""
     ordered = sorted(violations, key=lambda violation: violation.slot)
     return GuaranteeResult(guarantee, title, "broken" if ordered else "held", ordered, notes or [])
 
 
+def not_judged(guarantee: str, title: str, why: str, notes: list[str] | None = None) -> GuaranteeResult:
+    """Return "not-judged": the guarantee applies, but the evidence to judge it is missing."""
+    return GuaranteeResult(guarantee, title, "not-judged", notes=[why, *(notes or [])])
+
+
 def not_applicable(guarantee: str, title: str, why: str) -> GuaranteeResult:
-    """Nothing to hold the run against."""
+    """Return "not-applicable": the guarantee promises nothing about this run."""
     return GuaranteeResult(guarantee, title, "not-applicable", notes=[why])

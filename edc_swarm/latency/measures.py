@@ -90,9 +90,7 @@ def sample_of(recording: Recording) -> Sample:
         potential_collisions=metrics.potential_collisions,
         true_collisions=metrics.true_collisions,
         min_disc_gap_m=metrics.min_disc_gap_m,
-        broken=[
-            verdict.guarantee for verdict in check(recording) if not verdict.held and verdict.guarantee != PROGRESS
-        ],
+        broken=[verdict.guarantee for verdict in check(recording) if verdict.broken and verdict.guarantee != PROGRESS],
         fix_to_command_ms=metrics.fix_to_command_ms.p50,
         fix_to_command_p99_ms=metrics.fix_to_command_ms.p99,
         fix_age_ms=_mean_age_ms(recording, _counted_ns(recording, columns), columns.alive, first),

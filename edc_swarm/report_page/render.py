@@ -48,7 +48,7 @@ def render(
 
 
 def _subtitle(metrics: Metrics, guarantees: Sequence[GuaranteeResult]) -> str:
-    broken = [result.guarantee for result in guarantees if not result.held]
+    broken = [result.guarantee for result in guarantees if result.broken]
     arrived = f"{metrics.arrived} of {metrics.uavs} UAVs arrived in {metrics.duration_s:g} s"
     return f"{arrived}; {'broken: ' + ', '.join(broken) if broken else 'every guarantee held'}"
 

@@ -6,12 +6,12 @@ from pathlib import Path
 
 from edc_swarm.invariants import check as check_guarantees
 from edc_swarm.recording import read_recording
-from processes.console import FAILED, print_json, stdout_console
-from processes.summary import print_guarantees
+from processes.console import print_json, stdout_console
+from processes.summary import guarantees_status, print_guarantees
 
 
 def check(recording: Path, /, *, json: bool = False) -> int:
-    """Check guarantees G1-G5 and G7 on a recording; exit status 1 when one is broken.
+    """Check guarantees G1-G5 and G7 on a recording; exit status 1 when one is broken, 3 when one cannot be judged.
 
     Parameters
     ----------
@@ -25,4 +25,4 @@ def check(recording: Path, /, *, json: bool = False) -> int:
         print_json(results)
     else:
         print_guarantees(results, stdout_console())
-    return 0 if all(result.held for result in results) else FAILED
+    return guarantees_status(results)

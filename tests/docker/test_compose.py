@@ -19,7 +19,7 @@ FAST = {"TIME_SCALE": "2"}
 
 def broken(swarm: Swarm) -> set[str]:
     """Guarantees that the recording shows broken."""
-    return {result.guarantee for result in check(swarm.recording) if not result.held}
+    return {result.guarantee for result in check(swarm.recording) if result.broken}
 
 
 @pytest.mark.parametrize("uavs", [10, 40])

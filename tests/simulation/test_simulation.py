@@ -76,7 +76,7 @@ class Flight:
 
     def broken(self) -> list[str]:
         """Guarantees that were not kept."""
-        return [result.guarantee for result in check(Recording.from_messages(self.messages)) if not result.held]
+        return [result.guarantee for result in check(Recording.from_messages(self.messages)) if result.broken]
 
 
 class Circling:

@@ -164,5 +164,5 @@ def test_the_page_says_what_the_terminal_says() -> None:
     assert embedded is not None
     assert json.loads(embedded[1]) == msgspec.to_builtins(metrics)
     assert '<span class="broken">broken</span>' in text
-    assert f"broken: {', '.join(result.guarantee for result in check(recording) if not result.held)}" in text
+    assert f"broken: {', '.join(result.guarantee for result in check(recording) if result.broken)}" in text
     assert "u0 and u1: discs overlap by up to 1 m" in text
