@@ -293,17 +293,6 @@ def default_tau_s(mission: Mission) -> float:
     return mission.tau_s or 0.4 * mission.dt_s
 
 
-def default_max_slots(mission: Mission) -> int:
-    """Slots after which a mission is given up: 20 times the longest straight flight, plus 200."""
-    if mission.max_slots:
-        return mission.max_slots
-    longest_m = max((entry.straight_m for entry in mission.roster), default=0.0)
-    step_m = mission.v_max_mps * mission.dt_s
-    if 20 * longest_m >= step_m * (MOST_SLOTS - 200):
-        return MOST_SLOTS
-    return math.ceil(20 * longest_m / step_m) + 200
-
-
 def validate_mission(mission: Mission) -> None:
     """Raise `MissionError` unless the fields fit together."""
     if mission.roster and mission.uavs != len(mission.roster):

@@ -204,8 +204,13 @@ def _asked(mission: Mission) -> tuple[str, ...]:
 
 
 def _broken(recording: Recording, asked: Collection[str]) -> list[str]:
-    results = [result for result in check(recording) if result.guarantee in asked]
-    return [f"{r.guarantee}: {found.text}" for r in results for found in r.violations[:5]]
+    """What is broken of the guarantees asked; one that is left unjudged is a fault of the run, and counts as well."""
+    results = {result.guarantee: result for result in check(recording)}
+    said: list[str] = []
+    for result in map(results.__getitem__, asked):
+        said += [f"{result.guarantee}: {found.text}" for found in result.violations[:5]]
+        said += [] if result.judged else [f"{result.guarantee}: not judged: {'; '.join(result.notes)}"]
+    return said
 
 
 def _placed(fields: dict[str, Any]) -> Mission:
