@@ -105,8 +105,9 @@ class MissionMonitor:
 
         Every fault that ends is over, every restart done, and then either a head has made `STALL_SLOTS` plans in
         one term in which nobody is to move, while nobody moved; or for as many slots there are too few UAVs left for
-        a quorum, or on every side of a partition. Slots without a plan prove nothing: a planner may be slow, a network may have no head for long.
-        A plan that moves somebody is no standstill, whether or not its commands come in time.
+        a quorum, or on every side of a partition. Slots without a plan prove nothing: a planner may be slow, a
+        network may have no head for long. A plan that moves somebody is no standstill, whether or not its commands
+        come in time.
         """
         if sum(not self._grounded(uav) for uav in self._side) < self._mission.quorum:
             return slot - max(self._changed_slot, self._settled_slot) >= STALL_SLOTS

@@ -3,6 +3,10 @@
 What the limit is, and of whom G7 promises it when a fault never ends: `edc_swarm.judgement`. A mission that
 was stopped because nothing could change any more (`progress.STALLED`) is judged as it stands: whoever has not
 arrived by then never would.
+
+Excused, and named in the notes, is whoever a UAV that no longer flies keeps away: it covers the target or, by the
+last plan's hulls, may cover it; or it may be where the living UAV is, which then must hold (ARCHITECTURE.md, near a
+hull).
 """
 
 from __future__ import annotations
@@ -10,6 +14,7 @@ from __future__ import annotations
 import math
 
 import numpy as np
+from numpy.typing import NDArray
 
 from edc_swarm.config import ARRIVED_M, OPERATOR
 from edc_swarm.errors import MissionError
@@ -36,14 +41,11 @@ def check_progress(evidence: Evidence) -> GuaranteeResult:
         where = "" if len(prospect.side) == len(tracks.uavs) else " on the larger side of a partition that never heals"
         return not_applicable(*_G7, f"{bound.sum()} UAVs live at the end{where}, {mission.quorum} are a quorum")
     away = [k for k in np.flatnonzero(bound).tolist() if _away_m(evidence, k) > ARRIVED_M]
-    covers = {k: _covers(evidence, k, bound) for k in away}
-    notes = [_excuse(evidence, k, others) for k, others in covers.items() if others]
-    notes += [
-        f"{tracks.uavs[k]} need not arrive: a partition that never heals cuts it off from the quorum"
-        for k in np.flatnonzero(living & ~bound).tolist()
-        if _away_m(evidence, k) > ARRIVED_M
-    ]
-    astray = [k for k in away if not covers[k]]
+    excuses = {k: _excuse(evidence, k, bound) for k in away}
+    cut_off = [k for k in np.flatnonzero(living & ~bound).tolist() if _away_m(evidence, k) > ARRIVED_M]
+    excuses.update(dict.fromkeys(cut_off, "a partition that never heals cuts it off from the quorum"))
+    notes = [f"{tracks.uavs[k]} need not arrive: {why}" for k, why in excuses.items() if why]
+    astray = [k for k in away if not excuses[k]]
     if not astray:
         return verdict(*_G7, [], notes)
     if prospect.obstacle:
@@ -60,33 +62,33 @@ def _away_m(evidence: Evidence, k: int) -> float:
     return math.hypot(entry.target_x_m - x_m, entry.target_y_m - y_m)
 
 
-def _covers(evidence: Evidence, k: int, bound: np.ndarray[tuple[int], np.dtype[np.bool_]]) -> list[int]:
-    """Return the UAVs that no longer fly and cover, or may cover, the target of UAV `k`."""
-    roster = evidence.mission.roster
-    target_m = np.array([roster[k].target_x_m, roster[k].target_y_m])
-    return [
-        other
-        for other in np.flatnonzero(~bound).tolist()
-        if _clearance_m(evidence, target_m, other) < roster[k].r_m + roster[other].r_m
-    ]
+def _excuse(evidence: Evidence, k: int, bound: NDArray[np.bool_]) -> str:
+    """Why UAV `k` need not arrive: where the UAVs that no longer fly are, or may be. "" if it must."""
+    uavs, roster = evidence.tracks.uavs, evidence.mission.roster
+    target_m, centre_m = np.array([roster[k].target_x_m, roster[k].target_y_m]), evidence.tracks.centre_m[-1, k]
+    covering, holding = [], []
+    for other in np.flatnonzero(~bound).tolist():
+        if _clearance_m(evidence, target_m, other) < roster[k].r_m + roster[other].r_m:
+            covering.append(uavs[other])
+        if _clearance_m(evidence, centre_m, other) <= 0:
+            holding.append(uavs[other])
+    if covering:
+        return f"its target is, or may be, covered by {' and '.join(covering)}, which no longer flies"
+    if holding:
+        return f"it must hold, since {' and '.join(holding)}, which no longer flies, may be where it is"
+    return ""
 
 
-def _clearance_m(evidence: Evidence, target_m: Floats, other: int) -> float:
+def _clearance_m(evidence: Evidence, point_m: Floats, other: int) -> float:
     """From a point to where a UAV that no longer flies is, or can be by the last plan's hulls."""
-    centre_m = float(np.hypot(*(evidence.tracks.centre_m[-1][other] - target_m)))
+    centre_m = float(np.hypot(*(evidence.tracks.centre_m[-1][other] - point_m)))
     plan = max(evidence.plans, key=lambda report: (report.term, report.slot), default=None)
     uav = evidence.mission.roster[other].uav
     if plan is None or uav not in plan.hull_uav:
         return centre_m
     i = plan.hull_uav.index(uav)
     ends_m = (plan.hull_ax_m[i], plan.hull_ay_m[i]), (plan.hull_bx_m[i], plan.hull_by_m[i])
-    return min(centre_m, float(point_segment_distance_m(target_m, *ends_m)) - plan.hull_r_m[i])
-
-
-def _excuse(evidence: Evidence, k: int, covers: list[int]) -> str:
-    uavs = evidence.tracks.uavs
-    names = " and ".join(uavs[other] for other in covers)
-    return f"{uavs[k]} need not arrive: its target is, or may be, covered by {names}, which no longer flies"
+    return min(centre_m, float(point_segment_distance_m(point_m, *ends_m)) - plan.hull_r_m[i])
 
 
 def _missing(evidence: Evidence, k: int) -> Violation:

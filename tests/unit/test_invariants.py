@@ -838,6 +838,20 @@ def test_g7_excuses_targets_that_a_dead_uav_may_cover() -> None:
     assert results(messages)["G7"].status == "held"
 
 
+def test_g7_excuses_a_uav_that_must_hold() -> None:
+    """Whoever is where a dead UAV may be cannot move."""
+    messages = [*unfinished(LIMIT), Event(source="u0", slot=LIMIT, kind="battery-empty")]
+    last = max(i for i, m in enumerate(messages) if isinstance(m, Report))
+    for radius_m, status in ((9.9, "broken"), (10.1, "held")):
+        hull = {"hull_uav": ["u0"], "hull_ax_m": [24.0], "hull_ay_m": [6.0], "hull_bx_m": [30.0], "hull_by_m": [6.0]}
+        report = messages[last]
+        assert isinstance(report, Report)
+        messages[last] = msgspec.structs.replace(report, **hull, hull_r_m=[radius_m])
+        assert progress(messages).status == status
+    excuse = "u2 need not arrive: it must hold, since u0, which no longer flies, may be where it is"
+    assert progress(messages).notes == [excuse]
+
+
 def test_a_violation_is_told_in_one_line() -> None:
     """Slot and time come first, where there are any."""
     assert str(Violation("gap", "x is missing")) == "x is missing"
