@@ -6,7 +6,8 @@ arrived by then never would.
 
 Excused, and named in the notes, is whoever a UAV that no longer flies keeps away: it covers the target or, by the
 last plan's hulls, may cover it; or it may be where the living UAV is, which then must hold (ARCHITECTURE.md, near a
-hull).
+hull). An empty battery is no excuse but no proof either: it counts as "not judged" if it was empty within the limit,
+since a swarm that does nothing until all batteries are empty must not pass for one that had no time.
 """
 
 from __future__ import annotations
@@ -23,7 +24,7 @@ from edc_swarm.geometry import Floats, point_segment_distance_m
 from edc_swarm.invariants.evidence import Evidence
 from edc_swarm.invariants.report import GuaranteeResult, Violation, not_applicable, not_judged, verdict
 from edc_swarm.judgement import END, STALLED, default_max_slots, prospect_of, settled_slot
-from edc_swarm.recording.living import FAULT, living_at_end
+from edc_swarm.recording.living import BATTERY_EMPTY, FAULT, living_at_end
 
 _G7 = ("G7", "Progress")
 
@@ -35,25 +36,44 @@ def check_progress(evidence: Evidence) -> GuaranteeResult:
         return not_judged(*_G7, "the record has no fixes")
     faults = _faults(evidence)
     prospect = prospect_of(mission, [fault for fault in faults if fault.at_s < tracks.slots * mission.dt_s])
-    living = living_at_end(evidence.recording, tracks)
-    bound = living & np.array([uav in prospect.side for uav in tracks.uavs])
-    if bound.sum() < mission.quorum:
-        where = "" if len(prospect.side) == len(tracks.uavs) else " on the larger side of a partition that never heals"
-        return not_applicable(*_G7, f"{bound.sum()} UAVs live at the end{where}, {mission.quorum} are a quorum")
-    away = [k for k in np.flatnonzero(bound).tolist() if _away_m(evidence, k) > ARRIVED_M]
-    excuses = {k: _excuse(evidence, k, bound) for k in away}
-    cut_off = [k for k in np.flatnonzero(living & ~bound).tolist() if _away_m(evidence, k) > ARRIVED_M]
-    excuses.update(dict.fromkeys(cut_off, "a partition that never heals cuts it off from the quorum"))
+    inside = np.array([uav in prospect.side for uav in tracks.uavs])
+    drained, living = _drained(evidence), living_at_end(evidence.recording, tracks)
+    bound = inside & living
+    due = bound | (inside & (drained >= 0))
+    if due.sum() < mission.quorum:
+        where = "" if inside.all() else " on the larger side of a partition that never heals"
+        return not_applicable(*_G7, f"{due.sum()} UAVs live at the end{where}, {mission.quorum} are a quorum")
+    excuses = {k: _excuse(evidence, k, bound) for k in _away(evidence, due)}
+    excuses |= dict.fromkeys(
+        _away(evidence, living & ~inside), "a partition that never heals cuts it off from the quorum"
+    )
     notes = [f"{tracks.uavs[k]} need not arrive: {why}" for k, why in excuses.items() if why]
-    astray = [k for k in away if not excuses[k]]
-    if not astray:
-        return verdict(*_G7, [], notes)
-    if prospect.obstacle:
+    astray = [k for k, why in excuses.items() if not why]
+    if astray and prospect.obstacle:
         return not_applicable(*_G7, prospect.obstacle)
     needed = _settled_slot(evidence, faults) + prospect.limit_slots
-    if tracks.slots < needed and not _stalled(evidence):
+    lasting = due & ((drained < 0) | (drained >= needed))
+    missing = [k for k in astray if lasting[k]] if lasting.sum() >= mission.quorum else []
+    if missing and tracks.slots < needed and not _stalled(evidence):
         return not_judged(*_G7, f"stopped after {tracks.slots} slots{_given(evidence)}, before slot {needed}", notes)
-    return verdict(*_G7, [_missing(evidence, k) for k in astray], notes)
+    if astray and not missing:
+        names = ", ".join(tracks.uavs[k] for k in np.flatnonzero(due & ~lasting).tolist())
+        return not_judged(*_G7, f"empty batteries before slot {needed}: {names}", notes)
+    return verdict(*_G7, [_missing(evidence, k) for k in missing], notes)
+
+
+def _drained(evidence: Evidence) -> NDArray[np.int64]:
+    """(K,) slot in which the battery was empty of each UAV that could still be commanded, -1 for never."""
+    slots = np.full(len(evidence.tracks.uavs), -1)
+    forgetful = {fix.uav for fix in evidence.recording.fixes if not fix.voter}
+    for event in evidence.recording.events:
+        if event.kind == BATTERY_EMPTY and event.source in evidence.index.keys() - forgetful:
+            slots[evidence.index[event.source]] = event.slot
+    return slots
+
+
+def _away(evidence: Evidence, among: NDArray[np.bool_]) -> list[int]:
+    return [k for k in np.flatnonzero(among).tolist() if _away_m(evidence, k) > ARRIVED_M]
 
 
 def _away_m(evidence: Evidence, k: int) -> float:
@@ -67,7 +87,7 @@ def _excuse(evidence: Evidence, k: int, bound: NDArray[np.bool_]) -> str:
     uavs, roster = evidence.tracks.uavs, evidence.mission.roster
     target_m, centre_m = np.array([roster[k].target_x_m, roster[k].target_y_m]), evidence.tracks.centre_m[-1, k]
     covering, holding = [], []
-    for other in np.flatnonzero(~bound).tolist():
+    for other in np.flatnonzero(~bound & (np.arange(len(uavs)) != k)).tolist():
         if _clearance_m(evidence, target_m, other) < roster[k].r_m + roster[other].r_m:
             covering.append(uavs[other])
         if _clearance_m(evidence, centre_m, other) <= 0:

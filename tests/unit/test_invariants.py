@@ -808,6 +808,24 @@ def test_g7_excuses_the_dead() -> None:
         assert results(messages)["G7"].status == expected
 
 
+def dead(uav: str) -> Event:
+    """The event of a kill in the last slot of the missions above."""
+    return Event(source="operator", slot=LIMIT - 1, kind="fault", detail=f"kill {uav} @0")
+
+
+def test_g7_does_not_take_empty_batteries_for_an_excuse() -> None:
+    """Within the limit there was too little time for a verdict, after it the UAV is late."""
+    for slots, slot, status in ((LIMIT, LIMIT - 1, "not-judged"), (LIMIT + 1, LIMIT, "broken")):
+        empty = [Event(source=uav, slot=slot, kind="battery-empty") for uav in ("u0", "u1", "u2")]
+        assert progress([*unfinished(slots), *empty]).status == status, "also if no quorum is left"
+    assert progress([*unfinished(LIMIT), empty[0]]).status == "broken"
+    assert progress([*flight(parallel()), *empty]).status == "held", "all were there"
+    early = progress([*unfinished(40), msgspec.structs.replace(empty[2], slot=39)])
+    assert early.notes == ["empty batteries before slot 201: u2"]
+    without_quorum = [*unfinished(40), *(msgspec.structs.replace(event, slot=39) for event in empty[:2])]
+    assert progress([*without_quorum, ended("stalled")]).notes == ["empty batteries before slot 201: u0, u1"]
+
+
 def test_g7_excuses_targets_that_a_dead_uav_covers() -> None:
     """Nobody can land where somebody lies."""
     messages = unfinished(LIMIT)
@@ -816,7 +834,7 @@ def test_g7_excuses_targets_that_a_dead_uav_covers() -> None:
     onto = msgspec.structs.replace(mission.roster[1], target_x_m=24.0 - 9.9, target_y_m=16.0)
     messages[0] = msgspec.structs.replace(mission, roster=[mission.roster[0], onto, mission.roster[2]])
     assert progress(messages).status == "broken"
-    messages.append(Event(source="u2", slot=LIMIT, kind="battery-empty"))
+    messages.append(dead("u2"))
     excuse = "u1 need not arrive: its target is, or may be, covered by u2, which no longer flies"
     assert (progress(messages).status, progress(messages).notes) == ("held", [excuse])
     drop(messages, Report)
@@ -830,7 +848,7 @@ def test_g7_excuses_targets_that_a_dead_uav_may_cover() -> None:
     assert isinstance(mission, MissionMessage)
     near = msgspec.structs.replace(mission.roster[1], target_x_m=24.0 - 11.0, target_y_m=16.0)
     messages[0] = msgspec.structs.replace(mission, roster=[mission.roster[0], near, mission.roster[2]])
-    messages.append(Event(source="u2", slot=LIMIT, kind="battery-empty"))
+    messages += [dead("u2"), ended("stalled")]
     assert progress(messages).status == "broken"
     last = max(i for i, m in enumerate(messages) if isinstance(m, Report))
     hull = {"hull_uav": ["u2"], "hull_ax_m": [24.0], "hull_ay_m": [16.0], "hull_bx_m": [24.0], "hull_by_m": [16.0]}
@@ -840,7 +858,7 @@ def test_g7_excuses_targets_that_a_dead_uav_may_cover() -> None:
 
 def test_g7_excuses_a_uav_that_must_hold() -> None:
     """Whoever is where a dead UAV may be cannot move."""
-    messages = [*unfinished(LIMIT), Event(source="u0", slot=LIMIT, kind="battery-empty")]
+    messages = [*unfinished(LIMIT), dead("u0"), ended("stalled")]
     last = max(i for i, m in enumerate(messages) if isinstance(m, Report))
     for radius_m, status in ((9.9, "broken"), (10.1, "held")):
         hull = {"hull_uav": ["u0"], "hull_ax_m": [24.0], "hull_ay_m": [6.0], "hull_bx_m": [30.0], "hull_by_m": [6.0]}
