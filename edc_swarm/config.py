@@ -139,8 +139,8 @@ class Link(Struct, frozen=True, kw_only=True):
 class Mission(Struct, frozen=True, kw_only=True):
     """Everything that decides how a mission goes. See `defaults` in each field.
 
-    `tau_s`, `max_slots` and `roster` may be left out (0, 0, empty): they are then derived, or
-    drawn at random from `seed`.
+    `tau_s`, `max_slots` and `roster` may be left out (0, 0, empty): they are then derived
+    (`judgement.default_max_slots`), or drawn at random from `seed`.
     """
 
     name: MissionId = "mission"
