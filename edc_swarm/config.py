@@ -139,8 +139,8 @@ class Link(Struct, frozen=True, kw_only=True):
 class Mission(Struct, frozen=True, kw_only=True):
     """Everything that decides how a mission goes. See `defaults` in each field.
 
-    `tau_s`, `max_slots` and `roster` may be left out (0, 0, empty): they are then derived, or
-    drawn at random from `seed`.
+    `tau_s`, `max_slots` and `roster` may be left out (0, 0, empty): they are then derived
+    (`judgement.default_max_slots`), or drawn at random from `seed`.
     """
 
     name: MissionId = "mission"
@@ -291,17 +291,6 @@ def refuse_non_finite(raw: Any, where: str = "") -> None:
 def default_tau_s(mission: Mission) -> float:
     """Wait of the head for late fixes: 0.4 of the slot unless the mission says otherwise."""
     return mission.tau_s or 0.4 * mission.dt_s
-
-
-def default_max_slots(mission: Mission) -> int:
-    """Slots after which a mission is given up: 20 times the longest straight flight, plus 200."""
-    if mission.max_slots:
-        return mission.max_slots
-    longest_m = max((entry.straight_m for entry in mission.roster), default=0.0)
-    step_m = mission.v_max_mps * mission.dt_s
-    if 20 * longest_m >= step_m * (MOST_SLOTS - 200):
-        return MOST_SLOTS
-    return math.ceil(20 * longest_m / step_m) + 200
 
 
 def validate_mission(mission: Mission) -> None:

@@ -32,7 +32,7 @@ from edc_swarm.simulation import Motion, Simulation, mission_message
 TOLERANCE_M = 1e-9
 CHECKED = ("G1", "G2", "G3", "G4", "G5")
 PROGRESS = "G7"
-"""Asked only of a planner that completes missions, and of UAVs that kept their memory."""
+"""Asked only of a planner that completes missions."""
 LAST_FAULT_SLOT = 45
 RECKLESS_SLOTS = 70
 HEALED_S = 26.0
@@ -100,6 +100,8 @@ def scenario(seed: int, kept: Collection[int] | None = None) -> Mission:
         fields["link"] = [{**link, "end_s": HEALED_S} for link in fields["link"]]
     mission = _placed(fields)
     faults = _schedule(rng, mission)
+    if fields["planner"] != RECKLESS:
+        faults += _for_good(Random(f"fuzz/{seed}/for-good"), mission)
     chosen = faults if kept is None else [fault for index, fault in enumerate(faults) if index in kept]
     return mission_from_dict({**fields, "area_m2": mission.area_m2, "fault": chosen})
 
@@ -199,13 +201,17 @@ def _still_flying(mission: MissionMessage, motions: Sequence[Motion], slots: int
 
 def _asked(mission: Mission) -> tuple[str, ...]:
     """The guarantees to be checked of a mission."""
-    able = mission.planner != RECKLESS and not any("lose-memory" in fault for fault in mission.fault)
-    return (*CHECKED, PROGRESS) if able else CHECKED
+    return CHECKED if mission.planner == RECKLESS else (*CHECKED, PROGRESS)
 
 
 def _broken(recording: Recording, asked: Collection[str]) -> list[str]:
-    results = [result for result in check(recording) if result.guarantee in asked]
-    return [f"{r.guarantee}: {found.text}" for r in results for found in r.violations[:5]]
+    """What is broken of the guarantees asked; one that is left unjudged is a fault of the run, and counts as well."""
+    results = {result.guarantee: result for result in check(recording)}
+    said: list[str] = []
+    for result in map(results.__getitem__, asked):
+        said += [f"{result.guarantee}: {found.text}" for found in result.violations[:5]]
+        said += [] if result.judged else [f"{result.guarantee}: not judged: {'; '.join(result.notes)}"]
+    return said
 
 
 def _placed(fields: dict[str, Any]) -> Mission:
@@ -239,6 +245,18 @@ def _schedule(rng: Random, mission: Mission) -> list[str]:
     while len(faults) < rng.randint(1, 8):
         faults += rng.choice(_AIMS)(rng, mission)
     return faults[:12]
+
+
+def _for_good(rng: Random, mission: Mission) -> list[str]:
+    """In every third mission that must make progress, a fault that never ends but leaves a promise (`judgement`)."""
+    at, ids = f"@{_slot(rng)}", [entry.uav for entry in mission.roster]
+    minority = ",".join(rng.sample(ids, max(1, (len(ids) - 1) // 2)))
+    lasting = (
+        f"link *>* loss {rng.choice([0.1, 0.3, 0.5])} {at}",
+        f"partition {minority}|rest {at}",
+        f"freeze {ids[0]} {at}",
+    )
+    return [rng.choice(lasting)] if rng.random() < 1 / 3 else []
 
 
 def _slot(rng: Random) -> int:

@@ -8,8 +8,9 @@ import msgspec
 import numpy as np
 from numpy.typing import NDArray
 
-from edc_swarm.config import Mission, RosterEntry, check_links, default_max_slots, default_tau_s
+from edc_swarm.config import Mission, RosterEntry, check_links, default_tau_s
 from edc_swarm.errors import PlacementError
+from edc_swarm.judgement import default_max_slots
 
 TRIES = 10_000
 """Draws after which a UAV is said not to fit."""
@@ -26,12 +27,13 @@ def complete_mission(mission: Mission) -> Mission:
     PlacementError
         The UAVs of a random mission do not fit into its area.
     MissionError
-        A link names a UAV that is not in the roster.
+        A link or a fault names a UAV that is not in the roster, or a fault cannot be read.
     """
     roster = mission.roster or random_roster(mission)
     whole = msgspec.structs.replace(mission, roster=roster, uavs=len(roster))
     check_links(whole)
-    return msgspec.structs.replace(whole, tau_s=default_tau_s(whole), max_slots=default_max_slots(whole))
+    max_slots = whole.max_slots or default_max_slots(whole)
+    return msgspec.structs.replace(whole, tau_s=default_tau_s(whole), max_slots=max_slots)
 
 
 def random_roster(mission: Mission) -> list[RosterEntry]:

@@ -21,6 +21,7 @@ import msgspec
 
 from edc_swarm.config import NS_PER_S, OPERATOR, RECORDER, ROUTER, Mission
 from edc_swarm.faults import WITHOUT_TARGET, Fault, parse_faults, resolve
+from edc_swarm.judgement import COMPLETED, END, GIVEN_UP, NOBODY_LEFT, STALLED
 from edc_swarm.links import LinkEmulator, cut_pair, have_range, mission_s
 from edc_swarm.messages import Command, Event, Fix, Keys, Message, MissionMessage, Report, Truth
 from edc_swarm.node import (
@@ -116,9 +117,10 @@ class Computer:
 
 @dataclass(frozen=True, slots=True)
 class SimulationEnd:
-    """How a simulated mission ended."""
+    """How a simulated mission ended, and why (a reason of `edc_swarm.judgement`)."""
 
     completed: bool
+    reason: str
     slots: int
     motions: list[Motion]
 
@@ -162,7 +164,7 @@ class Simulation:
         return (self._now_ns - self.mission.epoch_ns) // self.mission.slot_ns
 
     def run(self) -> SimulationEnd:
-        """Fly to the end: all there, or `max_slots` over."""
+        """Fly to the end: all there, nobody left, nothing that can change any more, or `max_slots` over."""
         for _ in self.slots():
             pass
         return self.end()
@@ -173,21 +175,29 @@ class Simulation:
         for slot in range(self.mission.max_slots):
             self._run_until(self.mission.epoch_ns + (slot + 1) * self.mission.slot_ns - 1)
             yield slot
-            if self.monitor.complete(slot) or all(c.ended for c in self._computers.values()):
+            if self._reason(slot) != GIVEN_UP:
                 break
 
     def end(self) -> SimulationEnd:
         """Close every publisher and tell how it went."""
-        completed = self.monitor.complete(self.slot)
+        reason = self._reason(self.slot)
         for computer in self._computers.values():
             busy = computer.busy_until_ns > self._now_ns  # what it is about to say is numbered, but not said
             if computer.node is not None and not computer.frozen and not busy:
                 self._close(computer, computer.node)
-        self._publish_event("end", "completed" if completed else "max_slots")
+        self._publish_event(END, reason)
         last = {self._keys.mission: 0, self._keys.event(OPERATOR): self._operator_seq}
         self._publish_event("closed", msgspec.json.encode(last).decode())
         self._heap.clear()  # What is left would tie this swarm, planners and all, into a cycle.
-        return SimulationEnd(completed, self.slot + 1, self.motions)
+        return SimulationEnd(reason == COMPLETED, reason, self.slot + 1, self.motions)
+
+    def _reason(self, slot: int) -> str:
+        """Why the mission ends with `slot`: `GIVEN_UP` if it need not."""
+        if self.monitor.complete(slot):
+            return COMPLETED
+        if all(computer.ended for computer in self._computers.values()):
+            return NOBODY_LEFT
+        return STALLED if self.monitor.stalled(slot) else GIVEN_UP
 
     # --- the mission's course ----------------------------------------------------------------
 
@@ -403,6 +413,7 @@ class Simulation:
                 self.monitor.hear_fix(message)
                 self._send(computer.uav, message, [c for c in self._computers.values() if c.listening])
             case Command():
+                self.monitor.hear_command(message)
                 self._send(computer.uav, message, [self._computers[message.uav]])
             case Report():
                 self.monitor.hear_report(message)

@@ -66,7 +66,7 @@ def _of_roles(keys: Keys) -> dict[str, list[Rule]]:
     return {
         OPERATOR: [
             _says(OPERATOR, asked),
-            *_hears(OPERATOR, [keys.all_fixes, keys.all_reports, keys.event("*")]),
+            *_hears(OPERATOR, [keys.all_fixes, keys.all_reports, keys.command("*", "*"), keys.event("*")]),
             *_answers(OPERATOR, [*asked, keys.claims, keys.orders("*"), keys.again(OPERATOR, "*")]),
             *_asks(OPERATOR, [keys.mission, keys.orders(RECORDER)]),
             _lives(OPERATOR, keys),

@@ -18,6 +18,7 @@ import zenoh
 
 from edc_swarm.config import LIVE, OPERATOR, ROUTER, Mission
 from edc_swarm.errors import InputError, SwarmError
+from edc_swarm.judgement import COMPLETED, GIVEN_UP, NOBODY_LEFT, STALLED
 from edc_swarm.links import mission_s
 from edc_swarm.messages import MissionMessage
 from edc_swarm.simulation import mission_message
@@ -313,14 +314,14 @@ class Launcher:
         self._injector = injector
         assert monitor is not None
         with ProgressBar(mission, shown=self._show_progress) as bar:
-            while not self._over(mission):
+            while not (why := self._over(mission)):
                 injector.inject_due()
                 self._look_at_others()
                 bar.show(monitor)
                 self._loop.pump(min(LOOK_EVERY_S, injector.next_in_s()))
                 if self._publishing_at_s is None and len(self.bus.heard) == len(self._roster):
                     self._publishing_at_s = time.monotonic()
-        self._tell_end("max_slots" if self.bus.slot_now() > mission.max_slots else "completed")
+        self._tell_end(why)
 
     def _begin(self) -> MissionMessage:
         """Start the mission, or go on with one that has begun."""
@@ -332,13 +333,19 @@ class Launcher:
         self.bus.publish_mission(mission)
         return mission
 
-    def _over(self, mission: MissionMessage) -> bool:
-        """Whether all that still fly have arrived, time is over, or nobody is left."""
-        slot = self.bus.slot_now()
-        assert self.bus.monitor is not None
+    def _over(self, mission: MissionMessage) -> str:
+        """Why the mission ends now, "" while it goes on."""
+        slot, monitor = self.bus.slot_now(), self.bus.monitor
+        assert monitor is not None
+        if slot > 0 and monitor.complete(slot - 1):
+            return COMPLETED
         flying = {*self._pool.living, *self._pool.to_restart, *(self._remote.expected - {RECORDER})}
-        nobody_left = not flying and not any(map(self._comes_back, self._roster))
-        return nobody_left or slot > mission.max_slots or (slot > 0 and self.bus.monitor.complete(slot - 1))
+        if not flying and not any(map(self._comes_back, self._roster)):
+            return NOBODY_LEFT
+        if slot > mission.max_slots:
+            return GIVEN_UP
+        all_here = set(self._elsewhere) <= self.bus.alive | self._expected_deaths
+        return STALLED if all_here and monitor.stalled(slot - 1) else ""
 
     def _look_at_others(self) -> None:
         """Stop waiting for whoever has been away for long, and wait again for whoever has come back."""

@@ -14,7 +14,7 @@ import zenoh
 
 from edc_swarm.config import OPERATOR
 from edc_swarm.faults import PROCESS_VERBS
-from edc_swarm.messages import Event, Fix, Keys, MissionMessage, Report, encode
+from edc_swarm.messages import Command, Event, Fix, Keys, MissionMessage, Report, encode
 from edc_swarm.progress import MissionMonitor
 from processes.bus import hand_over
 from processes.desk import Desk
@@ -58,7 +58,7 @@ class Operator:
 
     def _declare(self) -> None:
         keys, session = self._keys, self._session
-        for key in (keys.all_fixes, keys.all_reports, keys.event("*")):
+        for key in (keys.all_fixes, keys.all_reports, keys.command("*", "*"), keys.event("*")):
             session.declare_subscriber(key, hand_over(self._take), allowed_origin=zenoh.Locality.REMOTE)
         for key in (keys.mission, keys.event(OPERATOR)):
             session.declare_queryable(key, hand_over(self._inbox.put))
@@ -170,6 +170,8 @@ class Operator:
                 self.monitor.hear_fix(fix)
                 if fix.executing and self.first_flown_slot < 0:
                     self.first_flown_slot = fix.slot
+            case Command() as command:
+                self.monitor.hear_command(command)
             case Report() as report:
                 self.monitor.hear_report(report)
             case Event(kind="closed", source=source):

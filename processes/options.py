@@ -72,7 +72,8 @@ class MissionOptions:
     time_scale
         Fly this many times as fast as the clock (1).
     max_slots
-        Slots after which the mission is given up (20 times the longest straight flight, plus 200).
+        Slots after which the mission is given up (as many as G7 needs for a verdict: after the last fault 20 times the
+        longest straight flight, plus 200, and more where links lose messages for good).
     out
         The recording to write (a new name in recordings/).
     no_viz

@@ -89,7 +89,7 @@ class LatencyOptions:
     repeats
         Missions per cell, with seeds 0, 1, ...
     max_slots
-        Slots after which a mission is given up (20 times the longest straight flight, plus 200).
+        Slots after which a mission is given up (as many as G7 needs for a verdict, see `sim --help`).
     hold_slots
         The same where two delays fill a slot, so that the swarm can only hold.
     mission

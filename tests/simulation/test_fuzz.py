@@ -36,6 +36,22 @@ def test_random_runs_keep_every_guarantee(seed: int) -> None:
     assert search(seed) is None
 
 
+def test_what_is_asked_and_not_judged_counts_as_broken() -> None:
+    """A run that ends before G7 can be judged, or that leaves no quorum the time, is a fault of the run."""
+    (said,) = fly(mission_from_dict({"uavs": 4, "max_slots": 5}))
+    assert said.startswith("G7: not judged: stopped after 5 slots (max_slots = 5 was given)")
+    assert fly(mission_from_dict({"uavs": 4, "max_slots": 5, "planner": fuzzing.RECKLESS})) == []
+
+
+def test_progress_is_asked_after_faults_that_never_end() -> None:
+    """Of the missions that must make progress, some have a link, a partition or a UAV that is never well again."""
+    missions = [mission for seed in range(200) if (mission := scenario(seed)).planner == "edc"]
+    last = [text for mission in missions for text in mission.fault if " for " not in text]
+    for lasting in ("link *>* loss", "partition u", "freeze u001 @"):
+        assert any(text.startswith(lasting) for text in last)
+    assert all(mission.max_slots == 0 for mission in missions), "each lasts as long as G7 needs"
+
+
 def test_a_scenario_depends_on_its_seed_alone() -> None:
     """The seed is the replay."""
     assert scenario(11) == scenario(11)

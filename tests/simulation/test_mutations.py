@@ -1,4 +1,4 @@
-"""Every safety rule, removed once: the fuzzer must notice, or it proves nothing.
+"""Every safety rule, removed once, and progress that ends: the fuzzer must notice, or it proves nothing.
 
 Each defect is planted in the production code and the fuzzer is run over the stated seeds until it
 finds a broken guarantee. One rule is missing here: that a command must start at the UAV's own waypoint. A head
@@ -19,10 +19,14 @@ from numpy.typing import NDArray
 from edc_swarm import fuzzing, node, vehicle
 from edc_swarm.config import Mission, mission_from_dict
 from edc_swarm.election import Election
+from edc_swarm.geometry import Floats
 from edc_swarm.head import Head, Office
 from edc_swarm.knowledge import Knowledge
 from edc_swarm.messages import Command, Fix, Report
 from edc_swarm.node import Effect, Persist, UavNode
+from edc_swarm.planner.edc import Edc
+from edc_swarm.planner.guidance import Guidance, Scene
+from edc_swarm.planner.request import Arrays
 from edc_swarm.solver import certificate, slot_qp
 
 Patch = pytest.MonkeyPatch
@@ -248,6 +252,28 @@ def negative_gap_taken(patch: Patch) -> None:
     patch.setattr(certificate, "_refused", lambda _problem, waypoint_m: np.zeros(len(waypoint_m), dtype=bool))
 
 
+def planner_that_gives_up_after_a_fault(patch: Patch) -> None:
+    """Once a UAV has been unheard, nobody is to move any more."""
+    wishes, shaken = Edc._wishes, set[Edc]()
+
+    def mutant(self: Edc, arrays: Arrays) -> Floats:
+        if len(arrays.obstacles.keep_m):
+            shaken.add(self)
+        return arrays.position_m.copy() if self in shaken else wishes(self, arrays)
+
+    patch.setattr(Edc, "_wishes", mutant)
+
+
+def guidance_that_ignores_one_uav(patch: Patch) -> None:
+    """The first UAV of the roster is never to move."""
+    wishes = Guidance.wishes
+
+    def mutant(self: Guidance, scene: Scene) -> Floats:
+        return np.where((scene.uav == 0)[:, None], scene.position_m, wishes(self, scene))
+
+    patch.setattr(Guidance, "wishes", mutant)
+
+
 def freezes(seed: int) -> Mission:
     """UAVs that stop just before a tick and go on so early in the slot that the head still hears them."""
     faults = [f"freeze u00{1 + slot % 4} @{slot * 0.5 - 0.01:.3f}s for 0.17s" for slot in range(3, 65)]
@@ -330,6 +356,8 @@ DEFECTS: list[tuple[Defect, int, int]] = [
     (hull_reset_by_a_duplicate_fix, 0, 200),
     (joint_row_only, 0, 200),
     (negative_gap_taken, 0, 200),
+    (planner_that_gives_up_after_a_fault, 0, 60),
+    (guidance_that_ignores_one_uav, 0, 60),
 ]
 
 

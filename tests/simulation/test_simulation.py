@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 from itertools import pairwise
 from typing import Any
@@ -10,10 +11,11 @@ import msgspec
 import pytest
 
 from edc_swarm.config import Mission, RosterEntry, mission_from_dict
-from edc_swarm.invariants import check
+from edc_swarm.invariants import GuaranteeResult, check
 from edc_swarm.messages import Command, Event, Fix, Message, MissionMessage, Report, encode
 from edc_swarm.planner.interface import Plan, PlanRequest
 from edc_swarm.planner.registry import make_planner
+from edc_swarm.progress import STALL_SLOTS
 from edc_swarm.recording import Recording
 from edc_swarm.roster import complete_mission
 from edc_swarm.simulation import EPOCH_NS, Simulation, SimulationEnd, mission_message
@@ -549,3 +551,84 @@ def test_a_vote_that_is_split_for_long_ends() -> None:
     )
     assert flight.missed(85, 109) == 0
     assert len({report.term for report in flight.reports if report.slot >= 85}) == 1
+
+
+# --- nothing can change any more -----------------------------------------------------------------
+
+
+class Resting:
+    """A planner that lets nobody move for so many plans, and then flies straight."""
+
+    def __init__(self, plans: int) -> None:
+        self._left = plans
+
+    def plan(self, request: PlanRequest) -> Plan:
+        """Stay, or a metre towards each target."""
+        self._left -= 1
+        waypoint_m = []
+        for (x, y), (tx, ty) in zip(request.position_m, request.target_m, strict=True):
+            far_m = math.hypot(tx - x, ty - y)
+            share = min(1.0, 1.0 / far_m) if self._left < 0 and far_m else 0.0
+            waypoint_m.append((float(x + share * (tx - x)), float(y + share * (ty - y))))
+        return Plan(waypoint_m, "no-qp-needed")
+
+
+def verdict_on_progress(flight: Flight) -> GuaranteeResult:
+    """G7 of a flight, from what was said."""
+    return next(r for r in check(Recording.from_messages(flight.messages)) if r.guarantee == "G7")
+
+
+@pytest.mark.parametrize("faults", [[], ["gps u001 white @1"], ["partition halves @3 for 9"], ["freeze u002 @5"]])
+def test_a_planner_that_never_moves_stalls_and_breaks_progress(faults: list[str]) -> None:
+    """With a fault as without: `--fault "gps u001 white @1"` once made G7 "not applicable"."""
+    flight = Flight(*faults, max_slots=0, planner=lambda: Resting(10_000))
+    assert (flight.end.reason, flight.end.completed) == ("stalled", False)
+    assert flight.end.slots <= 12 + STALL_SLOTS + 10
+    assert [event.detail for event in flight.messages if isinstance(event, Event) and event.kind == "end"] == [
+        "stalled"
+    ]
+    assert verdict_on_progress(flight).status == "broken"
+
+
+def test_a_rest_is_no_standstill() -> None:
+    """A planner that lets all wait for less than `STALL_SLOTS` plans."""
+    flight = Flight(max_slots=0, planner=lambda: Resting(STALL_SLOTS - 1))
+    assert flight.end.completed
+    assert verdict_on_progress(flight).status == "held"
+
+
+def test_a_long_delay_is_no_standstill() -> None:
+    """The head is home, and no command of its plans is ever in time: it may be one day."""
+    flight = Flight(link=[{"delay_ms": 300.0}], max_slots=400, **EDC)
+    assert flight.end.reason == "max_slots"
+    assert verdict_on_progress(flight).status == "not-applicable"
+
+
+def test_nobody_hovers_where_no_quorum_can_be() -> None:
+    """Three of five are dead, or a partition into halves and one dead never heals."""
+    dead = [f"kill u00{k} @{k}" for k in (1, 2, 3)]
+    for faults in (dead, ["partition u001,u002|u003,u004,u005 @5", "partition u003|u004,u005 @5"]):
+        flight = Flight(*faults, max_slots=0, **EDC)
+        assert (flight.end.reason, flight.end.slots) == ("stalled", 1 + flight_settled(faults) + STALL_SLOTS)
+        assert verdict_on_progress(flight).status == "not-applicable"
+
+
+def flight_settled(faults: list[str]) -> int:
+    """Slot of the last fault."""
+    return max(int(fault.rsplit("@", 1)[1]) for fault in faults)
+
+
+def test_after_a_partition_for_good_the_side_with_a_quorum_arrives() -> None:
+    """The others hold where they are, and are named."""
+    flight = Flight("partition u001,u002|rest @6", max_slots=0, seed=4, **EDC)
+    assert flight.end.reason == "stalled"
+    verdict = verdict_on_progress(flight)
+    assert verdict.status == "held"
+    assert "u001 need not arrive: a partition that never heals cuts it off from the quorum" in verdict.notes
+
+
+def test_max_slots_too_few_for_a_verdict() -> None:
+    """What the user cut short is not judged."""
+    verdict = verdict_on_progress(Flight(max_slots=5, **EDC))
+    assert verdict.status == "not-judged"
+    assert verdict.notes[0].startswith("stopped after 5 slots (max_slots = 5 was given)")

@@ -673,10 +673,14 @@ def test_g5_notes_what_is_no_message(messages: list[Message]) -> None:
 # --- G7 --------------------------------------------------------------------------------------
 
 
-def unfinished(**fields: object) -> list[Message]:
-    """u2 stops half-way and stays there until the record ends."""
-    paths = parallel()
-    messages = flight([paths[0], paths[1], paths[2]], **fields)
+LIMIT = 201
+"""Slots after which G7 judges the missions below: 200, and one for a way that is a step long."""
+
+
+def unfinished(slots: int = LIMIT, **fields: object) -> list[Message]:
+    """u2 stops half-way and stays there until the record ends, after so many slots."""
+    paths = [[*path, *[path[-1]] * (slots - len(path))] for path in parallel()]
+    messages = flight(paths, **{"v_max_mps": 1e4, "max_slots": 1000, **fields})
     mission = messages[0]
     assert isinstance(mission, MissionMessage)
     far = msgspec.structs.replace(mission.roster[2], target_y_m=40.0)
@@ -684,80 +688,186 @@ def unfinished(**fields: object) -> list[Message]:
     return messages
 
 
+def progress(messages: list[Message]) -> GuaranteeResult:
+    """The verdict on G7."""
+    return results(messages)["G7"]
+
+
+def ended(detail: str, source: str = "operator") -> Event:
+    """The event that ends a mission."""
+    return Event(source=source, slot=8, kind="end", detail=detail)
+
+
 def test_g7_finds_who_has_not_arrived() -> None:
-    """Everyone who lives is at the target within `max_slots`."""
-    violation = found(unfinished(max_slots=9), "G7", "not-arrived")
-    assert (violation.slot, violation.uavs, violation.value_m) == (8, ["u2"], pytest.approx(24.0))
+    """Everyone who lives is at the target within the limit."""
+    violation = found(unfinished(), "G7", "not-arrived")
+    assert (violation.slot, violation.uavs, violation.value_m) == (LIMIT - 1, ["u2"], pytest.approx(24.0))
 
 
-def test_g7_does_not_judge_a_record_that_is_cut_short() -> None:
-    """Before `max_slots` are over nothing is proved; the last healed fault counts anew."""
-    assert results(unfinished(max_slots=10))["G7"].status == "not-applicable"
-    late = unfinished(max_slots=5, fault=["partition halves @2 for 3"])
-    assert results(late)["G7"].status == "not-applicable"
-    healed = unfinished(max_slots=4, fault=["partition halves @2 for 3"])
-    assert results(healed)["G7"].status == "broken"
-    lossy = [Link(loss=0.9, end_s=3.0)]
-    assert results(unfinished(max_slots=4, link=lossy))["G7"].status == "not-applicable"
-    assert results(unfinished(max_slots=3, link=lossy))["G7"].status == "broken"
-    assert results(unfinished(max_slots=9, link=[Link(loss=0.9)]))["G7"].status == "broken"
-    assert results(unfinished(max_slots=4, fault=["freeze u0 @2 for 2s"]))["G7"].status == "not-applicable"
+def test_g7_needs_a_record_that_is_long_enough() -> None:
+    """Before the limit is over nothing is proved, whatever `max_slots` was."""
+    for max_slots, given in ((1000, ""), (5, " (max_slots = 5 was given)")):
+        result = progress(unfinished(LIMIT - 1, max_slots=max_slots))
+        assert (result.status, result.notes) == ("not-judged", [f"stopped after 200 slots{given}, before slot 201"])
+        assert progress(unfinished(LIMIT, max_slots=max_slots)).status == "broken"
+    bare = unfinished()
+    drop(bare, Fix)
+    assert (progress(bare).status, progress(bare).notes) == ("not-judged", ["the record has no fixes"])
+
+
+@pytest.mark.parametrize(
+    ("fields", "settled"),
+    [
+        ({"fault": ["partition halves @2 for 3"]}, 5),
+        ({"fault": ["partition halves @2", "heal @1", "heal @4"]}, 4),
+        ({"fault": ["freeze u0 @2 for 2s"]}, 6),
+        ({"fault": ["gps u1 white @3"]}, 3),
+        ({"link": [Link(loss=0.9, end_s=3.0)]}, 6),
+    ],
+)
+def test_g7_counts_anew_from_the_last_fault(fields: dict[str, object], settled: int) -> None:
+    """Also those that are healed."""
+    assert progress(unfinished(LIMIT + settled - 1, **fields)).status == "not-judged"
+    assert progress(unfinished(LIMIT + settled, **fields)).status == "broken"
 
 
 def test_g7_counts_from_the_faults_that_were_told() -> None:
-    """Also those that the mission did not announce."""
-    for max_slots, status in ((2, "broken"), (3, "not-applicable")):
-        told = Event(source="operator", slot=6, kind="fault", detail="link *>* loss 0.5 @6 for 1")
-        assert results([*unfinished(max_slots=max_slots), told])["G7"].status == status
+    """Also those that the mission did not announce, or that came late."""
+    told = Event(source="operator", slot=6, kind="fault", detail="link *>* loss 0.5 @6 for 1")
+    for slots, status in ((LIMIT + 6, "not-judged"), (LIMIT + 7, "broken")):
+        for planned in ([], ["link *>* loss 0.5 @6 for 1"]):
+            assert progress([*unfinished(slots, fault=planned), told]).status == status
 
 
-def test_g7_does_not_judge_an_unhealed_fault() -> None:
-    """A partition for good may keep a UAV away for good."""
-    result = results(unfinished(max_slots=4, fault=["partition halves @2"]))["G7"]
-    assert (result.status, result.notes) == ("not-applicable", ["a fault was never healed"])
-    lossy = ["link *>* loss 0.2 @2", "heal @4"]
-    assert results(unfinished(max_slots=4, fault=lossy))["G7"].notes == ["a fault was never healed"]
-    assert (
-        results(unfinished(max_slots=4, fault=["partition halves @2", "heal @1", "heal @4"]))["G7"].status == "broken"
-    )
+def test_g7_judges_a_stalled_mission_as_it_stands() -> None:
+    """Where nothing can change any more, more slots would show no more; only the operator can say so."""
+    for event, status in (
+        (ended("stalled"), "broken"),
+        (ended("max_slots"), "not-judged"),
+        (ended("stalled", source="u1"), "not-judged"),
+    ):
+        assert progress([*unfinished(20, fault=["gps u1 white @1"]), event]).status == status
+
+
+def test_g7_judges_a_lossy_network_after_a_longer_limit() -> None:
+    """Half of the messages lost for good: a third of the commands come in time."""
+    for fields in ({"link": [Link(loss=0.5)]}, {"fault": ["link *>* loss 0.5 @0"]}):
+        for slots, status in ((3 * LIMIT - 1, "not-judged"), (3 * LIMIT, "broken")):
+            assert progress(unfinished(slots, **fields)).status == status
+
+
+@pytest.mark.parametrize(
+    ("fields", "why"),
+    [
+        ({"link": [Link(loss=0.9)]}, "the link *>* loses or delays 90 % of its messages for good"),
+        ({"fault": ["slow u0 900 @2"]}, "'slow u0 900 @1s' leaves no time for a plan, for good"),
+        ({"fault": ["partition u2>rest @2"]}, "'partition u2>rest @1s' never heals, and cuts off some links of a side"),
+    ],
+)
+def test_g7_promises_nothing_after_some_faults_for_good(fields: dict[str, object], why: str) -> None:
+    """They are named, and only if they have happened; who arrives all the same has arrived."""
+    result = progress(unfinished(**fields))
+    assert (result.status, result.notes[0][: len(why)]) == ("not-applicable", why)
+    assert progress(flight(parallel(), **fields)).status == "held"
+    late = {"fault": [text.replace("@2", "@900") for text in fields.get("fault", [])]}  # type: ignore[attr-defined]
+    if late["fault"]:
+        assert progress(unfinished(**late)).status == "not-judged"
+
+
+def test_g7_takes_faults_as_they_were_told() -> None:
+    """With ids for words; one that nobody was there for was none."""
+    planned = {"fault": ["partition head|rest @2"]}
+    assert progress(unfinished(LIMIT + 2, **planned)).status == "not-applicable"
+    told = Event(source="operator", slot=2, kind="fault", detail="partition u0|u1,u2 @1s")
+    assert progress([*unfinished(LIMIT + 3, **planned), told]).status == "broken"
+    aimless = Event(source="operator", slot=2, kind="fault-without-target", detail="partition head|rest @1s")
+    assert progress([*unfinished(LIMIT, **planned), aimless]).status == "broken"
+    garbled = Event(source="operator", slot=2, kind="fault", detail="partition of india @1s")
+    assert progress([*unfinished(LIMIT + 3), garbled]).status == "broken"
+
+
+def test_g7_after_a_partition_for_good() -> None:
+    """It is promised to the side that has a quorum, beside those who hold."""
+    cut = {"fault": ["partition u2|rest @2"]}
+    alone = progress(unfinished(LIMIT + 2, **cut))
+    excuse = "u2 need not arrive: a partition that never heals cuts it off from the quorum"
+    assert (alone.status, alone.notes) == ("held", [excuse])
+    cut = {"fault": ["partition u0|rest @2"]}
+    assert progress(unfinished(LIMIT + 2, **cut)).status == "broken"
+    split = progress(unfinished(LIMIT + 2, fault=["partition u0|rest @2", "partition u1|u2 @2"]))
+    assert split.status == "not-applicable"
+    assert "larger side" in split.notes[0]
 
 
 def test_g7_excuses_the_dead() -> None:
     """A UAV that was killed need not arrive, and without a quorum of living nobody need."""
-    messages = unfinished(max_slots=4)
+    messages = unfinished(20)
     for uav in ("u2", "u1"):
-        messages.append(Event(source="operator", slot=8, kind="fault", detail=f"kill {uav} @8"))
+        messages.append(Event(source="operator", slot=20, kind="fault", detail=f"kill {uav} @20"))
         expected = {"u2": "held", "u1": "not-applicable"}[uav]
         assert results(messages)["G7"].status == expected
 
 
+def dead(uav: str) -> Event:
+    """The event of a kill in the last slot of the missions above."""
+    return Event(source="operator", slot=LIMIT - 1, kind="fault", detail=f"kill {uav} @0")
+
+
+def test_g7_does_not_take_empty_batteries_for_an_excuse() -> None:
+    """Within the limit there was too little time for a verdict, after it the UAV is late."""
+    for slots, slot, status in ((LIMIT, LIMIT - 1, "not-judged"), (LIMIT + 1, LIMIT, "broken")):
+        empty = [Event(source=uav, slot=slot, kind="battery-empty") for uav in ("u0", "u1", "u2")]
+        assert progress([*unfinished(slots), *empty]).status == status, "also if no quorum is left"
+    assert progress([*unfinished(LIMIT), empty[0]]).status == "broken"
+    assert progress([*flight(parallel()), *empty]).status == "held", "all were there"
+    early = progress([*unfinished(40), msgspec.structs.replace(empty[2], slot=39)])
+    assert early.notes == ["empty batteries before slot 201: u2"]
+    without_quorum = [*unfinished(40), *(msgspec.structs.replace(event, slot=39) for event in empty[:2])]
+    assert progress([*without_quorum, ended("stalled")]).notes == ["empty batteries before slot 201: u0, u1"]
+
+
 def test_g7_excuses_targets_that_a_dead_uav_covers() -> None:
     """Nobody can land where somebody lies."""
-    messages = unfinished(max_slots=4)
+    messages = unfinished(LIMIT)
     mission = messages[0]
     assert isinstance(mission, MissionMessage)
     onto = msgspec.structs.replace(mission.roster[1], target_x_m=24.0 - 9.9, target_y_m=16.0)
     messages[0] = msgspec.structs.replace(mission, roster=[mission.roster[0], onto, mission.roster[2]])
-    assert results(messages)["G7"].status == "broken"
-    messages.append(Event(source="u2", slot=8, kind="battery-empty"))
-    assert results(messages)["G7"].status == "held"
+    assert progress(messages).status == "broken"
+    messages.append(dead("u2"))
+    excuse = "u1 need not arrive: its target is, or may be, covered by u2, which no longer flies"
+    assert (progress(messages).status, progress(messages).notes) == ("held", [excuse])
     drop(messages, Report)
-    assert results(messages)["G7"].status == "held"
+    assert (progress(messages).status, progress(messages).notes) == ("held", [excuse])
 
 
 def test_g7_excuses_targets_that_a_dead_uav_may_cover() -> None:
     """What the last plan had to keep clear of, nobody can reach."""
-    messages = unfinished(max_slots=4)
+    messages = unfinished(LIMIT)
     mission = messages[0]
     assert isinstance(mission, MissionMessage)
     near = msgspec.structs.replace(mission.roster[1], target_x_m=24.0 - 11.0, target_y_m=16.0)
     messages[0] = msgspec.structs.replace(mission, roster=[mission.roster[0], near, mission.roster[2]])
-    messages.append(Event(source="u2", slot=8, kind="battery-empty"))
-    assert results(messages)["G7"].status == "broken"
+    messages += [dead("u2"), ended("stalled")]
+    assert progress(messages).status == "broken"
     last = max(i for i, m in enumerate(messages) if isinstance(m, Report))
     hull = {"hull_uav": ["u2"], "hull_ax_m": [24.0], "hull_ay_m": [16.0], "hull_bx_m": [24.0], "hull_by_m": [16.0]}
     messages[last] = msgspec.structs.replace(messages[last], **hull, hull_r_m=[2.5])
     assert results(messages)["G7"].status == "held"
+
+
+def test_g7_excuses_a_uav_that_must_hold() -> None:
+    """Whoever is where a dead UAV may be cannot move."""
+    messages = [*unfinished(LIMIT), dead("u0"), ended("stalled")]
+    last = max(i for i, m in enumerate(messages) if isinstance(m, Report))
+    for radius_m, status in ((9.9, "broken"), (10.1, "held")):
+        hull = {"hull_uav": ["u0"], "hull_ax_m": [24.0], "hull_ay_m": [6.0], "hull_bx_m": [30.0], "hull_by_m": [6.0]}
+        report = messages[last]
+        assert isinstance(report, Report)
+        messages[last] = msgspec.structs.replace(report, **hull, hull_r_m=[radius_m])
+        assert progress(messages).status == status
+    excuse = "u2 need not arrive: it must hold, since u0, which no longer flies, may be where it is"
+    assert progress(messages).notes == [excuse]
 
 
 def test_a_violation_is_told_in_one_line() -> None:

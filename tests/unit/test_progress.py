@@ -1,10 +1,13 @@
-"""When a mission is over, and who leads."""
+"""When a mission is over, because all are there or nothing can change any more, and who leads."""
 
 from __future__ import annotations
 
+import msgspec
+import pytest
+
 from edc_swarm.config import Mission, RosterEntry
-from edc_swarm.messages import Fix, Report
-from edc_swarm.progress import MissionMonitor
+from edc_swarm.messages import Command, Fix, Report
+from edc_swarm.progress import STALL_SLOTS, MissionMonitor
 
 ROSTER = [
     RosterEntry(uav=uav, start_x_m=x, start_y_m=0, target_x_m=x, target_y_m=90, r_m=5, body_m=1, energy_j=1)
@@ -76,3 +79,101 @@ def test_who_leads() -> None:
     judge.hear_report(report(1, 6, "a"))
     judge.hear_report(report(3, 7, "a", grants=1))
     assert (judge.head, judge.standbys) == ("b", ["b"])
+
+
+# --- nothing can change any more ---------------------------------------------------------------
+
+
+def command(slot: int, step_m: float) -> Command:
+    """A command of head a to b, a step of this length."""
+    return Command(head="a", uav="b", slot=slot, term=1, start_x_m=30, start_y_m=0, target_x_m=30, target_y_m=step_m)
+
+
+def flown(slot: int, step_m: float) -> Fix:
+    """A fix of b that has flown a step."""
+    return Fix(
+        uav="b", slot=slot, x_m=30, y_m=0, r_m=5, waypoint_x_m=30, waypoint_y_m=0, from_x_m=30, from_y_m=-step_m,
+        executing=True,
+    )  # fmt: skip
+
+
+def test_a_standstill_takes_so_many_plans() -> None:
+    """One plan after the other in which nobody is to move, and none that moves anybody."""
+    judge = monitor()
+    for slot in range(STALL_SLOTS):
+        assert not judge.stalled(slot)
+        judge.hear_report(report(1, slot, "a"))
+        judge.hear_report(report(1, slot, "a"))
+    assert judge.stalled(STALL_SLOTS)
+
+
+@pytest.mark.parametrize("happening", ["command", "fix", "end", "revive", "term"])
+def test_whatever_happens_ends_a_standstill(happening: str) -> None:
+    """A plan or a fix that moves somebody, a death, a return, another head: counting starts anew."""
+    judge = MissionMonitor(Mission(uavs=3, roster=[*ROSTER, msgspec.structs.replace(ROSTER[0], uav="c")]))
+    if happening == "revive":
+        judge.end("b")
+    _plans(judge, 0, STALL_SLOTS - 1)
+    match happening:
+        case "command":
+            judge.hear_command(command(STALL_SLOTS, 0.01))
+        case "fix":
+            judge.hear_fix(flown(STALL_SLOTS, 0.01))
+        case "end":
+            judge.end("b")
+        case "revive":
+            judge.revive("b")
+    term = 2 if happening == "term" else 1
+    _plans(judge, STALL_SLOTS - 1, 2 * STALL_SLOTS - 2, term)
+    assert not judge.stalled(2 * STALL_SLOTS)
+    _plans(judge, 2 * STALL_SLOTS - 2, 2 * STALL_SLOTS - 1, term)
+    assert judge.stalled(2 * STALL_SLOTS)
+
+
+def test_steps_too_short_to_get_anywhere_are_none() -> None:
+    """A jam may hand out ever shorter ones: 0.1 mm where 2.5 m are possible."""
+    for step_m, stalled in ((1e-4, True), (1e-3, False)):
+        judge = monitor()
+        for slot in range(STALL_SLOTS):
+            judge.hear_fix(flown(slot, step_m))
+            judge.hear_command(command(slot + 1, step_m))
+            judge.hear_report(report(1, slot, "a"))
+        assert judge.stalled(STALL_SLOTS) is stalled
+
+
+def test_slots_without_a_plan_prove_nothing() -> None:
+    """A planner that takes its time, or a network that has no head for long."""
+    judge = monitor()
+    for slot in range(10 * STALL_SLOTS):
+        for uav in ("a", "b"):
+            judge.hear_fix(fix(uav, slot, False))
+        if slot % 20 == 0:
+            judge.hear_report(report(1, slot, "a"))
+    assert not judge.stalled(10 * STALL_SLOTS)
+
+
+def test_nothing_stalls_before_the_last_fault_is_over() -> None:
+    """What a fault has stopped may go on when it is healed."""
+    judge = MissionMonitor(Mission(uavs=2, roster=ROSTER, fault=["freeze b @10 for 500"]))
+    _plans(judge, 0, 509 + STALL_SLOTS)
+    assert not judge.stalled(600)
+    _plans(judge, 509 + STALL_SLOTS, 510 + STALL_SLOTS)
+    assert judge.stalled(610)
+
+
+def test_nobody_waits_for_a_quorum_that_cannot_be() -> None:
+    """Neither of the dead nor across a partition for good."""
+    dead = monitor()
+    dead.hear_fix(fix("a", 40, False))
+    dead.end("b")
+    split = MissionMonitor(Mission(uavs=2, roster=ROSTER, fault=["partition a|b @40"]))
+    for judge in (dead, split):
+        assert not judge.stalled(39 + STALL_SLOTS)
+        assert judge.stalled(40 + STALL_SLOTS)
+    dead.revive("b")
+    assert not dead.stalled(1000)
+
+
+def _plans(judge: MissionMonitor, first: int, end: int, term: int = 1) -> None:
+    for slot in range(first, end):
+        judge.hear_report(report(term, slot, "a"))

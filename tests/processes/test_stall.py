@@ -1,0 +1,27 @@
+"""A real mission in which nothing can change any more is over, and G7 is judged all the same."""
+
+from __future__ import annotations
+
+import pytest
+
+from edc_swarm.progress import STALL_SLOTS
+
+RESTING = "tests.processes.resting:Resting"
+CASES = {
+    "resting": (["--planner", RESTING, "--fault", "gps u001 white @1"], "broken"),
+    "split": (["--fault", "partition halves @4"], "not-applicable"),
+}
+
+
+@pytest.mark.parametrize("name", CASES)
+def test_the_end_says_that_nothing_can_change(start, name: str):
+    """Soon after it is so, and not when the batteries are empty."""
+    arguments, status = CASES[name]
+    ended = start("run", "--json", "--uavs", "4", "--slot", "0.2", "--time-scale", "2", *arguments).end()
+    recording, mission = ended.recording, ended.recording.mission
+    end = next(event for event in recording.events if event.kind == "end")
+    assert end.detail == "stalled", ended.stderr
+    assert end.slot <= 2 * STALL_SLOTS < mission.max_slots
+    progress = next(guarantee for guarantee in ended.json["guarantees"] if guarantee["guarantee"] == "G7")
+    assert progress["status"] == status
+    assert ended.status == 1
