@@ -105,7 +105,7 @@ def scenario(seed: int, kept: Collection[int] | None = None) -> Mission:
 
 
 def fly(mission: Mission) -> list[str]:
-    """Simulate a mission; what was broken, one line each (empty: every guarantee was kept)."""
+    """Simulate a mission; what was broken or could not be judged, one line each (empty: every guarantee was kept)."""
     message = mission_message(complete_mission(mission))
     said: list[Message] = []
     simulation = Simulation(
@@ -205,7 +205,8 @@ def _asked(mission: Mission) -> tuple[str, ...]:
 
 def _broken(recording: Recording, asked: Collection[str]) -> list[str]:
     results = [result for result in check(recording) if result.guarantee in asked]
-    return [f"{r.guarantee}: {found.text}" for r in results for found in r.violations[:5]]
+    unjudged = [f"{r.guarantee}: not judged ({r.notes[0]})" for r in results if not r.judged and r.guarantee in CHECKED]
+    return [f"{r.guarantee}: {found.text}" for r in results for found in r.violations[:5]] + unjudged
 
 
 def _placed(fields: dict[str, Any]) -> Mission:
