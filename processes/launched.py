@@ -67,8 +67,8 @@ def fly(run: Run, folder: Path) -> dict[str, Any]:
     if report.interrupted:
         path.unlink(missing_ok=True)
         raise KeyboardInterrupt
-    if not report.flew:
-        raise SweepError(f"{run.command}: no mission was flown")
+    if report.failed or not report.flew:
+        raise SweepError(f"{run.command}: the mission was not flown to its end")
     sample: dict[str, Any] = msgspec.to_builtins(sample_of(read_recording(path)))
     return sample
 

@@ -30,7 +30,7 @@ from processes.address import (
     parse_endpoint,
 )
 from processes.bus import open_client
-from processes.children import Child, ChildExited, ChildReady
+from processes.children import Child, ChildExited, ChildReady, PartEnded
 from processes.console import note
 from processes.credentials import credentials
 from processes.desk import Desk
@@ -66,7 +66,10 @@ MOST_NAMED = 10
 
 @dataclass(frozen=True, slots=True)
 class RunReport:
-    """How the processes did, beside what the recording says; `flew`: there was a mission to record."""
+    """How the processes did, beside what the recording says.
+
+    `flew`: there was a mission to record; `failed`: it was broken off for what the last of the `notes` says.
+    """
 
     flew: bool
     warm_s: float
@@ -74,6 +77,7 @@ class RunReport:
     publishing_s: float | None
     first_flown_slot: int
     interrupted: bool
+    failed: bool
     notes: list[str]
 
 
@@ -141,6 +145,7 @@ class Launcher:
         self._expected_deaths: set[str] = set()
         self._restart_router = False
         self._notes: list[str] = []
+        self._failed = False
         self._operator: Operator | None = None
         self._injector: Injector | None = None
         self._endpoint = ""
@@ -157,6 +162,9 @@ class Launcher:
             self._fly()
         except Interrupted:
             pass
+        except PartEnded as ended:
+            self._failed = True
+            self._notes.append(f"error: {' '.join(str(ended).split())}")
         finally:
             self._end()
         return self._report()
@@ -347,7 +355,7 @@ class Launcher:
         assert self.bus.monitor is not None
         for part in gone:
             if part == RECORDER:
-                self._loop.failure = SwarmError("the recorder has gone from the bus")
+                self._loop.failure = PartEnded("the recorder has gone from the bus")
             self.bus.monitor.end(part)
             if part not in dead:
                 self._tell_exit(f"{part} has gone from the bus")
@@ -462,8 +470,10 @@ class Launcher:
             self._note_crash(name, status)  # Nothing more would be recorded: end in order, and keep what there is.
             self._loop.interrupted = True
         else:
+            if self._operator is not None:
+                self._operator.publish_event("exited", f"{name} {_ended(status)}")
             said = self._output.tail(name) or "it said nothing"
-            self._loop.failure = SwarmError(f"the {name} {_ended(status)}: {said}")
+            self._loop.failure = PartEnded(f"the {name} {_ended(status)}: {said}")
 
     def _note_crash(self, name: str, status: int) -> None:
         """A process that nobody asked to die is told of, with the last that it said."""
@@ -523,6 +533,7 @@ class Launcher:
             publishing_s=None if publishing is None else publishing - self._ready_at_s,
             first_flown_slot=self._operator.first_flown_slot if self._operator is not None else -1,
             interrupted=self._loop.interrupted,
+            failed=self._failed,
             notes=self._notes,
         )
 
