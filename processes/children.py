@@ -16,7 +16,7 @@ from typing import IO, cast
 from edc_swarm.errors import SwarmError
 
 
-class PartEnded(SwarmError):
+class PartEndedError(SwarmError):
     """A process that nobody asked to end, and without which no mission is flown, has ended: no fault of the input."""
 
 

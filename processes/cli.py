@@ -13,7 +13,7 @@ from cyclopts import App, CoercionError, CycloptsError, MissingArgumentError, Pa
 from cyclopts.exceptions import RepeatArgumentError, UnknownCommandError, UnusedCliTokensError
 
 from edc_swarm.errors import SwarmError
-from processes.children import PartEnded
+from processes.children import PartEndedError
 from processes.console import BAD_INPUT, FAILED, complain, note
 from processes.giving_up import give_up
 
@@ -63,7 +63,7 @@ def _run(arguments: Sequence[str]) -> int:
         return int(app(arguments) or 0)
     except CycloptsError as error:
         return complain(_in_one_line(error))
-    except PartEnded as error:
+    except PartEndedError as error:
         complain(error)
         return FAILED
     except SwarmError as error:

@@ -30,7 +30,7 @@ from processes.address import (
     parse_endpoint,
 )
 from processes.bus import open_client
-from processes.children import Child, ChildExited, ChildReady, PartEnded
+from processes.children import Child, ChildExited, ChildReady, PartEndedError
 from processes.console import note
 from processes.credentials import credentials
 from processes.desk import Desk
@@ -162,7 +162,7 @@ class Launcher:
             self._fly()
         except Interrupted:
             pass
-        except PartEnded as ended:
+        except PartEndedError as ended:
             self._failed = True
             self._notes.append(f"error: {' '.join(str(ended).split())}")
         finally:
@@ -355,7 +355,7 @@ class Launcher:
         assert self.bus.monitor is not None
         for part in gone:
             if part == RECORDER:
-                self._loop.failure = PartEnded("the recorder has gone from the bus")
+                self._loop.failure = PartEndedError("the recorder has gone from the bus")
             self.bus.monitor.end(part)
             if part not in dead:
                 self._tell_exit(f"{part} has gone from the bus")
@@ -473,7 +473,7 @@ class Launcher:
             if self._operator is not None:
                 self._operator.publish_event("exited", f"{name} {_ended(status)}")
             said = self._output.tail(name) or "it said nothing"
-            self._loop.failure = PartEnded(f"the {name} {_ended(status)}: {said}")
+            self._loop.failure = PartEndedError(f"the {name} {_ended(status)}: {said}")
 
     def _note_crash(self, name: str, status: int) -> None:
         """A process that nobody asked to die is told of, with the last that it said."""

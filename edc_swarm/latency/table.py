@@ -20,9 +20,9 @@ class CellRow(Struct, frozen=True, kw_only=True):
     `predicted_in_time_pct` is the slot arithmetic's share of commands in time, `predicted_to_hold` that there
     can be none, from `hold_delay_ms` on, `predicted_to_starve` that they are too few to fly the longest way within
     the limit; `only_holds` says that nobody but heads has flown a command.
-    `potential_collisions`, `true_collisions`, `broken`, `not_judged` and `min_disc_gap_m` are over all runs; `quantities`, means
-    by name with their 95 % intervals, are over the valid ones (`invalid_runs` are those of an overloaded machine)
-    that have the quantity.
+    `potential_collisions`, `true_collisions`, `broken`, `not_judged` and `min_disc_gap_m` are over all runs;
+    `quantities`, means by name with their 95 % intervals, are over the valid ones (`invalid_runs` are those of an
+    overloaded machine) that have the quantity.
     """
 
     engine: Engine

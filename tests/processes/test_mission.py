@@ -88,6 +88,21 @@ def test_a_process_killed_by_hand_is_told_and_the_others_finish(start):
     assert len(ended.json["not_living"]) == 1
     assert f"{ended.json['not_living'][0]} was ended by SIGKILL" in ended.stderr
     assert any(event.kind == "exited" for event in ended.recording.events)
+    assert ended.status == 1
+    assert not ended.json["completed"]
+    (dead,) = [who for who in ended.json["not_home"] if who["uav"] in ended.json["not_living"]]
+    assert (dead["cause"], "was ended by SIGKILL" in dead["reason"]) == ("process-gone", True)
+
+
+def test_a_process_frozen_for_good_by_hand_is_not_home(start):
+    """Nothing tells of it but its silence; all the others arrive, and the status says that one did not."""
+    command = start("run", "--json", "--time-scale", "4", "--uavs", "4", "--max-slots", "60")
+    command.await_flight(4)
+    os.kill(command.uav_pids()[2], signal.SIGSTOP)
+    ended = command.end()
+    assert ended.status == 1
+    (silent,) = [who for who in ended.json["not_home"] if who["uav"] in ended.json["not_living"]]
+    assert (silent["cause"], ended.json["completed"]) == ("silent", False)
 
 
 def test_two_missions_side_by_side(start):
