@@ -19,8 +19,8 @@ from edc_swarm.config import ARRIVED_M, OPERATOR
 from edc_swarm.geometry import point_segment_distance_m
 from edc_swarm.messages import Event, Report
 from edc_swarm.recording import Recording, find_gaps
-from edc_swarm.recording.living import BATTERY_EMPTY, FAULT, SILENT_SLOTS, fault_target
-from edc_swarm.recording.tracks import Tracks
+from edc_swarm.recording.living import BATTERY_EMPTY, FAULT, SILENT_SLOTS, fault_target, living_at_end
+from edc_swarm.recording.tracks import Tracks, tracks_of
 
 Bools = NDArray[np.bool_]
 
@@ -79,6 +79,12 @@ class NotHome(Struct, frozen=True):
         """Return who, why and how far away, in one line."""
         away = "" if self.away_m is None else f", {self.away_m:.2f} m from its target"
         return f"{self.uav}: {self.reason}{away}"
+
+
+def not_home_of(recording: Recording) -> list[NotHome]:
+    """Return every UAV of the roster that is not home, with the reason."""
+    tracks = tracks_of(recording)
+    return not_home(recording, tracks, living_at_end(recording, tracks))
 
 
 def home_at_end(recording: Recording, tracks: Tracks) -> Bools:
