@@ -177,7 +177,7 @@ def test_a_target_below_a_dead_uav_is_covered(messages: list[Message]) -> None:
         hull_uav=["u1"],
         hull_ax_m=[12.0],
         hull_ay_m=[60.0],
-        hull_bx_m=[30.0],
+        hull_bx_m=[25.7],
         hull_by_m=[60.0],
         hull_r_m=[0.5],
     )
