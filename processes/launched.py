@@ -29,6 +29,7 @@ DECIDE_NO_RESULT = (
     "conclusion.py",
     "figures_page.py",
     "floor.py",
+    "judging.py",
     "latency_page.py",
     "latency_plots.py",
     "plots.py",
