@@ -195,8 +195,8 @@ def measure(options: argparse.Namespace) -> int:
     late = f"{metrics['ticks_late_pct']:.2f} % of ticks late"
     print(f"{metrics['potential_collisions']} collisions, {late}, {metrics['gaps']} gaps")
     print(f"{len(recording.garbage)} of the recorded messages count for nothing; told of by {dict(told)}")
-    for broken in (result for result in check(recording) if result.violations):
-        print(f"broken: {broken.guarantee}", *broken.violations[:3], sep="\n  ")
+    for result in (result for result in check(recording) if result.broken or not result.judged):
+        print(f"{result.status}: {result.guarantee}", *(result.where or result.notes)[:3], sep="\n  ")
     print("crashed:", [event.detail for event in recording.events if event.kind == "exited"] or "nobody")
     return int(run.returncode)
 

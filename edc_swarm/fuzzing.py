@@ -107,7 +107,7 @@ def scenario(seed: int, kept: Collection[int] | None = None) -> Mission:
 
 
 def fly(mission: Mission) -> list[str]:
-    """Simulate a mission; what was broken, one line each (empty: every guarantee was kept)."""
+    """Simulate a mission; what was broken or could not be judged, one line each (empty: every guarantee was kept)."""
     message = mission_message(complete_mission(mission))
     said: list[Message] = []
     simulation = Simulation(

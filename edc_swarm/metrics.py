@@ -24,6 +24,7 @@ from edc_swarm.energy import compute_energy_j, propulsion_power_w, propulsion_po
 from edc_swarm.errors import RecordingError
 from edc_swarm.faults import WITHOUT_TARGET, parse_faults
 from edc_swarm.messages import Report
+from edc_swarm.outcome import NotHome, home_at_end, not_home
 from edc_swarm.recording import Recording, fetched_count, find_gaps
 from edc_swarm.recording.living import alive_in, living_at_end
 from edc_swarm.recording.tracks import Tracks, tracks_of
@@ -76,6 +77,7 @@ class Metrics(Struct, frozen=True, kw_only=True):
     completed: bool
     arrived: int
     not_living: list[str]
+    not_home: list[NotHome]
     potential_collisions: int
     true_collisions: int
     min_disc_gap_m: float | None
@@ -184,24 +186,25 @@ def compute_metrics(recording: Recording, timings: Sequence[Timing] = ()) -> Met
     living = living_at_end(recording, tracks)
     columns = _columns(recording, tracks, living, timings)
     at_target = columns.away_m <= ARRIVED_M
-    completed = bool(living.any() and at_target[-1][living].all())
+    home = home_at_end(recording, tracks)
+    settled = bool(living.any() and home[living].all())
     arrival = _arrival_slots(at_target)
     slots = 1 + max((fix.slot for fix in recording.fixes), default=-1)
     commanded = {command.slot for command in recording.commands}
     first = min(commanded, default=None)
-    last = int(arrival[living].max()) if completed else tracks.slots - 1
-    makespan_s = _makespan_s(mission, arrival[living], first) if completed else None
+    last = int(arrival[living].max()) if settled else tracks.slots - 1
+    makespan_s = _makespan_s(mission, arrival[living], first) if settled else None
     heads = _heads(recording)
     separation = _separation(mission, tracks)
     path_m, straight_m = columns.step_m.sum(axis=0), np.array([entry.straight_m for entry in mission.roster])
-    home = at_target[-1]
     return Metrics(
         uavs=len(tracks.uavs),
         slots=slots,
         duration_s=mission.dt_s * slots,
-        completed=completed,
-        arrived=int(at_target[-1].sum()),
+        completed=bool(len(home) and home.all()),
+        arrived=int(home.sum()),
         not_living=[uav for uav, alive in zip(tracks.uavs, living, strict=True) if not alive],
+        not_home=not_home(recording, tracks, living),
         potential_collisions=separation.potential_collisions,
         true_collisions=separation.true_collisions,
         min_disc_gap_m=separation.min_disc_gap_m,

@@ -5,6 +5,8 @@ from __future__ import annotations
 from edc_swarm.metrics import Metrics, Quantiles
 
 MAX_HEADS = 6
+MAX_NAMED = 10
+"""UAVs that are named with the reason why they are not home; `--json` names all."""
 
 
 def metric_rows(m: Metrics) -> list[tuple[str, str]]:
@@ -14,6 +16,7 @@ def metric_rows(m: Metrics) -> list[tuple[str, str]]:
     undone = [("faults not done", "; ".join(m.faults_undone))] if m.faults_undone else []
     return [
         ("arrived", f"{m.arrived} of {m.uavs}{away}"),
+        *_not_home(m),
         ("slots", f"{m.slots} ({m.duration_s:g} s), {m.slots_missed} without commands"),
         ("heads", (heads + (", ..." if len(m.heads) > MAX_HEADS else "")) or "none"),
         ("collisions", f"{m.potential_collisions} potential, {m.true_collisions} true"),
@@ -22,7 +25,7 @@ def metric_rows(m: Metrics) -> list[tuple[str, str]]:
             f"{_number(m.min_disc_gap_m, 'm')} between discs, {_number(m.min_true_distance_m, 'm')} true distance",
         ),
         ("way flown", f"{m.path_m:.1f} m{_extra(m)}"),
-        ("makespan", f"{m.makespan_s:.2f} s, {_number(m.makespan_ratio, '')} times the least" if m.makespan_s else "-"),
+        ("makespan", _makespan(m)),
         ("energy", f"{m.energy_propulsion_j / 1e3:.2f} kJ, straight {m.energy_straight_j / 1e3:.2f} kJ"),
         ("plan time", _quantiles(m.plan_ms)),
         ("fix to command", _quantiles(m.fix_to_command_ms)),
@@ -30,6 +33,20 @@ def metric_rows(m: Metrics) -> list[tuple[str, str]]:
         ("messages", f"{m.messages}, {m.gaps} gaps" + (f", {m.fetched} fetched again" if m.fetched else "")),
         *undone,
     ]
+
+
+def _not_home(m: Metrics) -> list[tuple[str, str]]:
+    """Who is not home and why: no row where everybody is."""
+    named = [str(who) for who in m.not_home[:MAX_NAMED]]
+    named += [f"and {len(m.not_home) - MAX_NAMED} more"] * (len(m.not_home) > MAX_NAMED)
+    return [("not home", "; ".join(named))] if named else []
+
+
+def _makespan(m: Metrics) -> str:
+    if not m.makespan_s:
+        return "-"
+    whose = "" if m.completed else "; of those that live"
+    return f"{m.makespan_s:.2f} s, {_number(m.makespan_ratio, '')} times the least{whose}"
 
 
 def _extra(m: Metrics) -> str:

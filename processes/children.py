@@ -13,6 +13,12 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import IO, cast
 
+from edc_swarm.errors import SwarmError
+
+
+class PartEndedError(SwarmError):
+    """A process that nobody asked to end, and without which no mission is flown, has ended: no fault of the input."""
+
 
 @dataclass(frozen=True, slots=True)
 class ChildExited:

@@ -13,12 +13,17 @@ from cyclopts import App, CoercionError, CycloptsError, MissingArgumentError, Pa
 from cyclopts.exceptions import RepeatArgumentError, UnknownCommandError, UnusedCliTokensError
 
 from edc_swarm.errors import SwarmError
+from processes.children import PartEndedError
 from processes.console import BAD_INPUT, FAILED, complain, note
 from processes.giving_up import give_up
 
 app = App(
     name="edc-swarm",
-    help="A swarm emulator for centrally planned UAVs: elected head, safe slot QP, Zenoh bus, MCAP record.",
+    help=(
+        "A swarm emulator for centrally planned UAVs: elected head, safe slot QP, Zenoh bus, MCAP record.\n\n"
+        "Exit status 0: fine. 1: a guarantee is broken, a UAV is not at its target, or the mission failed. "
+        "2: bad input. 3: nothing is broken, but a guarantee could not be judged."
+    ),
     version=lambda: f"edc-swarm {version('edc-swarm')}",
     default_parameter=Parameter(negative=(), show_default=False),
     help_format="plaintext",
@@ -31,7 +36,9 @@ app.command("processes.commands.run:run", help="Fly a mission: real processes ov
 app.command("processes.commands.join:join", help="Fly UAVs of a mission that another machine operates.")
 app.command("processes.commands.sim:sim", help="Simulate the same mission in one process, in virtual time.")
 app.command("processes.commands.metrics:metrics", help="Print every metric of a recording.")
-app.command("processes.commands.check:check", help="Check the guarantees of a recording; status 1 when one is broken.")
+app.command(
+    "processes.commands.check:check", help="Check the guarantees of a recording; status 1: broken, 3: not judged."
+)
 app.command("processes.commands.fuzz:fuzz", help="Search random fault schedules for a broken guarantee.")
 app.command("processes.commands.figures:figures", help="Make the paper's figures and the energy bill.")
 app.command("processes.commands.latency:latency", help="Fly a grid of delays, jitters and losses.")
@@ -43,7 +50,11 @@ app.command("processes.commands.report:report", help="Make a self-contained page
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
-    """Run one command; exit status 0 fine, 1 something is broken, 2 bad input."""
+    """Run one command and return its exit status.
+
+    0: fine; 1: a guarantee is broken, a UAV is not home, or the mission failed; 2: bad input; 3: nothing is broken,
+    but something could not be judged.
+    """
     arguments = sys.argv[1:] if arguments is None else arguments
     status = BAD_INPUT
     try:
@@ -62,6 +73,9 @@ def _run(arguments: Sequence[str]) -> int:
         return int(app(arguments) or 0)
     except CycloptsError as error:
         return complain(_in_one_line(error))
+    except PartEndedError as error:
+        complain(error)
+        return FAILED
     except SwarmError as error:
         return complain(error)
     except KeyboardInterrupt:

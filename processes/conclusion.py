@@ -6,18 +6,18 @@ from pathlib import Path
 
 import msgspec
 
-from edc_swarm.invariants import check
 from edc_swarm.metrics import OVERLOADED_PCT, Metrics, compute_metrics, load_timings
 from edc_swarm.node import PLANNER_FAILED
 from edc_swarm.recording import Recording, read_recording
 from processes.console import FAILED, note, print_json, stdout_console
+from processes.judging import judged
 from processes.summary import guarantees_status, print_guarantees, print_metrics
 
 
 def conclude(path: Path, *, as_json: bool) -> int:
     """Print what the recording at `path` says; the exit status."""
     recording = read_recording(path)
-    metrics, guarantees = compute_metrics(recording, load_timings(path)), check(recording)
+    metrics, guarantees = compute_metrics(recording, load_timings(path)), judged(recording, show_progress=not as_json)
     if as_json:
         print_json({**msgspec.to_builtins(metrics), "guarantees": guarantees, "recording": str(path)})
     else:

@@ -10,7 +10,7 @@ from rich.console import Console
 from edc_swarm.errors import RecordingError, SwarmError
 
 FAILED = 1
-"""Exit status: a guarantee is broken, or a UAV is not at its target."""
+"""Exit status: a guarantee is broken, a UAV is not at its target, or the mission failed."""
 BAD_INPUT = 2
 """Exit status: an option, a file or the environment is not acceptable."""
 NOT_JUDGED = 3

@@ -19,7 +19,7 @@ from edc_swarm.node import startup_candidates
 from processes import deeds, fork_source
 from processes.address import sought_router
 from processes.bus import hand_over, try_client
-from processes.children import Child, ChildExited
+from processes.children import Child, ChildExited, PartEndedError
 from processes.claim_folder import ClaimFolder, make_state
 from processes.console import note
 from processes.credentials import certified_uavs, credentials
@@ -200,7 +200,7 @@ class Joiner:
                     self._note_crash(item)
                 self._pool.take(item)
             case ChildExited(name, _, status) if not self._loop.ending:
-                self._loop.failure = SwarmError(f"the {name} ended with status {status}: {_tail(self._log(name))}")
+                self._loop.failure = PartEndedError(f"the {name} ended with status {status}: {_tail(self._log(name))}")
 
     def _take_event(self, heard: Heard) -> None:
         match self._gate.admit(heard):

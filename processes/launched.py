@@ -18,6 +18,7 @@ from edc_swarm.latency.measures import sample_of
 from edc_swarm.recording import read_recording
 from edc_swarm.roster import complete_mission
 from edc_swarm.sweeps import Run
+from processes.children import PartEndedError
 from processes.console import note
 from processes.launcher import Launcher, RunReport, View
 from processes.output import SUFFIX, Output
@@ -28,6 +29,7 @@ DECIDE_NO_RESULT = (
     "conclusion.py",
     "figures_page.py",
     "floor.py",
+    "judging.py",
     "latency_page.py",
     "latency_plots.py",
     "plots.py",
@@ -50,6 +52,8 @@ class Launched:
         ------
         SweepError
             A mission could not be flown.
+        PartEndedError
+            A process that a mission needs has ended.
         KeyboardInterrupt
             Ctrl-C, when all processes have ended.
         """
@@ -67,6 +71,8 @@ def fly(run: Run, folder: Path) -> dict[str, Any]:
     if report.interrupted:
         path.unlink(missing_ok=True)
         raise KeyboardInterrupt
+    if report.failed:
+        raise PartEndedError(f"{run.command}: the mission failed")
     if not report.flew:
         raise SweepError(f"{run.command}: no mission was flown")
     sample: dict[str, Any] = msgspec.to_builtins(sample_of(read_recording(path)))

@@ -31,7 +31,7 @@ from processes.address import (
     parse_endpoint,
 )
 from processes.bus import open_client
-from processes.children import Child, ChildExited, ChildReady
+from processes.children import Child, ChildExited, ChildReady, PartEndedError
 from processes.console import note
 from processes.credentials import credentials
 from processes.desk import Desk
@@ -67,7 +67,10 @@ MOST_NAMED = 10
 
 @dataclass(frozen=True, slots=True)
 class RunReport:
-    """How the processes did, beside what the recording says; `flew`: there was a mission to record."""
+    """How the processes did, beside what the recording says.
+
+    `flew`: there was a mission to record; `failed`: it was broken off for what the last of the `notes` says.
+    """
 
     flew: bool
     warm_s: float
@@ -75,6 +78,7 @@ class RunReport:
     publishing_s: float | None
     first_flown_slot: int
     interrupted: bool
+    failed: bool
     notes: list[str]
 
 
@@ -142,6 +146,7 @@ class Launcher:
         self._expected_deaths: set[str] = set()
         self._restart_router = False
         self._notes: list[str] = []
+        self._failed = False
         self._operator: Operator | None = None
         self._injector: Injector | None = None
         self._endpoint = ""
@@ -158,6 +163,9 @@ class Launcher:
             self._fly()
         except Interrupted:
             pass
+        except PartEndedError as ended:
+            self._failed = True
+            self._notes.append(f"error: {' '.join(str(ended).split())}")
         finally:
             self._end()
         return self._report()
@@ -354,7 +362,7 @@ class Launcher:
         assert self.bus.monitor is not None
         for part in gone:
             if part == RECORDER:
-                self._loop.failure = SwarmError("the recorder has gone from the bus")
+                self._loop.failure = PartEndedError("the recorder has gone from the bus")
             self.bus.monitor.end(part)
             if part not in dead:
                 self._tell_exit(f"{part} has gone from the bus")
@@ -469,8 +477,10 @@ class Launcher:
             self._note_crash(name, status)  # Nothing more would be recorded: end in order, and keep what there is.
             self._loop.interrupted = True
         else:
+            if self._operator is not None:
+                self._operator.publish_event("exited", f"{name} {_ended(status)}")
             said = self._output.tail(name) or "it said nothing"
-            self._loop.failure = SwarmError(f"the {name} {_ended(status)}: {said}")
+            self._loop.failure = PartEndedError(f"the {name} {_ended(status)}: {said}")
 
     def _note_crash(self, name: str, status: int) -> None:
         """A process that nobody asked to die is told of, with the last that it said."""
@@ -530,6 +540,7 @@ class Launcher:
             publishing_s=None if publishing is None else publishing - self._ready_at_s,
             first_flown_slot=self._operator.first_flown_slot if self._operator is not None else -1,
             interrupted=self._loop.interrupted,
+            failed=self._failed,
             notes=self._notes,
         )
 

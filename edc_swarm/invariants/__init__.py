@@ -1,7 +1,7 @@
 """The guarantees, checked on a recording alone: real and simulated missions alike.
 
 G1 one head per term, G2 fencing, G3 separation, G4 hold on silence, G5 no loss in the record,
-G7 progress. (G6, same seed same bytes, compares two recordings.)
+G7 progress. (G6, same seed same bytes, takes a second simulation: `edc_swarm.resimulation`.)
 """
 
 from __future__ import annotations
@@ -12,7 +12,7 @@ from edc_swarm.invariants.fencing import check_fencing
 from edc_swarm.invariants.heads import check_one_head
 from edc_swarm.invariants.holding import check_hold_on_silence
 from edc_swarm.invariants.progress import check_progress
-from edc_swarm.invariants.report import GuaranteeResult, Violation
+from edc_swarm.invariants.report import GuaranteeResult, Violation, headline
 from edc_swarm.invariants.spacing import check_separation
 from edc_swarm.recording import Recording
 
@@ -32,4 +32,4 @@ def check(recording: Recording) -> list[GuaranteeResult]:
     return [checker(evidence) for checker in CHECKERS]
 
 
-__all__ = ["GuaranteeResult", "Violation", "check"]
+__all__ = ["GuaranteeResult", "Violation", "check", "headline"]

@@ -5,7 +5,8 @@
 
 from __future__ import annotations
 
-from typing import Literal
+from collections.abc import Sequence
+from typing import Literal, get_args
 
 from msgspec import Struct
 
@@ -93,3 +94,21 @@ def not_judged(guarantee: str, title: str, why: str, notes: list[str] | None = N
 def not_applicable(guarantee: str, title: str, why: str) -> GuaranteeResult:
     """Return "not-applicable": the guarantee promises nothing about this run."""
     return GuaranteeResult(guarantee, title, "not-applicable", notes=[why])
+
+
+def headline(results: Sequence[GuaranteeResult]) -> str:
+    """Return all verdicts in one line; "every guarantee held" only where each was judged and held."""
+    names = {status: [r.guarantee for r in results if r.status == status] for status in get_args(Status)}
+    parts = [
+        f"{word}: {', '.join(names[status])}"
+        for status, word in (
+            ("broken", "broken"),
+            ("not-judged", "not judged"),
+            ("held", "held"),
+            ("not-applicable", "does not apply"),
+        )
+        if names[status]
+    ]
+    if not results:
+        return "no guarantee was judged"
+    return "every guarantee held" if len(names["held"]) == len(results) else "; ".join(parts)

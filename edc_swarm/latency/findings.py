@@ -27,8 +27,13 @@ def findings(rows: Sequence[CellRow]) -> list[Finding]:
 
 
 def is_safe(rows: Sequence[CellRow]) -> bool:
-    """Whether nothing overlapped, nothing collided and no guarantee broke."""
+    """Whether nothing is known to have gone wrong: nothing overlapped, nothing collided and no guarantee broke."""
     return not any(row.potential_collisions or row.true_collisions or row.broken for row in rows)
+
+
+def is_judged(rows: Sequence[CellRow]) -> bool:
+    """Whether there are runs, and every guarantee could be judged in each."""
+    return bool(rows) and not any(row.not_judged for row in rows)
 
 
 def named(row: CellRow) -> str:
@@ -50,9 +55,12 @@ def _safety(rows: Sequence[CellRow]) -> Finding:
     overlaps = sum(row.potential_collisions for row in rows)
     hits = sum(row.true_collisions for row in rows)
     broken = sorted({name for row in rows for name in row.broken})
-    guarantees = f"broken guarantees: {' '.join(broken)}" if broken else "G1-G5 held in every run"
+    unjudged = sorted({name for row in rows for name in row.not_judged})
+    told = [f"broken guarantees: {' '.join(broken)}"] if broken else []
+    told += [f"not judged in every run: {' '.join(unjudged)}"] if unjudged else []
+    guarantees = "; ".join(told) or "G1-G5 held in every run"
     text = f"{len(rows)} cells, {runs} runs: {overlaps} overlaps of discs, {hits} true collisions; {guarantees}."
-    return Finding(is_safe(rows), text)
+    return Finding(None if is_safe(rows) and not is_judged(rows) else is_safe(rows), text)
 
 
 def _holding(rows: Sequence[CellRow]) -> Iterator[Finding]:

@@ -43,8 +43,8 @@ class Sample(Struct, frozen=True, kw_only=True):
         it was not there, from the first commanded slot on (from slot 1 where there is none).
     failover_slots
         Slots without commands at all changes of head.
-    broken
-        Guarantees other than progress that do not hold.
+    broken, not_judged
+        Guarantees other than progress that are broken; those that could not be judged.
     delay_error
         None in the simulator, and where nothing was delayed.
     """
@@ -57,6 +57,7 @@ class Sample(Struct, frozen=True, kw_only=True):
     true_collisions: int
     min_disc_gap_m: float | None
     broken: list[str]
+    not_judged: list[str]
     fix_to_command_ms: float | None
     fix_to_command_p99_ms: float | None
     fix_age_ms: float | None
@@ -82,6 +83,7 @@ def sample_of(recording: Recording) -> Sample:
     metrics, columns = compute_metrics(recording), columns_of(recording)
     first = min((command.slot for command in recording.commands), default=1)
     done = metrics.completed
+    verdicts = [result for result in check(recording) if result.guarantee != PROGRESS]
     return Sample(
         completed=done,
         slots=metrics.slots,
@@ -90,14 +92,15 @@ def sample_of(recording: Recording) -> Sample:
         potential_collisions=metrics.potential_collisions,
         true_collisions=metrics.true_collisions,
         min_disc_gap_m=metrics.min_disc_gap_m,
-        broken=[verdict.guarantee for verdict in check(recording) if verdict.broken and verdict.guarantee != PROGRESS],
+        broken=[result.guarantee for result in verdicts if result.broken],
+        not_judged=[result.guarantee for result in verdicts if not result.judged],
         fix_to_command_ms=metrics.fix_to_command_ms.p50,
         fix_to_command_p99_ms=metrics.fix_to_command_ms.p99,
         fix_age_ms=_mean_age_ms(recording, _counted_ns(recording, columns), columns.alive, first),
         command_age_ms=_mean_age_ms(recording, _flown_ns(recording, columns), columns.alive, first),
         held_pct=_held_pct(columns, first),
         extra_distance_pct=metrics.extra_distance_pct if done else None,
-        makespan_s=metrics.makespan_s,
+        makespan_s=metrics.makespan_s if done else None,
         energy_kj=metrics.energy_propulsion_j / 1e3,
         failover_slots=sum(metrics.failover_slots),
         terms=len(metrics.heads),

@@ -20,9 +20,9 @@ class CellRow(Struct, frozen=True, kw_only=True):
     `predicted_in_time_pct` is the slot arithmetic's share of commands in time, `predicted_to_hold` that there
     can be none, from `hold_delay_ms` on, `predicted_to_starve` that they are too few to fly the longest way within
     the limit; `only_holds` says that nobody but heads has flown a command.
-    `potential_collisions`, `true_collisions`, `broken` and `min_disc_gap_m` are over all runs; `quantities`, means
-    by name with their 95 % intervals, are over the valid ones (`invalid_runs` are those of an overloaded machine)
-    that have the quantity.
+    `potential_collisions`, `true_collisions`, `broken`, `not_judged` and `min_disc_gap_m` are over all runs;
+    `quantities`, means by name with their 95 % intervals, are over the valid ones (`invalid_runs` are those of an
+    overloaded machine) that have the quantity.
     """
 
     engine: Engine
@@ -38,6 +38,7 @@ class CellRow(Struct, frozen=True, kw_only=True):
     potential_collisions: int
     true_collisions: int
     broken: list[str]
+    not_judged: list[str]
     min_disc_gap_m: float | None
     ticks_late_pct: float
     terms: float
@@ -69,6 +70,7 @@ def row_of(sweep: LatencySweep, engine: Engine, cell: Cell, samples: Sequence[Sa
         potential_collisions=sum(sample.potential_collisions for sample in samples),
         true_collisions=sum(sample.true_collisions for sample in samples),
         broken=sorted({name for sample in samples for name in sample.broken}),
+        not_judged=sorted({name for sample in samples for name in sample.not_judged}),
         min_disc_gap_m=min((s.min_disc_gap_m for s in samples if s.min_disc_gap_m is not None), default=None),
         ticks_late_pct=max(sample.ticks_late_pct for sample in samples),
         terms=sum(sample.terms for sample in samples) / len(samples),
@@ -92,6 +94,7 @@ def flat(row: CellRow) -> dict[str, Any]:
         **{name: getattr(cell, name) for name in ("uavs", "slot_s", "delay_ms", "jitter_ms", "loss")},
         **{name: getattr(row, name) for name in row.__struct_fields__ if name not in {"engine", "cell", "quantities"}},
         "broken": " ".join(row.broken),
+        "not_judged": " ".join(row.not_judged),
     }
     for quantity in QUANTITIES:
         found = row.quantities.get(quantity.name)

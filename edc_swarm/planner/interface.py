@@ -8,7 +8,7 @@ no numpy.
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Literal, Protocol
 
 from edc_swarm.config import Mission
@@ -105,6 +105,11 @@ class Plan:
     solve_ms: float = 0.0
     iterations: int = 0
     problem: str = ""
+
+
+def timeless(plan: Plan) -> Plan:
+    """Return the plan without its measured times, which no two runs have in common."""
+    return replace(plan, guidance_ms=0.0, assemble_ms=0.0, solve_ms=0.0)
 
 
 class Planner(Protocol):

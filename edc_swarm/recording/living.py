@@ -52,11 +52,12 @@ def _stopped(recording: Recording) -> list[tuple[str, int]]:
         if event.kind == BATTERY_EMPTY:
             stopped.append((event.source, event.slot))
         elif event.kind == FAULT and event.detail.startswith(("kill ", "freeze ")):
-            stopped.append((_target(event.detail, recording.mission.dt_s), event.slot))
+            stopped.append((fault_target(event.detail, recording.mission.dt_s), event.slot))
     return stopped
 
 
-def _target(text: str, dt_s: float) -> str:
+def fault_target(text: str, dt_s: float) -> str:
+    """Return whom an injected fault is aimed at, "" for a text that tells no fault."""
     try:
         return parse_fault(text, dt_s).target
     except MissionError:

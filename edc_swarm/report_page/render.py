@@ -10,7 +10,7 @@ from string import Template
 
 import msgspec
 
-from edc_swarm.invariants import GuaranteeResult
+from edc_swarm.invariants import GuaranteeResult, headline
 from edc_swarm.metrics import Metrics
 from edc_swarm.report_page.data import Page
 from edc_swarm.tables import metric_rows
@@ -48,9 +48,8 @@ def render(
 
 
 def _subtitle(metrics: Metrics, guarantees: Sequence[GuaranteeResult]) -> str:
-    broken = [result.guarantee for result in guarantees if result.broken]
     arrived = f"{metrics.arrived} of {metrics.uavs} UAVs arrived in {metrics.duration_s:g} s"
-    return f"{arrived}; {'broken: ' + ', '.join(broken) if broken else 'every guarantee held'}"
+    return f"{arrived}; {headline(guarantees)}"
 
 
 def _rows(rows: Iterable[tuple[str, str]]) -> str:

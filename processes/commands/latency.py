@@ -16,12 +16,12 @@ from rich.table import Table
 from edc_swarm.config import load_mission, read_toml
 from edc_swarm.errors import InputError
 from edc_swarm.latency.declared import Cell, Engine, LatencySweep, in_turn, run_name, runs_of, sweep_of
-from edc_swarm.latency.findings import Finding, findings, is_safe
+from edc_swarm.latency.findings import Finding, findings, is_judged, is_safe
 from edc_swarm.latency.measures import Sample
 from edc_swarm.latency.quantities import QUANTITIES, Quantity
 from edc_swarm.latency.table import CellRow, flat, rows_of
 from edc_swarm.sweeps import Run, command_of, mission_toml
-from processes.console import FAILED, note, print_json, stdout_console
+from processes.console import FAILED, NOT_JUDGED, note, print_json, stdout_console
 from processes.floor import Floor, measure_floor
 from processes.latency_page import floor_notes, page, words
 from processes.latency_plots import Axis, draw_quantity
@@ -151,7 +151,9 @@ def latency(
     except OSError as error:
         raise InputError("--out", str(options.out), f"a folder that can be written ({error.strerror})") from None
     _conclude(options, rows, found, floor)
-    return 0 if is_safe(rows) else FAILED
+    if not is_safe(rows):
+        return FAILED
+    return 0 if is_judged(rows) else NOT_JUDGED
 
 
 def _fly(declared: LatencySweep, options: LatencyOptions) -> tuple[list[CellRow], Floor | None]:

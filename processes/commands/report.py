@@ -9,10 +9,10 @@ from typing import Annotated
 from cyclopts import Parameter
 
 from edc_swarm.errors import InputError
-from edc_swarm.invariants import check
 from edc_swarm.metrics import compute_metrics, load_timings
 from edc_swarm.recording import read_recording
 from edc_swarm.report_page import Assets, Page, render
+from processes.judging import judged
 from processes.output import SUFFIX, new_file
 
 HTML = ".html"
@@ -44,7 +44,7 @@ def report(
     whole, timings = read_recording(recording), load_timings(recording)
     metrics = compute_metrics(whole, timings)
     page = Page.of(whole, metrics.heads, timings)
-    document = render(page, metrics, check(whole), whole.run, _assets())
+    document = render(page, metrics, judged(whole), whole.run, _assets())
     with new_file(path) as stream:
         stream.write(document.encode())
     print(path)

@@ -90,7 +90,7 @@ def run(
     _tell(report, len(mission.roster))
     status = conclude(output.path, as_json=options.json) if report.flew else FAILED
     launcher.leave()
-    return status
+    return FAILED if report.failed else status
 
 
 def _meet(address: str, mission: Mission, alone: Mapping[str, object], protection: Protection | None) -> Bus:

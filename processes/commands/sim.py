@@ -13,7 +13,7 @@ from edc_swarm.config import Mission
 from edc_swarm.messages import Message, MissionMessage, encode
 from edc_swarm.metrics import Timing
 from edc_swarm.planner import make_planner, warm_up
-from edc_swarm.planner.interface import Plan, Planner, PlanRequest
+from edc_swarm.planner.interface import Plan, Planner, PlanRequest, timeless
 from edc_swarm.recording import RecordingWriter
 from edc_swarm.simulation import Simulation, SimulationEnd, mission_message
 from edc_swarm.viz import Scenery
@@ -21,7 +21,7 @@ from processes.conclusion import conclude
 from processes.options import MISSION_HELP, MissionOptions
 from processes.output import Output, default_output, held_for_writing
 from processes.progress_bar import ProgressBar
-from processes.run_facts import run_facts
+from processes.run_facts import CODE, code_digest, run_facts
 from processes.view import attach_layout, write_shown
 
 
@@ -45,7 +45,7 @@ def _simulate(mission: Mission, output: Output, *, viz: bool, show_progress: boo
     message, timings = mission_message(mission), list[Timing]()
     with held_for_writing(output.part) as stream:
         warm_up(mission)
-        writer = RecordingWriter(stream, run_facts("virtual"))
+        writer = RecordingWriter(stream, {**run_facts("virtual"), CODE: code_digest(mission.planner)})
         attach_layout(writer, message)
         scenery = Scenery()
 
@@ -89,4 +89,4 @@ class TimedPlanner:
                 solve_ms=plan.solve_ms,
             )
         )
-        return Plan(plan.waypoint_m, plan.status, plan.min_gap_m, iterations=plan.iterations, problem=plan.problem)
+        return timeless(plan)

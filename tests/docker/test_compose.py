@@ -71,14 +71,14 @@ def test_latency_experiments(swarm: Make):
 
 
 def test_the_heads_container_is_killed(swarm: Make):
-    """The others finish the mission without it."""
+    """The others finish the mission without it; it is not home, which the status says."""
     flown = swarm(**FAST)
     flown.compose("up", "--detach")
     head = flown.await_slot(6).reports[-1].head
     said("docker", "kill", flown.container_of(head))
-    assert flown.await_end() == 0
+    assert flown.await_end() == 1
     metrics = compute_metrics(flown.recording)
-    assert metrics.not_living == [head]
+    assert metrics.not_living == [who.uav for who in metrics.not_home] == [head]
     assert (metrics.arrived, metrics.potential_collisions) == (9, 0)
     assert broken(flown) == set()
 
@@ -119,8 +119,10 @@ def test_faults_reach_containers(swarm: Make):
     """The operator's faults are carried out by whoever flies the UAV."""
     flown = swarm(UAVS="6", OPTIONS="--fault 'kill head @8' --fault 'freeze u002 @8 for 2s'", **FAST)
     up = flown.compose("up", "--exit-code-from", "operator", check=False)
-    assert up.returncode == 0, up.stdout[-3000:]
-    assert len(compute_metrics(flown.recording).not_living) == 1
+    assert up.returncode == 1, up.stdout[-3000:]
+    metrics = compute_metrics(flown.recording)
+    assert len(metrics.not_living) == 1
+    assert [who.cause for who in metrics.not_home] == ["killed"]
 
 
 def test_secured(swarm: Make):

@@ -6,6 +6,7 @@ import os
 import signal
 from pathlib import Path
 
+import pytest
 from mcap.reader import make_reader
 
 from edc_swarm.invariants import check
@@ -76,6 +77,19 @@ def test_a_recorder_killed_by_hand_ends_the_run_and_what_it_flushed_is_recovered
         assert sum(1 for _ in make_reader(stream).iter_messages()) == recording.message_count + viewed
     assert [result.guarantee for result in check(recording) if result.broken] == []
     assert {path.name for path in ended.path.parent.iterdir()} == {ended.path.name}
+
+
+@pytest.mark.parametrize("part", ["router", "fork-source"])
+def test_a_part_killed_by_hand_fails_the_mission(start, part: str):
+    """It is no bad input: status 1, the cause in one line, and what was recorded says who is not home."""
+    command = start("run", "--json")
+    command.await_flight(10)
+    os.kill(command.pids(f"processes.{part.replace('-', '_')}")[0], signal.SIGKILL)
+    ended = command.end()
+    assert ended.status == 1
+    assert f"error: the {part} was ended by SIGKILL: it said nothing" in ended.stderr.splitlines()
+    assert not ended.json["completed"]
+    assert len(ended.json["not_home"]) == ended.json["uavs"] - ended.json["arrived"] > 0
 
 
 def test_a_full_disk_is_an_error_with_a_name(start):

@@ -98,6 +98,22 @@ def test_a_uav_alone_stays_small(start, hosted, seed: str, leads: bool):
         command.end()
 
 
+def test_a_fork_source_killed_by_hand_fails_the_joiner(start, hosted):
+    """Not its input; who operates the mission names the UAVs that are gone with it."""
+    run, address = hosted(2)
+    joined = start("join", address, "--uavs", "2")
+    joined.await_file(lambda: len(joined.uav_pids()) == 2)
+    run.await_flight(3)
+    (source,) = set(joined.pids("processes.fork_source")) - set(joined.uav_pids())
+    os.kill(source, signal.SIGKILL)
+    left = joined.end()
+    assert left.status == 1
+    assert left.stderr.splitlines()[-1].startswith("error: the fork-source ended with status -9: ")
+    ended = run.end()
+    assert ended.status == 1
+    assert {who["cause"] for who in ended.json["not_home"]} == {"process-gone"}, ended.stdout
+
+
 def test_faults_reach_the_uavs_of_other_hosts(start, hosted):
     """Killed for good, killed and started again without memory, frozen and resumed."""
     faults = ("kill u003 @8", "kill u004 @8 for 4", "freeze u005 @8 for 2s", "restart u004 lose-memory @20")

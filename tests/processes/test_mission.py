@@ -25,7 +25,9 @@ def test_default_mission_arrives_without_a_collision(default_flight):
     assert default_flight.status == 0, default_flight.stderr
     assert said["arrived"] == said["uavs"] == 10
     assert said["potential_collisions"] == said["true_collisions"] == said["gaps"] == 0
-    assert {guarantee["status"] for guarantee in said["guarantees"]} == {"held"}
+    verdicts = {guarantee["guarantee"]: guarantee["status"] for guarantee in said["guarantees"]}
+    assert verdicts.pop("G6") == "not-applicable"
+    assert verdicts == {f"G{number}": "held" for number in (1, 2, 3, 4, 5, 7)}
 
 
 def test_ten_distinct_processes_published(default_flight):
@@ -88,6 +90,21 @@ def test_a_process_killed_by_hand_is_told_and_the_others_finish(start):
     assert len(ended.json["not_living"]) == 1
     assert f"{ended.json['not_living'][0]} was ended by SIGKILL" in ended.stderr
     assert any(event.kind == "exited" for event in ended.recording.events)
+    assert ended.status == 1
+    assert not ended.json["completed"]
+    (dead,) = [who for who in ended.json["not_home"] if who["uav"] in ended.json["not_living"]]
+    assert (dead["cause"], "was ended by SIGKILL" in dead["reason"]) == ("process-gone", True)
+
+
+def test_a_process_frozen_for_good_by_hand_is_not_home(start):
+    """Nothing tells of it but its silence; all the others arrive, and the status says that one did not."""
+    command = start("run", "--json", "--time-scale", "4", "--uavs", "4", "--max-slots", "60")
+    command.await_flight(4)
+    os.kill(command.uav_pids()[2], signal.SIGSTOP)
+    ended = command.end()
+    assert ended.status == 1
+    (silent,) = [who for who in ended.json["not_home"] if who["uav"] in ended.json["not_living"]]
+    assert (silent["cause"], ended.json["completed"]) == ("silent", False)
 
 
 def test_two_missions_side_by_side(start):

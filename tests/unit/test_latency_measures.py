@@ -8,7 +8,7 @@ import pytest
 from edc_swarm.config import Link, Mission
 from edc_swarm.invariants import check
 from edc_swarm.latency.declared import sweep_of
-from edc_swarm.latency.findings import NAMED, findings, is_safe, named
+from edc_swarm.latency.findings import NAMED, findings, is_judged, is_safe, named
 from edc_swarm.latency.measures import Sample, sample_of
 from edc_swarm.latency.table import CellRow, flat, row_of
 from edc_swarm.links import DELAY_ERROR, DelayError
@@ -184,6 +184,16 @@ def test_findings_of_a_broken_promise(broken: dict[str, object], which: int) -> 
     made = rows(sample(**broken), sample(**broken) if which == 1 else sample())
     assert [one.kept for one in findings(made)] == [index != which for index in range(3)]
     assert is_safe(made) is (which != 0)
+
+
+def test_a_run_that_was_not_judged_is_not_counted_as_safe() -> None:
+    """The finding promises nothing, says of what there was no evidence, and the sweep as a whole was not judged."""
+    made = rows(sample(), sample(not_judged=["G3"]))
+    assert (made[0].not_judged, flat(made[0])["not_judged"]) == (["G3"], "G3")
+    assert (is_safe(made), is_judged(made), is_judged(rows(sample())), is_judged([])) == (True, False, True, False)
+    assert findings(made)[0].kept is None
+    assert "not judged in every run: G3" in findings(made)[0].text
+    assert findings(rows(sample(broken=["G1"]), sample(not_judged=["G3"])))[0].kept is False
 
 
 @pytest.mark.parametrize("swept", [{"jitters_ms": [0, 600]}, {"losses": [0, 0.9]}])

@@ -28,6 +28,7 @@ PROMISED = {
     "failover_slots",
     "min_true_distance_m",
     "completed",
+    "not_home",
     "uavs",
     "energy_compute_j",
     "slots_held",
@@ -147,14 +148,19 @@ def test_an_unfinished_mission_has_no_makespan(messages: list[Message]) -> None:
     assert (m.completed, m.arrived, m.makespan_s, m.makespan_ratio) == (False, 2, None, None)
 
 
-def test_the_dead_do_not_keep_a_mission_open(messages: list[Message]) -> None:
-    """A killed UAV is named and need not arrive."""
+def test_a_mission_is_completed_when_everybody_is_home(messages: list[Message]) -> None:
+    """A killed UAV is named with the reason; those that live have their makespan all the same."""
     mission = messages[0]
     far = msgspec.structs.replace(mission.roster[2], target_y_m=99.0)
     messages[0] = msgspec.structs.replace(mission, roster=[*mission.roster[:2], far])
     messages.append(Event(source="operator", slot=8, kind="fault", detail="kill u2 @8"))
     m = metrics(messages)
-    assert (m.completed, m.arrived, m.not_living) == (True, 2, ["u2"])
+    assert (m.completed, m.arrived, m.not_living) == (False, 2, ["u2"])
+    assert [(who.uav, who.cause, who.slot) for who in m.not_home] == [("u2", "killed", 8)]
+    assert m.makespan_s == pytest.approx(4.0)
+    rows = dict(metric_rows(m))
+    assert rows["not home"] == "u2: dead since slot 8 (killed by a fault), 83.00 m from its target"
+    assert rows["makespan"].endswith("; of those that live")
 
 
 def test_the_dead_cost_and_hold_nothing(messages: list[Message]) -> None:
@@ -165,7 +171,7 @@ def test_the_dead_cost_and_hold_nothing(messages: list[Message]) -> None:
     messages[:] = [m for m in messages if not (isinstance(m, Fix | Truth) and m.uav == "u2" and m.slot > 3)]
     messages.append(Event(source="operator", slot=4, kind="fault", detail="kill u2 @4"))
     m, columns = metrics(messages), columns_of(recorded(messages))
-    assert (m.completed, m.not_living, m.slots_held) == (True, ["u2"], 0)
+    assert (m.completed, m.not_living, m.slots_held) == (False, ["u2"], 0)
     assert columns.alive.sum(axis=0).tolist() == [9, 9, 4]
     assert m.energy_propulsion_j == pytest.approx((8 + 8 + 3) * 0.5 * propulsion_power_w(4.0, EnergyModel()))
     assert (m.path_m, m.straight_m) == (pytest.approx(16.0 + 16.0 + 6.0), pytest.approx(16.0 + 16.0 + 99.0))

@@ -12,7 +12,8 @@ import numpy as np
 import pytest
 from synthetic import EPOCH_NS, change, flight, parallel, recorded, straight
 
-from edc_swarm.invariants import GuaranteeResult, Violation, check
+from edc_swarm.invariants import GuaranteeResult, Violation, check, headline
+from edc_swarm.invariants.report import Status
 from edc_swarm.messages import Event, Fix, Message, Report
 from edc_swarm.metrics import compute_metrics
 from edc_swarm.recording import Recording
@@ -34,12 +35,13 @@ def page_of(messages: list[Message]) -> Page:
     return Page.of(recording, compute_metrics(recording).heads)
 
 
-def document(recording: Recording) -> str:
+def document(recording: Recording, guarantees: list[GuaranteeResult] | None = None) -> str:
     """The whole page, made of the files that the command uses."""
     folder = files("edc_swarm.report_page")
     assets = Assets(*((folder / f"page.{kind}").read_text() for kind in ("html", "css", "js")))
     metrics = compute_metrics(recording)
-    return render(Page.of(recording, metrics.heads), metrics, check(recording), {"command": "edc-swarm <x>"}, assets)
+    verdicts = check(recording) if guarantees is None else guarantees
+    return render(Page.of(recording, metrics.heads), metrics, verdicts, {"command": "edc-swarm <x>"}, assets)
 
 
 def test_centres_come_back_from_base64(messages: list[Message]) -> None:
@@ -135,8 +137,28 @@ def test_a_mission_without_faults_says_so(messages: list[Message]) -> None:
     """And that everything held."""
     text = document(recorded(messages))
     assert "; every guarantee held" in text
+    short = msgspec.structs.replace(check(recorded(messages))[-1], status="not-judged", notes=["cut short"])
+    page = document(recorded(messages), [*check(recorded(messages))[:-1], short])
+    assert "every guarantee held" not in page
+    assert "; not judged: G7; held: G1, G2, G3, G4, G5" in page
     assert "<tr><th scope=row>none</th><td></td></tr>" in text
     assert "<ul>" not in text
+
+
+@pytest.mark.parametrize(
+    ("statuses", "said"),
+    [
+        (["held", "held"], "every guarantee held"),
+        (["held", "not-applicable"], "held: G1; does not apply: G2"),
+        (["not-judged", "held"], "not judged: G1; held: G2"),
+        (["not-judged", "broken"], "broken: G2; not judged: G1"),
+        (["not-applicable", "not-applicable"], "does not apply: G1, G2"),
+        ([], "no guarantee was judged"),
+    ],
+)
+def test_the_headline_says_of_every_guarantee_what_it_came_to(statuses: list[Status], said: str) -> None:
+    """Every guarantee held only where each was judged and held."""
+    assert headline([GuaranteeResult(f"G{i + 1}", "", status) for i, status in enumerate(statuses)]) == said
 
 
 def test_so_many_violations_are_told() -> None:

@@ -1,0 +1,219 @@
+"""Why a UAV is not home: one planted reason at a time, and nothing said that the record does not show."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import msgspec
+import pytest
+from synthetic import change, flight, parallel, recorded
+
+from edc_swarm.messages import Command, Event, Fix, Message, MissionMessage, Report, Truth
+from edc_swarm.metrics import Metrics, compute_metrics
+from edc_swarm.outcome import STUCK_SLOTS, NotHome
+from edc_swarm.tables import MAX_NAMED, metric_rows
+
+
+def mission_in(messages: list[Message]) -> MissionMessage:
+    """The mission, first of all messages."""
+    mission = messages[0]
+    assert isinstance(mission, MissionMessage)
+    return mission
+
+
+def with_target(messages: list[Message], k: int, x_m: float, y_m: float) -> None:
+    """Move the target of UAV `k`: it was not flown there."""
+    roster = list(mission_in(messages).roster)
+    roster[k] = msgspec.structs.replace(roster[k], target_x_m=x_m, target_y_m=y_m)
+    messages[0] = msgspec.structs.replace(mission_in(messages), roster=roster)
+
+
+def without(messages: list[Message], uav: str, kinds: Any, after: int) -> list[Message]:
+    """Leave out what is about `uav` in slots later than `after`, and its last word."""
+    return [
+        m
+        for m in messages
+        if not (isinstance(m, kinds) and getattr(m, "uav", "") == uav and m.slot > after)
+        and not (isinstance(m, Event) and m.source == uav and m.kind == "closed")
+    ]
+
+
+def metrics(messages: list[Message]) -> Metrics:
+    """The metrics of what was said."""
+    return compute_metrics(recorded(messages))
+
+
+def only(messages: list[Message]) -> NotHome:
+    """The one UAV that is not home."""
+    found = metrics(messages)
+    assert not found.completed
+    (who,) = found.not_home
+    assert found.arrived == found.uavs - 1
+    return who
+
+
+@pytest.fixture
+def messages() -> list[Message]:
+    """Three UAVs 12 m apart that fly north in slots 1 to 30; the target of u2 is 100 m beyond its last waypoint."""
+    said = flight(parallel(steps=30))
+    with_target(said, 2, 24.0, 160.0)
+    return said
+
+
+def end(slot: int, why: str) -> Event:
+    """The operator's word that the mission is over."""
+    return Event(source="operator", slot=slot, kind="end", detail=why)
+
+
+def test_everybody_home_is_completed() -> None:
+    """And nobody is named."""
+    found = metrics(flight(parallel()))
+    assert (found.completed, found.arrived, found.not_home) == (True, 3, [])
+    assert "not home" not in dict(metric_rows(found))
+
+
+@pytest.mark.parametrize(
+    ("why", "reason"),
+    [
+        ("max_slots", "ran out of slots"),
+        ("interrupted", "the mission was interrupted"),
+        ("failed", "the mission was broken off"),
+        ("nobody moves", "the mission was stopped: nobody moves"),
+        (None, "the record ends in slot 30"),
+    ],
+)
+def test_who_was_on_its_way_has_the_mission_s_end_as_its_reason(
+    messages: list[Message], why: str | None, reason: str
+) -> None:
+    """What the operator said at the end, or that the record says nothing."""
+    messages += [end(30, why)] if why is not None else []
+    who = only(messages)
+    assert (who.uav, who.cause, who.reason, who.away_m) == ("u2", "mission-ended", reason, pytest.approx(100.0))
+    assert str(who) == f"u2: {reason}, 100.00 m from its target"
+
+
+@pytest.mark.parametrize(
+    ("event", "cause", "reason"),
+    [
+        (Event(source="u2", slot=12, kind="battery-empty"), "battery-empty", "battery empty since slot 12"),
+        (
+            Event(source="operator", slot=12, kind="fault", detail="kill u2 @12"),
+            "killed",
+            "dead since slot 12 (killed by a fault)",
+        ),
+        (
+            Event(source="operator", slot=13, kind="fault", detail="freeze u2 @13"),
+            "frozen",
+            "dead since slot 13 (frozen by a fault)",
+        ),
+        (
+            Event(source="operator", slot=12, kind="exited", detail="u2 was ended by SIGKILL"),
+            "process-gone",
+            "dead since slot 12 (its process was ended by SIGKILL)",
+        ),
+        (
+            Event(source="operator", slot=12, kind="exited", detail="u21 was ended by SIGKILL"),
+            "silent",
+            "silent since slot 13 (frozen, cut off, or its process gone)",
+        ),
+        (
+            Event(source="operator", slot=5, kind="fault", detail="freeze u2 @5 for 1"),
+            "silent",
+            "silent since slot 13 (frozen, cut off, or its process gone)",
+        ),
+    ],
+)
+def test_who_lives_no_more_is_dead_for_what_was_told(
+    messages: list[Message], event: Event, cause: str, reason: str
+) -> None:
+    """The last event that ended its flight; an event of another, or one that it outlived, is none."""
+    said = without(messages, "u2", Fix | Truth, 12)
+    change(said, {}, Report, heard=["u0", "u1"])
+    who = only([*said, event])
+    assert (who.cause, who.reason) == (cause, reason)
+
+
+def test_lost_memory_is_a_reason(messages: list[Message]) -> None:
+    """Such a UAV grants nobody, and is commanded by nobody."""
+    for slot in range(20, 31):
+        change(messages, {"uav": "u2", "slot": slot}, Fix, voter=False, executing=False)
+    assert (only(messages).cause, only(messages).slot) == ("memory-lost", 20)
+
+
+def test_fixes_that_the_record_lacks_are_unknown(messages: list[Message]) -> None:
+    """The head heard it, or its last word names more: then its silence is the record's, not its own."""
+    heard = without(messages, "u2", Fix | Truth, 12)
+    numbered = [m for m in messages if not (isinstance(m, Fix | Truth) and m.uav == "u2" and m.slot > 12)]
+    change(numbered, {}, Report, heard=["u0", "u1"])
+    for said in (heard, numbered):
+        who = only(said)
+        assert (who.cause, who.reason) == ("record-incomplete", "unknown: the record lacks its fixes after slot 12")
+    cut = [m for m in messages if not (isinstance(m, Fix | Truth | Report | Command) and m.slot > 12)]
+    assert {who.cause for who in metrics([*cut, end(30, "max_slots")]).not_home} == {"record-incomplete"}
+
+
+def test_who_was_never_heard_is_unknown_even_where_it_began_at_its_target(messages: list[Message]) -> None:
+    """That it is where the mission says is no evidence."""
+    with_target(messages, 2, 24.0, 0.0)
+    said = without(messages, "u2", Fix | Truth | Command, -1)
+    who = only(said)
+    assert (who.cause, who.reason, who.away_m) == ("never-heard", "unknown: the record holds no fix of it", None)
+
+
+def test_a_target_below_a_dead_uav_is_covered(messages: list[Message]) -> None:
+    """By its disc where it is known to be, by its hull where it may have flown."""
+    with_target(messages, 2, 20.0, 60.0)
+    with_target(messages, 1, 12.0, 90.0)
+    messages.append(Event(source="operator", slot=30, kind="fault", detail="kill u1 @30"))
+    covered = metrics(messages).not_home[1]
+    assert (covered.reason, covered.by) == ("target covered by u1's disc", "u1")
+    with_target(messages, 2, 36.0, 60.0)
+    change(messages, {"slot": 29}, Report, term=2)
+    change(
+        messages,
+        {"slot": 30},
+        Report,
+        term=2,
+        hull_uav=["u1"],
+        hull_ax_m=[12.0],
+        hull_ay_m=[60.0],
+        hull_bx_m=[25.7],
+        hull_by_m=[60.0],
+        hull_r_m=[0.5],
+    )
+    assert metrics(messages).not_home[1].reason == "target covered by u1's hull"
+
+
+def test_who_stands_before_a_hull_is_blocked_by_it() -> None:
+    """For long, and within a step of touching it."""
+    paths = parallel(steps=8)
+    waits = [[*path, *[path[-1]] * STUCK_SLOTS] for path in paths]
+    said = flight(waits)
+    with_target(said, 2, 24.0, 160.0)
+    with_target(said, 1, 12.0, 90.0)
+    said.append(Event(source="operator", slot=28, kind="fault", detail="kill u1 @28"))
+    who = metrics(said).not_home[1]
+    assert (who.cause, who.reason, who.by) == ("blocked", "blocked by u1's disc since slot 9", "u1")
+    with_target(said, 1, 12.0, 16.0)
+    assert metrics(said).not_home[0].cause == "mission-ended"
+
+
+def test_who_is_not_commanded_says_since_when(messages: list[Message]) -> None:
+    """Alone, or with everybody; a command that is not flown is told apart."""
+    alone = [m for m in messages if not (isinstance(m, Command) and m.uav == "u2" and m.slot > 20)]
+    assert (only(alone).cause, only(alone).reason) == ("not-commanded", "not commanded since slot 21")
+    nobody = [m for m in messages if not (isinstance(m, Command) and m.slot > 20)]
+    assert only(nobody).reason == "not commanded since slot 21: nobody was"
+    for slot in range(21, 31):
+        change(messages, {"uav": "u2", "slot": slot}, Fix, executing=False)
+    assert (only(messages).cause, only(messages).slot) == ("commands-not-flown", 21)
+
+
+def test_a_long_list_is_cut_in_the_table_alone() -> None:
+    """The metrics name everybody."""
+    said = flight(parallel(uavs=MAX_NAMED + 2))
+    for k in range(MAX_NAMED + 2):
+        with_target(said, k, 12.0 * k, 160.0)
+    found = metrics(said)
+    assert len(found.not_home) == MAX_NAMED + 2
+    assert dict(metric_rows(found))["not home"].endswith("; and 2 more")

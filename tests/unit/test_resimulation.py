@@ -1,0 +1,178 @@
+"""G6: a recorded simulation is simulated again; a difference is found, and only what proves one is called broken."""
+
+from __future__ import annotations
+
+import sys
+from pathlib import Path
+from typing import Any
+
+import msgspec
+import pytest
+from synthetic import flight, parallel, recorded
+
+from edc_swarm.config import Mission
+from edc_swarm.messages import Event
+from edc_swarm.metrics import compute_metrics
+from edc_swarm.recording import Recording
+from edc_swarm.resimulation import MAX_SLOTS, check_same_bytes, judge
+from processes.cli import main
+from processes.run_facts import CODE, code_digest, run_facts, simulated_otherwise
+from processes.trials import simulate
+
+MISSION = Mission(uavs=3, area_m2=1000.0, planner="straight", fault=["kill u002 @4"])
+RESTLESS = """
+from itertools import count
+from edc_swarm.planner.straight import Straight
+from dataclasses import replace
+
+planned = count()
+
+class Restless(Straight):
+    def plan(self, request):
+        plan = super().plan(request)
+        x_m, y_m = plan.waypoint_m[0]
+        return replace(plan, waypoint_m=[(x_m + 1e-9 * next(planned), y_m), *plan.waypoint_m[1:]])
+"""
+"""A planner that remembers, in its module, what it has planned in other runs."""
+
+
+@pytest.fixture
+def restless(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> str:
+    """The name of that planner."""
+    (tmp_path / "restless_planner.py").write_text(RESTLESS)
+    monkeypatch.syspath_prepend(str(tmp_path))
+    monkeypatch.delitem(sys.modules, "restless_planner", raising=False)
+    return "restless_planner:Restless"
+
+
+def simulated(mission: Mission = MISSION) -> Recording:
+    """A simulated mission, as `sim` records it."""
+    recording, _ = simulate(mission)
+    recording.run = {"clock": "virtual"}
+    return recording
+
+
+def test_the_same_mission_says_the_same_bytes() -> None:
+    """All seven guarantees are judged, in order; the second run is followed slot by slot."""
+    recording = simulated()
+    watched: list[tuple[int, int]] = []
+    results = judge(recording, "", lambda done, of: watched.append((done, of)))
+    assert [result.guarantee for result in results] == [f"G{i}" for i in range(1, 8)]
+    assert (results[5].status, results[5].notes) == (
+        "held",
+        [f"simulated again: {recording.message_count} messages are equal to the byte"],
+    )
+    slots = compute_metrics(recording).slots
+    assert watched == [(slot + 1, slots + 1) for slot in range(slots)]
+
+
+def test_a_planner_that_remembers_other_runs_breaks_it(restless: str) -> None:
+    """From the first plan on."""
+    result = check_same_bytes(simulated(msgspec.structs.replace(MISSION, planner=restless)))
+    assert result.broken
+    assert any("command/u001 0: target_x_m was " in line for line in result.where)
+
+
+@pytest.mark.parametrize("field", ["sent_ns", "energy_j", "x_m"])
+def test_any_field_counts(field: str) -> None:
+    """Also the time at which something was said, and the last bit of a number."""
+    recording = simulated()
+    fix = recording.fixes[7]
+    changed = getattr(fix, field) * (1 + 2**-52) if field != "sent_ns" else fix.sent_ns + 1
+    recording.fixes[7] = msgspec.structs.replace(fix, **{field: changed})
+    result = check_same_bytes(recording)
+    assert result.broken
+    assert field in result.where[0]
+    assert result.violations[0].slot == fix.slot
+
+
+def test_minus_zero_is_other_bytes() -> None:
+    """Equal as numbers, not as bytes."""
+    recording = simulated()
+    i, fix = next((i, fix) for i, fix in enumerate(recording.fixes) if fix.lat_deg == 0.0 or fix.response_ms == 0.0)
+    recording.fixes[i] = msgspec.structs.replace(fix, response_ms=-0.0)
+    assert check_same_bytes(recording).where == [
+        f"slot {fix.slot}: swarm/mission/uav/{fix.uav}/fix {fix.seq}: not the same bytes"
+    ]
+
+
+def test_what_is_not_said_again_breaks_it() -> None:
+    """A message more than the mission gives."""
+    recording = simulated()
+    recording.events.append(Event(source="u001", instance="u001-9", kind="said once"))
+    assert check_same_bytes(recording).violations[0].kind == "unsaid"
+
+
+def test_a_difference_of_other_code_proves_nothing_but_equality_does(restless: str) -> None:
+    """Not judged, with what is other."""
+    differs = check_same_bytes(simulated(msgspec.structs.replace(MISSION, planner=restless)), "made with numpy 1")
+    assert differs.status == "not-judged"
+    assert "the recording was made with numpy 1" in differs.notes[0]
+    assert check_same_bytes(simulated(), "made with numpy 1").held
+
+
+@pytest.mark.parametrize("kept", [0.5, 0.0])
+def test_what_the_record_lacks_is_not_judged(kept: float) -> None:
+    """Whatever is there is equal, and that is all that is known."""
+    recording = simulated()
+    for said in recording.lists().values():
+        del said[max(int(kept * len(said)), said is recording.missions) :]
+    result = check_same_bytes(recording)
+    assert result.status == "not-judged"
+    assert result.notes[0].startswith("the record lacks ")
+
+
+def test_a_planner_that_is_not_there_is_not_judged() -> None:
+    """With the planner's name."""
+    recording = simulated()
+    recording.missions[0] = msgspec.structs.replace(recording.mission, planner="no_such_module:Planner")
+    result = check_same_bytes(recording)
+    assert result.status == "not-judged"
+    assert "no_such_module:Planner" in result.notes[0]
+
+
+@pytest.mark.parametrize(
+    ("run", "status"), [({"clock": "wall"}, "not-applicable"), ({}, "not-judged"), ({"clock": "sun"}, "not-judged")]
+)
+def test_who_made_it_must_be_known(run: dict[str, str], status: str) -> None:
+    """Real processes follow the machine's timing; nobody's recording is no simulation."""
+    recording = recorded(flight(parallel()))
+    recording.run = run
+    assert check_same_bytes(recording).status == status
+
+
+def test_a_record_that_claims_endless_slots_is_not_simulated() -> None:
+    """Nor is one that never moves flown on for ever."""
+    recording = simulated()
+    recording.events.append(Event(source="u001", slot=MAX_SLOTS + 1, kind="far"))
+    assert "beyond" in check_same_bytes(recording).notes[0]
+
+
+def test_sim_and_check_judge_all_seven(
+    restless: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """As commands: 0 for the default planner; 1 for one that remembers, with G6 named by both."""
+    monkeypatch.chdir(tmp_path)
+    flown = ["--uavs", "3", "--area", "40000", "--json"]
+
+    def verdicts(status: int, *arguments: str) -> dict[str, Any]:
+        assert main([*arguments]) == status
+        said = msgspec.json.decode(capsys.readouterr().out)
+        results = said if isinstance(said, list) else said["guarantees"]
+        return {result["guarantee"]: result["status"] for result in results}
+
+    good = verdicts(0, "sim", *flown, "--out", "good.mcap")
+    assert good == verdicts(0, "check", "good.mcap", "--json") == {f"G{i}": "held" for i in range(1, 8)}
+    bad = verdicts(1, "sim", *flown, "--planner", restless, "--out", "bad.mcap")
+    assert (bad["G6"], verdicts(1, "check", "bad.mcap", "--json")["G6"]) == ("broken", "broken")
+    (tmp_path / "restless_planner.py").write_text(RESTLESS + "# changed since\n")
+    assert verdicts(3, "check", "bad.mcap", "--json")["G6"] == "not-judged"
+
+
+def test_the_same_code_is_the_same_whatever_its_commit_is_called() -> None:
+    """Other code, other libraries or another machine may say something else."""
+    run = {**run_facts("virtual"), CODE: code_digest("edc")}
+    assert simulated_otherwise({**run, "commit": "another"}, "edc") == ""
+    assert "numpy 1.2.3" in simulated_otherwise({**run, "version numpy": "1.2.3"}, "edc")
+    assert "another machine (abacus)" in simulated_otherwise({**run, "machine": "abacus"}, "edc")
+    assert "other code" in simulated_otherwise({**run, CODE: "0"}, "edc")
