@@ -737,6 +737,9 @@ def test_g7_counts_from_the_faults_that_were_told() -> None:
     for slots, status in ((LIMIT + 6, "not-judged"), (LIMIT + 7, "broken")):
         for planned in ([], ["link *>* loss 0.5 @6 for 1"]):
             assert progress([*unfinished(slots, fault=planned), told]).status == status
+    late = Event(source="operator", slot=9, kind="fault", detail="gps u1 white @6")
+    for slots, status in ((LIMIT + 9, "not-judged"), (LIMIT + 10, "broken")):
+        assert progress([*unfinished(slots, fault=["gps u1 white @6"]), late]).status == status
 
 
 def test_g7_judges_a_stalled_mission_as_it_stands() -> None:
