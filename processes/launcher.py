@@ -31,6 +31,7 @@ from processes.address import (
 )
 from processes.bus import open_client
 from processes.children import Child, ChildExited, ChildReady
+from processes.clock import MissionClock
 from processes.console import note
 from processes.credentials import credentials
 from processes.desk import Desk
@@ -124,6 +125,7 @@ class Launcher:
         self._view = view
         self._show_progress = show_progress
         self._given = bus
+        self._clock = MissionClock()
         self._takeover = bus.takeover if bus is not None else None
         name = self._takeover.mission_id if self._takeover is not None else new_mission_id(mission)
         self._protection = protection
@@ -213,7 +215,7 @@ class Launcher:
 
     def _operate(self, session: zenoh.Session, orders: Mapping[str, bytes] | None = None) -> Operator:
         desk = Desk(self._mission, self._elsewhere, orders, by_name=self._protection is not None)
-        return Operator(session, desk, self._loop.inbox)
+        return Operator(session, desk, self._loop.inbox, self._clock)
 
     def _everyone(self) -> set[str]:
         """Who must be on the bus before the mission begins, or goes on."""
@@ -278,6 +280,7 @@ class Launcher:
             run=run_facts("wall"),
             certs=self._security.certs,
             parent=parent,
+            clock_ahead_ns=self._clock.ahead_ns if parent else None,
         )
 
     def _viz_settings(self, parent: int) -> VizSettings:
@@ -288,6 +291,7 @@ class Launcher:
             records=self._view.viz,
             certs=self._security.certs,
             parent=parent,
+            clock_ahead_ns=self._clock.ahead_ns if parent else None,
         )
 
     def _uav_settings(self, uav: str) -> UavSettings:
@@ -298,6 +302,7 @@ class Launcher:
             state=str(self._output.state.resolve()),
             certs=self._security.certs,
             measure_response=self._mission.elect == "response-time",
+            clock_ahead_ns=self._clock.ahead_ns,
         )
 
     def _spawn(self, name: str, module: str, arguments: list[str], orders: bytes | None = None) -> None:
@@ -308,7 +313,7 @@ class Launcher:
 
     def _fly(self) -> None:
         mission = self._begin()
-        from_s = mission_s(time.time_ns() - mission.epoch_ns, mission.time_scale) if self._takeover else 0.0
+        from_s = mission_s(self._clock.now_ns() - mission.epoch_ns, mission.time_scale) if self._takeover else 0.0
         injector, monitor = Injector(mission, self, from_s), self.bus.monitor
         self._injector = injector
         assert monitor is not None
@@ -328,7 +333,7 @@ class Launcher:
             note(f"taking over mission {self._mission.name}")
             self.bus.take_over(self._takeover.mission, self._takeover.in_force)
             return self._takeover.mission
-        mission = mission_message(self._mission, time.time_ns() + EPOCH_AHEAD_NS)
+        mission = mission_message(self._mission, self._clock.now_ns() + EPOCH_AHEAD_NS)
         self.bus.publish_mission(mission)
         return mission
 
@@ -455,15 +460,19 @@ class Launcher:
         elif name == VIZ:
             self._note_crash(name, status)
         elif name == RECORDER and status == CANNOT_WRITE:
-            self._loop.failure = InputError(
-                "--out", str(self._output.path), f"where it can be written: {self._output.tail(RECORDER, 1)}"
-            )
+            self._loop.failure = InputError("--out", str(self._output.path), self._why_not_recorded())
         elif name == RECORDER and self._publishing_at_s is not None:
             self._note_crash(name, status)  # Nothing more would be recorded: end in order, and keep what there is.
             self._loop.interrupted = True
         else:
             said = self._output.tail(name) or "it said nothing"
             self._loop.failure = SwarmError(f"the {name} {_ended(status)}: {said}")
+
+    def _why_not_recorded(self) -> str:
+        """Name the folder that cannot be written, and the file with what was recorded until then."""
+        part = self._output.part
+        kept = f"; edc-swarm recover {part} keeps what was recorded until then" if part.exists() else ""
+        return f"in a folder that can be written: {part.parent.resolve()}: {self._output.tail(RECORDER, 1)}{kept}"
 
     def _note_crash(self, name: str, status: int) -> None:
         """A process that nobody asked to die is told of, with the last that it said."""
