@@ -87,7 +87,7 @@ def create_state(folder: Path, entry: RosterEntry) -> None:
     except OSError as error:
         for made in (promise_path(folder, entry.uav), _airframe_path(folder, entry.uav)):
             made.unlink(missing_ok=True)  # Half a file would pass for a lost memory.
-        raise InputError("state file", str(path), f"on a disk that can be written ({_why(error)})") from None
+        raise InputError("state file", path.name, f"on a disk that can be written: {folder}: {_why(error)}") from None
 
 
 def has_state(folder: Path, uav: str) -> bool:
