@@ -460,19 +460,13 @@ class Launcher:
         elif name == VIZ:
             self._note_crash(name, status)
         elif name == RECORDER and status == CANNOT_WRITE:
-            self._loop.failure = InputError("--out", str(self._output.path), self._why_not_recorded())
+            self._loop.failure = self._output.cannot_write(self._output.tail(RECORDER, 1))
         elif name == RECORDER and self._publishing_at_s is not None:
             self._note_crash(name, status)  # Nothing more would be recorded: end in order, and keep what there is.
             self._loop.interrupted = True
         else:
             said = self._output.tail(name) or "it said nothing"
             self._loop.failure = SwarmError(f"the {name} {_ended(status)}: {said}")
-
-    def _why_not_recorded(self) -> str:
-        """Name the folder that cannot be written, and the file with what was recorded until then."""
-        part = self._output.part
-        kept = f"; edc-swarm recover {part} keeps what was recorded until then" if part.exists() else ""
-        return f"in a folder that can be written: {part.parent.resolve()}: {self._output.tail(RECORDER, 1)}{kept}"
 
     def _note_crash(self, name: str, status: int) -> None:
         """A process that nobody asked to die is told of, with the last that it said."""

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import contextlib
 import os
+import re
 import signal
 import subprocess
 from collections.abc import Iterator
@@ -155,8 +156,7 @@ def test_a_disk_that_fills_in_flight_is_named_with_what_can_be_recovered(start, 
     path = tiny_disk / "run.mcap"
     ended = start("run", "--uavs", "3", "--time-scale", "4", "--out", str(path)).end()
     assert ended.status == 2, ended.stderr
-    assert "ENOSPC" in ended.stderr
-    assert f"{tiny_disk}: the disk is full" in ended.stderr
+    assert re.search(f"{tiny_disk}: .*(disk is full|no space left)", ended.stderr), ended.stderr
     assert f"edc-swarm recover {path}.part" in ended.stderr
     assert "Traceback" not in ended.stderr
 
