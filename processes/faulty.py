@@ -12,7 +12,7 @@ from edc_swarm.errors import MissionError
 from edc_swarm.faults import Fault, parse_fault
 from edc_swarm.links import LinkEmulator, cut_pair
 from edc_swarm.node import GpsChanged, NodeEvent, Tick
-from processes.clock import WallClock
+from processes.clock import MissionClock
 from processes.planning import SlowPlanner
 
 NS_PER_MS = 1_000_000
@@ -21,7 +21,7 @@ NS_PER_MS = 1_000_000
 class Faulty:
     """Applies the operator's faults to one UAV's links, clock, GPS receiver and planner."""
 
-    def __init__(self, mission: Mission, uav: str, links: LinkEmulator, clock: WallClock) -> None:
+    def __init__(self, mission: Mission, uav: str, links: LinkEmulator, clock: MissionClock) -> None:
         self._mission = mission
         self._uav = uav
         self._links = links

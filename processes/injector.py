@@ -5,7 +5,6 @@ from __future__ import annotations
 import heapq
 import math
 import signal
-import time
 from collections.abc import Callable
 from functools import partial
 from itertools import count
@@ -58,12 +57,15 @@ class Injector:
             self._at(fault.at_s, partial(self._inject, fault))
 
     def next_in_s(self) -> float:
-        """Wall seconds until the next fault; infinite when there is none."""
-        return (self._due[0][0] - time.time_ns()) / NS_PER_S if self._due else math.inf
+        """Real seconds until the next fault; infinite when there is none."""
+        return (self._due[0][0] - self._now_ns()) / NS_PER_S if self._due else math.inf
+
+    def _now_ns(self) -> int:
+        return self._processes.bus.clock.now_ns()
 
     def will_restart(self, name: str) -> bool:
         """Whether a fault still to come starts `name` again."""
-        now_s = mission_s(time.time_ns() - self._mission.epoch_ns, self._mission.time_scale)
+        now_s = mission_s(self._now_ns() - self._mission.epoch_ns, self._mission.time_scale)
         restarts = (fault.at_s if fault.verb == "restart" else fault.end_s for fault in self._faults_about(name))
         return any(now_s < at_s < math.inf for at_s in restarts)
 
@@ -72,7 +74,7 @@ class Injector:
 
     def inject_due(self) -> None:
         """Do all that is due."""
-        while self._due and self._due[0][0] <= time.time_ns():
+        while self._due and self._due[0][0] <= self._now_ns():
             heapq.heappop(self._due)[2]()
 
     def _at(self, mission_s: float, action: Callable[[], None]) -> None:

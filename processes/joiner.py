@@ -21,6 +21,7 @@ from processes.address import sought_router
 from processes.bus import hand_over, try_client
 from processes.children import Child, ChildExited, PartEndedError
 from processes.claim_folder import ClaimFolder, make_state
+from processes.clock import MissionClock
 from processes.console import note
 from processes.credentials import certified_uavs, credentials
 from processes.ears import Gate, Heard, heard_from
@@ -44,6 +45,7 @@ class Joiner:
         self._endpoint = endpoint
         self._certs = certs
         self._uavs = uavs
+        self._clock = MissionClock()
         self._folder = folder
         self._loop = Loop(self._take)
         self._gate = Gate(lambda detail: note(f"malformed: {detail}"))
@@ -137,6 +139,7 @@ class Joiner:
                     certs=self._certs,
                     measure_response=issued.mission.elect == "response-time",
                     claimant=self._folder.claimant,
+                    clock_ahead_ns=self._clock.ahead_ns,
                 )
             )
         who = ", ".join(issued.uavs) if len(issued.uavs) <= MOST_NAMED else f"{len(issued.uavs)} UAVs"

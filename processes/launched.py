@@ -21,6 +21,7 @@ from edc_swarm.sweeps import Run
 from processes.children import PartEndedError
 from processes.console import note
 from processes.launcher import Launcher, RunReport, View
+from processes.limits import make_room
 from processes.output import SUFFIX, Output
 from processes.sweep import SweepError, code_fingerprint
 
@@ -82,6 +83,7 @@ def fly(run: Run, folder: Path) -> dict[str, Any]:
 def _launch(run: Run, path: Path) -> RunReport:
     with Output(path, force=True) as output, _signals_kept():
         mission = complete_mission(run.mission)
+        make_room(len(mission.roster))
         report = Launcher(mission, output, listen=None, view=View(viz=False), show_progress=False).run()
         if output.part.exists():
             output.recover_part()

@@ -32,6 +32,7 @@ from processes.address import (
 )
 from processes.bus import open_client
 from processes.children import Child, ChildExited, ChildReady, PartEndedError
+from processes.clock import MissionClock
 from processes.console import note
 from processes.credentials import credentials
 from processes.desk import Desk
@@ -129,6 +130,7 @@ class Launcher:
         self._view = view
         self._show_progress = show_progress
         self._given = bus
+        self._clock = MissionClock()
         self._takeover = bus.takeover if bus is not None else None
         name = self._takeover.mission_id if self._takeover is not None else new_mission_id(mission)
         self._protection = protection
@@ -222,7 +224,7 @@ class Launcher:
 
     def _operate(self, session: zenoh.Session, orders: Mapping[str, bytes] | None = None) -> Operator:
         desk = Desk(self._mission, self._elsewhere, orders, by_name=self._protection is not None)
-        return Operator(session, desk, self._loop.inbox)
+        return Operator(session, desk, self._loop.inbox, self._clock)
 
     def _everyone(self) -> set[str]:
         """Who must be on the bus before the mission begins, or goes on."""
@@ -287,6 +289,7 @@ class Launcher:
             run=run_facts("wall"),
             certs=self._security.certs,
             parent=parent,
+            clock_ahead_ns=self._clock.ahead_ns if parent else None,
         )
 
     def _viz_settings(self, parent: int) -> VizSettings:
@@ -297,6 +300,7 @@ class Launcher:
             records=self._view.viz,
             certs=self._security.certs,
             parent=parent,
+            clock_ahead_ns=self._clock.ahead_ns if parent else None,
         )
 
     def _uav_settings(self, uav: str) -> UavSettings:
@@ -307,6 +311,7 @@ class Launcher:
             state=str(self._output.state.resolve()),
             certs=self._security.certs,
             measure_response=self._mission.elect == "response-time",
+            clock_ahead_ns=self._clock.ahead_ns,
         )
 
     def _spawn(self, name: str, module: str, arguments: list[str], orders: bytes | None = None) -> None:
@@ -317,7 +322,7 @@ class Launcher:
 
     def _fly(self) -> None:
         mission = self._begin()
-        from_s = mission_s(time.time_ns() - mission.epoch_ns, mission.time_scale) if self._takeover else 0.0
+        from_s = mission_s(self._clock.now_ns() - mission.epoch_ns, mission.time_scale) if self._takeover else 0.0
         injector, monitor = Injector(mission, self, from_s), self.bus.monitor
         self._injector = injector
         assert monitor is not None
@@ -337,7 +342,7 @@ class Launcher:
             note(f"taking over mission {self._mission.name}")
             self.bus.take_over(self._takeover.mission, self._takeover.in_force)
             return self._takeover.mission
-        mission = mission_message(self._mission, time.time_ns() + EPOCH_AHEAD_NS)
+        mission = mission_message(self._mission, self._clock.now_ns() + EPOCH_AHEAD_NS)
         self.bus.publish_mission(mission)
         return mission
 
@@ -470,9 +475,7 @@ class Launcher:
         elif name == VIZ:
             self._note_crash(name, status)
         elif name == RECORDER and status == CANNOT_WRITE:
-            self._loop.failure = InputError(
-                "--out", str(self._output.path), f"where it can be written: {self._output.tail(RECORDER, 1)}"
-            )
+            self._loop.failure = self._output.cannot_write(self._output.tail(RECORDER, 1))
         elif name == RECORDER and self._publishing_at_s is not None:
             self._note_crash(name, status)  # Nothing more would be recorded: end in order, and keep what there is.
             self._loop.interrupted = True

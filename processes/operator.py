@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import os
 import secrets
-import time
 from collections.abc import Sequence
 from functools import partial
 from itertools import count
@@ -17,6 +16,7 @@ from edc_swarm.faults import PROCESS_VERBS
 from edc_swarm.messages import Command, Event, Fix, Keys, MissionMessage, Report, encode
 from edc_swarm.progress import MissionMonitor
 from processes.bus import hand_over
+from processes.clock import JUMP, MissionClock
 from processes.desk import Desk
 from processes.ears import MAX_TOKENS, Gate, Heard, Token, heard_from
 from processes.inbox import Inbox
@@ -28,6 +28,8 @@ class Operator:
 
     Attributes
     ----------
+    clock
+        The mission's clock of this host.
     closed
         Publishers that have said their last sequence numbers.
     monitor
@@ -36,10 +38,11 @@ class Operator:
         First slot in which any UAV executed a command.
     """
 
-    def __init__(self, session: zenoh.Session, desk: Desk, inbox: Inbox[object]) -> None:
+    def __init__(self, session: zenoh.Session, desk: Desk, inbox: Inbox[object], clock: MissionClock) -> None:
         self._keys = Keys(desk.mission.name)
         self._desk = desk
         self._inbox = inbox
+        self.clock = clock
         self._instance = f"{os.getpid()}-{secrets.token_hex(4)}"
         self._event_seq = count()
         self._last_event_seq = -1
@@ -73,7 +76,7 @@ class Operator:
             mission,
             claimants=claims.claimants([entry.uav for entry in mission.roster]),
             instance=self._instance,
-            sent_ns=time.time_ns(),
+            sent_ns=self.clock.now_ns(),
         )
         self.monitor = MissionMonitor(mission)
         self._gate.know(self._mission)
@@ -95,7 +98,7 @@ class Operator:
             source=OPERATOR,
             instance=self._instance,
             seq=self._last_event_seq,
-            sent_ns=time.time_ns(),
+            sent_ns=self.clock.now_ns(),
             slot=self.slot_now(),
             kind=kind,
             detail=detail,
@@ -113,7 +116,9 @@ class Operator:
         self.publish_event("closed", msgspec.json.encode(known).decode())
 
     def flush(self) -> None:
-        """Send what had to wait for a router."""
+        """Send what had to wait for a router, and tell of a jump of the wall clock."""
+        if self._mission is not None and (jump := self.clock.jump()) is not None:
+            self.publish_event(JUMP, jump)
         self._outbox.flush()
 
     def disconnect(self) -> None:
@@ -121,10 +126,10 @@ class Operator:
         self._session.close()
 
     def slot_now(self) -> int:
-        """The slot by this host's clock, -1 before the mission."""
+        """The slot by the clock, -1 before the mission."""
         if self._mission is None:
             return -1
-        return max(-1, (time.time_ns() - self._mission.epoch_ns) // self._mission.slot_ns)
+        return max(-1, (self.clock.now_ns() - self._mission.epoch_ns) // self._mission.slot_ns)
 
     @property
     def alive(self) -> set[str]:

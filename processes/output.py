@@ -80,9 +80,20 @@ class Output:
 
     def recover_part(self) -> list[str]:
         """Make the recording of a recorder that died; what is missing, one line each."""
-        missing = write_recovered(self.part, self.path)
+        try:
+            missing = write_recovered(self.part, self.path)
+        except RecordingError as error:
+            if Path(error.path) != self.path:
+                raise
+            raise self.cannot_write(error.reason) from None
         self.part.unlink()
         return missing
+
+    def cannot_write(self, reason: str) -> InputError:
+        """Return the error that names the folder, and the file with what was recorded until then."""
+        kept = f"; edc-swarm recover {self.part} -o FILE.mcap, on another disk, makes a recording of what there is"
+        allowed = f"in a folder that can be written: {self.part.parent.resolve()}: {reason}"
+        return InputError("--out", str(self.path), allowed + (kept if self.part.exists() else ""))
 
 
 def default_output(name: str, planner: str, which: str) -> Path:

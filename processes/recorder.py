@@ -33,6 +33,7 @@ from edc_swarm.recording.holes import Publisher
 from edc_swarm.recording.ordering import FETCHED
 from edc_swarm.viz import TOPICS, channel_of, topic_of
 from processes.bus import ask_aside, hand_over, open_client, put
+from processes.clock import JUMP, MissionClock
 from processes.console import complain
 from processes.credentials import credentials
 from processes.ears import Gate, Heard
@@ -95,6 +96,7 @@ class RecorderSettings(Struct, frozen=True, kw_only=True):
     run: dict[str, str]
     certs: str = ""
     parent: int = 0
+    clock_ahead_ns: int | None = None
 
 
 class Recorder:
@@ -102,6 +104,7 @@ class Recorder:
 
     def __init__(self, settings: RecorderSettings, stream: BinaryIO) -> None:
         self._keys = Keys(settings.mission)
+        self._clock = MissionClock(settings.clock_ahead_ns)
         self._stream = stream
         self._writer = RecordingWriter(stream, settings.run)
         self._inbox: Inbox[Item] = Inbox(QUEUE_LIMIT)
@@ -186,7 +189,7 @@ class Recorder:
         """Publish an event of the recorder."""
         self._seq += 1
         event = Event(
-            source=NAME, instance=self._instance, seq=self._seq, sent_ns=time.time_ns(), kind=kind, detail=detail
+            source=NAME, instance=self._instance, seq=self._seq, sent_ns=self._clock.now_ns(), kind=kind, detail=detail
         )
         put(self._session, self._keys.event(NAME), encode(event))
 
@@ -212,7 +215,7 @@ class Recorder:
 
     def _take(self, sample: zenoh.Sample) -> None:
         payload, stamp = sample.payload.to_bytes(), sample.attachment
-        said = Said(str(sample.key_expr), payload, time.time_ns(), stamp.to_bytes() if stamp is not None else b"")
+        said = Said(str(sample.key_expr), payload, self._clock.now_ns(), stamp.to_bytes() if stamp is not None else b"")
         self._inbox.put(said, len(payload))
 
     # --- what has not arrived ----------------------------------------------------------------
@@ -236,7 +239,7 @@ class Recorder:
         honest = [kept for kept in answer.found if self._number(kept) == (publisher[1], kept.seq)]
         taken = self._holes.answered(publisher, msgspec.structs.replace(answer, found=honest), time.monotonic())
         for kept in filter(lambda kept: self._has_place(kept.key), taken):
-            self._write(Said(kept.key, kept.payload, time.time_ns(), kept.stamp))
+            self._write(Said(kept.key, kept.payload, self._clock.now_ns(), kept.stamp))
             self._fetched += 1
 
     def _number(self, kept: again.Kept) -> tuple[str, int]:
@@ -314,6 +317,8 @@ class Recorder:
     def _flush(self) -> None:
         self._writer.flush()
         self._stream.flush()
+        if self.has_mission and (jump := self._clock.jump()) is not None:
+            self.tell(JUMP, jump)
         if self._inbox.dropped > self._told_dropped:
             self._told_dropped = self._inbox.dropped
             self.tell("recorder-dropped", f"{self._told_dropped} messages in all, the queue or the file was full")

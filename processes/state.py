@@ -72,9 +72,22 @@ class UavState:
 
 
 def create_state(folder: Path, entry: RosterEntry) -> None:
-    """Make the files of a new UAV: term 0 and the roster start."""
-    promise_path(folder, entry.uav).write_bytes(_padded(first_promise(entry)))
-    _airframe_path(folder, entry.uav).write_bytes(_padded(first_airframe(entry)))
+    """Make the files of a new UAV: term 0 and the roster start.
+
+    Raises
+    ------
+    InputError
+        The disk is full, or the folder cannot be written.
+    """
+    path = promise_path(folder, entry.uav)
+    try:
+        path.write_bytes(_padded(first_promise(entry)))
+        path = _airframe_path(folder, entry.uav)
+        path.write_bytes(_padded(first_airframe(entry)))
+    except OSError as error:
+        for made in (promise_path(folder, entry.uav), _airframe_path(folder, entry.uav)):
+            made.unlink(missing_ok=True)  # Half a file would pass for a lost memory.
+        raise InputError("state file", path.name, f"on a disk that can be written: {folder}: {_why(error)}") from None
 
 
 def has_state(folder: Path, uav: str) -> bool:
@@ -89,6 +102,10 @@ def promise_path(folder: Path, uav: str) -> Path:
 
 def _airframe_path(folder: Path, uav: str) -> Path:
     return folder / f"{uav}.airframe"
+
+
+def _why(error: OSError) -> str:
+    return (error.strerror or str(error)).lower()
 
 
 def _padded(record: Struct) -> bytes:

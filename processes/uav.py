@@ -43,7 +43,7 @@ from edc_swarm.node import (
 )
 from edc_swarm.planner.interface import Planner
 from processes.bus import is_connected, open_client
-from processes.clock import WallClock
+from processes.clock import JUMP, MissionClock
 from processes.credentials import credentials
 from processes.ears import Ears, Gate, Heard, Item, Postbox, Token, sender_of
 from processes.faulty import Faulty
@@ -70,7 +70,7 @@ class UavSettings(Struct, frozen=True, kw_only=True):
 
     `certs`: folder with the own certificate on a secured bus. `measure_response`: measure the
     response time before connecting, not when the mission begins. `claimant`: whom the id was issued
-    to, "" under the launcher.
+    to, "" under the launcher. `clock_ahead_ns`: anchor of the clock of whoever started it, None for an own one.
     """
 
     endpoint: str
@@ -80,6 +80,7 @@ class UavSettings(Struct, frozen=True, kw_only=True):
     certs: str = ""
     measure_response: bool = False
     claimant: str = LAUNCHED
+    clock_ahead_ns: int | None = None
 
 
 @dataclass(frozen=True, slots=True)
@@ -95,7 +96,7 @@ class UavProcess:
         self._keys = Keys(settings.mission)
         self._state = UavState(Path(settings.state), settings.uav)
         self._instance = instance_name(f"{os.getpid()}-{secrets.token_hex(4)}", settings.claimant)
-        self._clock = WallClock()
+        self._clock = MissionClock(settings.clock_ahead_ns)
         self._inbox: Inbox[Item] = Inbox()
         self._gate = Gate(self._tell_malformed)
         self._peers = Peers()
@@ -121,6 +122,7 @@ class UavProcess:
             self._deliver_postponed()
             self._look_for_gone_peers()
             self._tick()
+            self._look_at_clock()
             self._outbox.flush()
         self._close()
 
@@ -196,6 +198,7 @@ class UavProcess:
         entry = next((entry for entry in mission.roster if entry.uav == self._settings.uav), None)
         if entry is None:
             raise InputError("uav", self._settings.uav, f"in the roster of mission {mission.name}")
+        self._clock.check_epoch(mission)
         if mission.claimant_of(entry.uav) != self._settings.claimant:
             raise InputError("uav", entry.uav, f"an id that mission {mission.name} has issued to nobody else")
         if mission.elect == "response-time" and not self._response_ms:
@@ -251,6 +254,10 @@ class UavProcess:
         """Tick when the time has come that the node named before the wait."""
         if self._flight is not None and self._clock.now_ns() >= self._flight.wake_ns:
             self._step(Tick())
+
+    def _look_at_clock(self) -> None:
+        if self._flight is not None and (jump := self._clock.jump()) is not None:
+            self._carry_out([self._flight.node.event(JUMP, jump)])
 
     # --- carrying out ------------------------------------------------------------------------
 

@@ -25,6 +25,7 @@ from edc_swarm.messages import Event, Keys, MissionMessage, encode
 from edc_swarm.recording import Stamp
 from edc_swarm.viz import ROOT, Scenery, Shown
 from processes.bus import hand_over, open_client
+from processes.clock import JUMP, MissionClock
 from processes.console import complain
 from processes.credentials import credentials
 from processes.ears import Gate, Heard, heard_from
@@ -55,6 +56,7 @@ class VizSettings(Struct, frozen=True, kw_only=True):
     records: bool = True
     certs: str = ""
     parent: int = 0
+    clock_ahead_ns: int | None = None
 
 
 @dataclass(frozen=True, slots=True)
@@ -79,6 +81,7 @@ class Visualiser:
 
     def __init__(self, settings: VizSettings) -> None:
         self._keys = Keys(settings.mission)
+        self._clock = MissionClock(settings.clock_ahead_ns)
         self._inbox: Inbox[Item] = Inbox()
         self._scenery = Scenery()
         self._last: dict[str, int] = {}
@@ -111,7 +114,9 @@ class Visualiser:
         while not self._over:
             for item in self._inbox.wait(self._patience_s(), SETTLE_S):
                 self._take_item(item)
-            self._publish(self._scenery.advance(time.time_ns()))
+            self._publish(self._scenery.advance(self._clock.now_ns()))
+            if (jump := self._clock.jump()) is not None:
+                self._tell(JUMP, jump)
             self._outbox.flush()
             self._over |= self._is_deserted()
         self._close()
@@ -122,7 +127,7 @@ class Visualiser:
 
     def _patience_s(self) -> float:
         due_ns = self._scenery.next_ns
-        return IDLE_S if due_ns is None else min(IDLE_S, max(0.0, (due_ns - time.time_ns()) / 1e9))
+        return IDLE_S if due_ns is None else min(IDLE_S, max(0.0, (due_ns - self._clock.now_ns()) / 1e9))
 
     def _take_item(self, item: Item) -> None:
         match item:
@@ -171,7 +176,7 @@ class Visualiser:
 
     def _close(self) -> None:
         """Say how many messages of each topic there were; in the record viewers' messages carry no numbers."""
-        self._publish(self._scenery.advance(time.time_ns()))
+        self._publish(self._scenery.advance(self._clock.now_ns()))
         self._tell("closed", msgspec.json.encode(self._last).decode())
         self._outbox.flush()
         self._outbox.stay(self._inbox)
@@ -183,13 +188,13 @@ class Visualiser:
         """Publish an event; who only shows live says nothing on the bus."""
         if not self._records:
             return
-        seq, now_ns = next(self._event_seq), time.time_ns()
+        seq, now_ns = next(self._event_seq), self._clock.now_ns()
         event = Event(source=NAME, instance=self._instance, seq=seq, sent_ns=now_ns, kind=kind, detail=detail)
         self._outbox.put(self._keys.event(NAME), encode(event), seq)
 
     def _take(self, sample: zenoh.Sample) -> None:
         heard = heard_from(sample)
-        self._inbox.put(_Said(heard.key, heard.payload, time.time_ns()), len(heard.payload))
+        self._inbox.put(_Said(heard.key, heard.payload, self._clock.now_ns()), len(heard.payload))
 
     def _take_reply(self, reply: zenoh.Reply) -> None:
         if reply.ok is not None:

@@ -14,6 +14,7 @@ from processes.claim_folder import ClaimFolder
 from processes.console import FAILED
 from processes.credentials import certified_uavs, check_certificates
 from processes.joiner import Joiner
+from processes.limits import make_room
 from processes.whole import Whole
 
 
@@ -41,5 +42,6 @@ def join(
         raise InputError("--uavs", uavs, f"from 1 to {MAX_UAVS}")
     if certs is not None:
         check_certificates(certs, [JOIN, *certified_uavs(str(certs))])
+    make_room(uavs)
     with ClaimFolder(state) as folder:
         return 0 if Joiner(address, uavs, folder, str(certs.resolve()) if certs else "").run() else FAILED

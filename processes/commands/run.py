@@ -15,10 +15,12 @@ from edc_swarm.faults import parse_faults
 from edc_swarm.links import have_range
 from processes.address import check_endpoint, parse_endpoint, sought_router
 from processes.bus import try_client
+from processes.clock import MissionClock
 from processes.conclusion import conclude
 from processes.console import FAILED, note
 from processes.credentials import TLS, Credentials, check_certificates
 from processes.launcher import Bus, Launcher, Protection, RunReport, View
+from processes.limits import make_room
 from processes.live import live_port
 from processes.options import MISSION_HELP, MissionOptions
 from processes.orders import await_found
@@ -61,6 +63,7 @@ def run(
     mission = options.mission(mission_file)
     if not 0 <= remote <= len(mission.roster):
         raise InputError("--remote", remote, f"from 0 to the number of UAVs, {len(mission.roster)}")
+    make_room(len(mission.roster))
     protection = _protection(secure, certs, mission, elsewhere=bool(remote or operate))
     if listen is not None:
         listen = listen if protection is None else f"{TLS}{listen.removeprefix(TLS).removeprefix('tcp/')}"
@@ -106,7 +109,10 @@ def _meet(address: str, mission: Mission, alone: Mapping[str, object], protectio
         if fault.left and fault.target in {ROUTER, RECORDER}:
             raise InputError("fault", str(fault), "about UAVs where --operate is given")
     session = await_found(partial(try_client, address, own, observer=True), partial(sought_router, address))
-    return Bus(address, session, find_takeover(session, mission))
+    takeover = find_takeover(session, mission)
+    if takeover is not None and takeover.mission is not None:
+        MissionClock().check_epoch(takeover.mission)
+    return Bus(address, session, takeover)
 
 
 def _output(mission: Mission, options: MissionOptions, bus: Bus | None) -> Output:

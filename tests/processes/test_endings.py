@@ -2,16 +2,24 @@
 
 from __future__ import annotations
 
+import contextlib
 import os
+import re
 import signal
+import subprocess
+from collections.abc import Iterator
 from pathlib import Path
 
 import pytest
 from mcap.reader import make_reader
 
+from edc_swarm.config import Mission
+from edc_swarm.errors import InputError
 from edc_swarm.invariants import check
 from edc_swarm.recording import find_gaps, read_recording
+from edc_swarm.roster import complete_mission
 from processes.output import salvage_parts
+from processes.state import create_state
 from tests.processes.conftest import await_true
 
 
@@ -129,3 +137,47 @@ def test_a_simulation_keeps_its_recording_from_those_beside_it(start, tmp_path: 
     assert salvage_parts(tmp_path) == []
     assert part.exists()
     assert command.end().status == 0
+
+
+@pytest.mark.parametrize(("limit", "status"), [("ulimit -Sn 32", 0), ("ulimit -n 60", 2)])
+def test_open_files_are_enough_or_their_limit_is_named(start, limit: str, status: int):
+    """A low soft limit is raised; a low hard limit is one line, before anything starts."""
+    limited = ("bash", "-c", f'{limit}; exec "$@"', "limited")
+    ended = start("run", "--uavs", "12", "--time-scale", "4", prefix=limited).end()
+    assert ended.status == status, ended.stderr
+    if status:
+        assert ended.stderr == "error: ulimit -n = 60: must be at least 88 for a mission of this size\n"
+        assert list(ended.path.parent.iterdir()) == []
+
+
+@pytest.fixture
+def tiny_disk(tmp_path: Path) -> Iterator[Path]:
+    """A file system of 64 kB."""
+    folder = tmp_path / "tiny"
+    folder.mkdir()
+    mounted = subprocess.run(
+        ["mount", "-t", "tmpfs", "-o", "size=64k", "tmpfs", folder], check=False, capture_output=True
+    )
+    if mounted.returncode != 0:
+        pytest.skip(f"cannot mount a small disk: {mounted.stderr.decode().strip()}")
+    yield folder
+    subprocess.run(["umount", "-l", folder], check=True)
+
+
+def test_a_disk_that_fills_in_flight_is_named_with_what_can_be_recovered(start, tiny_disk: Path):
+    """A real full disk: the folder, the reason and the part, in one line."""
+    path = tiny_disk / "run.mcap"
+    ended = start("run", "--uavs", "3", "--time-scale", "4", "--out", str(path)).end()
+    assert ended.status == 2, ended.stderr
+    assert re.search(f"{tiny_disk}: .*(disk is full|no space left)", ended.stderr), ended.stderr
+    assert f"edc-swarm recover {path}.part" in ended.stderr
+    assert "Traceback" not in ended.stderr
+
+
+def test_promises_on_a_full_disk_are_an_error_with_a_name(tiny_disk: Path):
+    """Nothing half made is left."""
+    with contextlib.suppress(OSError):
+        (tiny_disk / "filler").write_bytes(bytes(1 << 20))
+    with pytest.raises(InputError, match=rf"u001\.promise.*{tiny_disk}: no space left on device"):
+        create_state(tiny_disk, complete_mission(Mission(uavs=3)).roster[0])
+    assert [path.name for path in tiny_disk.iterdir()] == ["filler"]

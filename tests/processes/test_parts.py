@@ -20,7 +20,7 @@ from edc_swarm.roster import complete_mission
 from edc_swarm.simulation import mission_message
 from edc_swarm.vehicle import Airframe, Promise
 from processes.address import SILENT, check_endpoint, connect_endpoint, free_endpoint, sought_router
-from processes.clock import WallClock
+from processes.clock import MissionClock
 from processes.ears import MAX_TOKENS, Gate, Heard, Malformed, Postbox, Token
 from processes.faulty import Faulty
 from processes.giving_up import _router, _word_after
@@ -121,7 +121,7 @@ def test_peers_forget_tokens_that_have_gone():
 
 def test_clock_follows_the_wall_and_a_fault():
     """The offset is from the true time, however often it is set."""
-    clock = WallClock()
+    clock = MissionClock()
     assert abs(clock.now_ns() - time.time_ns()) < 50_000_000
     for _ in range(2):
         clock.set_off(3_600_000_000_000, 0.0)
@@ -196,7 +196,7 @@ def test_postbox_delays_duplicates_and_cuts():
     """The link model decides what arrives now, later, twice or never."""
     box = Postbox(LinkEmulator(MISSION, "u001"))
     assert box.arrive(REPORT, 0, 0.0)
-    faulty = Faulty(MISSION, "u001", box.links, WallClock())
+    faulty = Faulty(MISSION, "u001", box.links, MissionClock())
     faulty.suffer("link u002>u001 delay 5 duplicate 1 @0s")
     assert not box.arrive(REPORT, 100, 1.0)
     assert box.next_ns == 5_000_100
@@ -252,15 +252,15 @@ def test_partition_ends_when_healed_and_is_one_way_when_said():
     for cut in cut_pair(["u001"], ["u002"], 0.0, 10.0, one_way=True):
         links.add_cut(cut)
     assert not links.is_cut("u002", 1.0)
-    Faulty(MISSION, "u001", links, WallClock()).suffer("partition u002>u001 @0s")
+    Faulty(MISSION, "u001", links, MissionClock()).suffer("partition u002>u001 @0s")
     assert links.is_cut("u002", 1.0)
-    Faulty(MISSION, "u001", links, WallClock()).suffer("heal @1s")
+    Faulty(MISSION, "u001", links, MissionClock()).suffer("heal @1s")
     assert not links.is_cut("u002", 1.0)
 
 
 def test_faults_about_others_and_nonsense_change_nothing():
     """The operator's events go to everybody."""
-    faulty = Faulty(MISSION, "u001", LinkEmulator(MISSION, "u001"), WallClock())
+    faulty = Faulty(MISSION, "u001", LinkEmulator(MISSION, "u001"), MissionClock())
     assert faulty.suffer("gps u002 white @1s") == []
     assert faulty.suffer("nonsense") == []
     assert faulty.suffer("gps u001 white @1s") == [GpsChanged("white")]

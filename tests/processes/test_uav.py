@@ -18,7 +18,7 @@ from edc_swarm.messages import Event, Fix, Keys, Report, decode, encode
 from edc_swarm.roster import complete_mission
 from edc_swarm.simulation import mission_message
 from processes.bus import hand_over, open_client
-from processes.clock import WallClock
+from processes.clock import MissionClock
 from processes.inbox import Inbox
 from processes.state import create_state
 from tests.processes.conftest import await_true
@@ -31,7 +31,7 @@ class Bench:
         mission = complete_mission(Mission(name="bench", uavs=3, standbys=0, time_scale=2))
         ranked = sorted(mission.roster, key=lambda entry: -entry.energy_j)
         self.first, self.second, self.last = (entry.uav for entry in ranked)
-        self.mission = mission_message(mission, WallClock().now_ns())
+        self.mission = mission_message(mission, MissionClock().now_ns())
         self.keys = Keys(self.mission.name)
         self.inbox: Inbox[tuple[str, bytes]] = Inbox()
         self.heard: list[Fix | Event] = []
@@ -53,7 +53,7 @@ class Bench:
     def say(self, *messages: Event | Report | Fix) -> None:
         """Publish as whoever the message is from."""
         for message in messages:
-            stamped = msgspec.structs.replace(message, sent_ns=WallClock().now_ns())
+            stamped = msgspec.structs.replace(message, sent_ns=MissionClock().now_ns())
             self.session.put(self.keys.of(stamped), encode(stamped))
 
     def await_heard(self, kind: type, count: int = 1) -> list[Fix | Event]:
