@@ -24,9 +24,8 @@ def metrics(recording: Path, /, *, json: bool = False) -> int:
     whole = read_recording(recording)
     if whole.garbage:
         first = whole.garbage[0]
-        note(
-            f"warning: {whole.garbage_count} payloads are no messages and are left out; {shown(first.topic)}: {shown(first.reason)}"
-        )
+        what = f"{shown(first.topic)}: {shown(first.reason)}"
+        note(f"warning: {whole.garbage_count} payloads are no messages and are left out; {what}")
     found = compute_metrics(whole, load_timings(recording))
     if json:
         print_json(found)
