@@ -99,6 +99,7 @@ class Metrics(Struct, frozen=True, kw_only=True):
     messages: int
     gaps: int
     fetched: int
+    duplicates: int
     heads: list[HeadTerm]
     failover_slots: list[int]
     faults_undone: list[str]
@@ -226,6 +227,7 @@ def compute_metrics(recording: Recording, timings: Sequence[Timing] = ()) -> Met
         messages=recording.message_count,
         gaps=sum(gap.count for gap in find_gaps(recording) if not gap.duplicate),
         fetched=fetched_count(recording),
+        duplicates=recording.duplicates,
         heads=heads,
         failover_slots=[max(0, new.first_slot - old.last_slot - 1) for old, new in pairwise(heads)],
         faults_undone=_faults_undone(recording, mission.dt_s * slots),

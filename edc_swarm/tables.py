@@ -30,7 +30,7 @@ def metric_rows(m: Metrics) -> list[tuple[str, str]]:
         ("plan time", _quantiles(m.plan_ms)),
         ("fix to command", _quantiles(m.fix_to_command_ms)),
         ("late ticks", f"{m.ticks_late_pct:.2f} %"),
-        ("messages", f"{m.messages}, {m.gaps} gaps" + (f", {m.fetched} fetched again" if m.fetched else "")),
+        ("messages", f"{m.messages}, {m.gaps} gaps" + _late_and_twice(m)),
         *undone,
     ]
 
@@ -62,3 +62,8 @@ def _number(value: float | None, unit: str) -> str:
 
 def _quantiles(q: Quantiles) -> str:
     return f"{_number(q.p50, 'ms')} median, {_number(q.p99, 'ms')} p99, {_number(q.max, 'ms')} most"
+
+
+def _late_and_twice(m: Metrics) -> str:
+    fetched = f", {m.fetched} fetched again" if m.fetched else ""
+    return fetched + (f", {m.duplicates} duplicates dropped" if m.duplicates else "")

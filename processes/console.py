@@ -8,6 +8,7 @@ import msgspec
 from rich.console import Console
 
 from edc_swarm.errors import RecordingError, SwarmError
+from edc_swarm.foreign import shown_lines
 
 FAILED = 1
 """Exit status: a guarantee is broken, a UAV is not at its target, or the mission failed."""
@@ -19,7 +20,7 @@ NOT_JUDGED = 3
 
 def note(text: str) -> None:
     """Tell the user something beside the result."""
-    print(text, file=sys.stderr, flush=True)
+    print(shown_lines(text), file=sys.stderr, flush=True)
 
 
 def complain(error: SwarmError | str) -> int:

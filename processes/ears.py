@@ -25,6 +25,8 @@ MAX_POSTPONED = 100_000
 MAX_COUNTED_KEYS = 1000
 MAX_MEASURED = 100_000
 """Postponed messages whose lateness is kept."""
+_TOO_LARGE = bytes(MAX_MESSAGE_BYTES + 1)
+"""Stands for every payload that is too large, so that a flood of them fills no memory."""
 MAX_TOKENS = 10_000
 """Liveliness tokens that are remembered: a few lives of every UAV of the largest mission."""
 
@@ -204,6 +206,6 @@ def sender_of(message: Message) -> str:
 
 
 def heard_from(sample: zenoh.Sample) -> Heard:
-    """The bytes of a sample; of what is too large only so much that it can be seen to be."""
-    payload = sample.payload.to_bytes()
-    return Heard(str(sample.key_expr), payload[: MAX_MESSAGE_BYTES + 1], time.monotonic_ns())
+    """The bytes of a sample; in place of a payload that is too large, one that the codec refuses as too large."""
+    fits = len(sample.payload) <= MAX_MESSAGE_BYTES
+    return Heard(str(sample.key_expr), sample.payload.to_bytes() if fits else _TOO_LARGE, time.monotonic_ns())

@@ -27,8 +27,8 @@ from msgspec import Struct
 from edc_swarm import again
 from edc_swarm.config import OPERATOR, RECORDER, ROLES
 from edc_swarm.errors import InputError, SwarmError
-from edc_swarm.messages import Event, Keys, MissionMessage, decode, encode, kind_of
-from edc_swarm.recording import CLOSED, Holes, RecordingWriter, Stamp, is_mission, stamp_of, tails_in
+from edc_swarm.messages import MAX_MESSAGE_BYTES, Event, Keys, MissionMessage, decode, encode, kind_of
+from edc_swarm.recording import CLOSED, Holes, RecordingWriter, Stamp, TooLarge, is_mission, stamp_of, tails_in
 from edc_swarm.recording.holes import Publisher
 from edc_swarm.recording.ordering import FETCHED
 from edc_swarm.viz import TOPICS, channel_of, topic_of
@@ -54,6 +54,10 @@ KEY_WORDS = frozenset({"mission", "uav", "fix", "truth", "head", "command", "rep
 MAX_FOREIGN_KEYS = 1000
 """Keys of nobody in the mission that are recorded all the same, one topic each."""
 
+MAX_ANSWER_BYTES = 2 * MAX_MESSAGE_BYTES
+"""An answer is a turn's worth, or a single message."""
+MAX_SCENE_BYTES = 4 << 20
+"""What the visualiser says may be larger than a message."""
 CLOSING_S = 1.0
 """For at most so long after the operator's last word answers are waited for."""
 STOPPING_S = 2.0
@@ -71,6 +75,14 @@ class Said:
 
 
 @dataclass(frozen=True, slots=True)
+class Refused:
+    """What is kept of bytes from the bus that are too many, and when they came."""
+
+    found: TooLarge
+    time_ns: int
+
+
+@dataclass(frozen=True, slots=True)
 class Answered:
     """A publisher's answer."""
 
@@ -83,7 +95,7 @@ class Stop:
     """The order to stop."""
 
 
-Item = Said | Answered | Stop | zenoh.Query
+Item = Said | Refused | Answered | Stop | zenoh.Query
 
 
 class RecorderSettings(Struct, frozen=True, kw_only=True):
@@ -166,6 +178,9 @@ class Recorder:
         match item:
             case Said():
                 self._hear(item)
+            case Refused(found, time_ns):
+                if self._has_place(found.key):
+                    self._writer.write_too_large(found, time_ns)
             case Answered(publisher, payload):
                 self._take_answer(publisher, payload)
             case zenoh.Query():
@@ -214,9 +229,17 @@ class Recorder:
         query.drop()
 
     def _take(self, sample: zenoh.Sample) -> None:
-        payload, stamp = sample.payload.to_bytes(), sample.attachment
-        said = Said(str(sample.key_expr), payload, self._clock.now_ns(), stamp.to_bytes() if stamp is not None else b"")
+        key, payload, stamp = str(sample.key_expr), sample.payload.to_bytes(), sample.attachment
+        if len(payload) > self._limit_bytes(key):
+            found = TooLarge.of(key, payload)
+            self._inbox.put(Refused(found, self._clock.now_ns()), len(found.first))
+            return
+        said = Said(key, payload, self._clock.now_ns(), stamp.to_bytes() if stamp is not None else b"")
         self._inbox.put(said, len(payload))
+
+    def _limit_bytes(self, key: str) -> int:
+        """Return the size up to which a payload on `key` is recorded whole."""
+        return MAX_SCENE_BYTES if key.startswith(self._scenes) else MAX_MESSAGE_BYTES
 
     # --- what has not arrived ----------------------------------------------------------------
 
@@ -226,7 +249,7 @@ class Recorder:
             ask_aside(self._session, self._keys.again(*publisher), again.encode(ask), take)
 
     def _take_reply(self, publisher: Publisher, reply: zenoh.Reply) -> None:
-        if reply.ok is not None:
+        if reply.ok is not None and len(reply.ok.payload) <= MAX_ANSWER_BYTES:
             payload = reply.ok.payload.to_bytes()
             self._inbox.put(Answered(publisher, payload), len(payload))
 
@@ -236,7 +259,11 @@ class Recorder:
             answer = again.decode_answer(payload)
         except msgspec.DecodeError:
             return
-        honest = [kept for kept in answer.found if self._number(kept) == (publisher[1], kept.seq)]
+        honest = [
+            kept
+            for kept in answer.found
+            if len(kept.payload) <= self._limit_bytes(kept.key) and self._number(kept) == (publisher[1], kept.seq)
+        ]
         taken = self._holes.answered(publisher, msgspec.structs.replace(answer, found=honest), time.monotonic())
         for kept in filter(lambda kept: self._has_place(kept.key), taken):
             self._write(Said(kept.key, kept.payload, self._clock.now_ns(), kept.stamp))

@@ -6,7 +6,9 @@ from collections.abc import Sequence
 
 from rich.console import Console
 from rich.table import Table
+from rich.text import Text
 
+from edc_swarm.foreign import MAX_LINE, shown
 from edc_swarm.invariants import GuaranteeResult
 from edc_swarm.metrics import Metrics
 from edc_swarm.tables import metric_rows
@@ -19,7 +21,7 @@ def print_metrics(metrics: Metrics, console: Console) -> None:
     table.add_column(style="bold")
     table.add_column()
     for name, value in metric_rows(metrics):
-        table.add_row(name, value)
+        table.add_row(name, Text(shown(value, MAX_LINE)))
     console.print(table)
 
 

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections import Counter
 from collections.abc import Iterator
 
+from edc_swarm.foreign import shown
 from edc_swarm.invariants.evidence import Evidence
 from edc_swarm.invariants.report import GuaranteeResult, Violation, verdict
 from edc_swarm.recording import Gap, Recording, unknown_tails
@@ -27,6 +28,8 @@ def check_no_loss(evidence: Evidence) -> GuaranteeResult:
     elif dropped != "0":
         found.append(Violation("dropped", f"the recorder dropped {dropped} messages"))
     notes += _garbage(recording)
+    if recording.duplicates:
+        notes.append(f"duplicates: {recording.duplicates} messages are in the file again, bit by bit; each counts once")
     return verdict("G5", "No loss in the record", found, notes)
 
 
@@ -49,11 +52,13 @@ def _unknown_tails(recording: Recording) -> Iterator[str]:
 
 def _garbage(recording: Recording) -> Iterator[str]:
     """One note per topic and reason, however much of it there is."""
-    counts = Counter((garbage.topic, garbage.reason) for garbage in recording.garbage)
+    counts: Counter[tuple[str, str]] = Counter()
+    for garbage in sorted(recording.garbage, key=lambda garbage: (garbage.topic, garbage.reason)):
+        counts[garbage.topic, garbage.reason] += garbage.count
     for (topic, reason), count in counts.most_common(MAX_GARBAGE_NOTES):
-        yield f"not a message: {topic} ({reason})" + (f", {count} times" if count > 1 else "")
+        yield f"not a message: {shown(topic)} ({shown(reason)})" + (f", {count} times" if count > 1 else "")
     left_out = (recording.run_end or {}).get("foreign_left_out", "0")
     if left_out != "0":
         yield f"left out: {left_out} messages on keys of nobody in the mission"
     if len(counts) > MAX_GARBAGE_NOTES:
-        yield f"not messages: {len(recording.garbage)} in all, {len(counts)} kinds of them"
+        yield f"not messages: {recording.garbage_count} in all, {len(counts)} kinds of them"

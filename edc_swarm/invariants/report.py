@@ -9,6 +9,9 @@ from collections.abc import Sequence
 from typing import Literal, get_args
 
 from msgspec import Struct
+from msgspec.structs import replace
+
+from edc_swarm.foreign import MAX_LINE, shown
 
 Status = Literal["held", "broken", "not-judged", "not-applicable"]
 
@@ -82,18 +85,19 @@ class GuaranteeResult(Struct, frozen=True):
 
 def verdict(guarantee: str, title: str, violations: list[Violation], notes: list[str] | None = None) -> GuaranteeResult:
     """Return "held", or "broken" where there are violations."""
-    ordered = sorted(violations, key=lambda violation: violation.slot)
-    return GuaranteeResult(guarantee, title, "broken" if ordered else "held", ordered, notes or [])
+    printable = [replace(violation, text=shown(violation.text, MAX_LINE)) for violation in violations]
+    ordered = sorted(printable, key=lambda violation: violation.slot)
+    return GuaranteeResult(guarantee, title, "broken" if ordered else "held", ordered, _printable(notes or []))
 
 
 def not_judged(guarantee: str, title: str, why: str, notes: list[str] | None = None) -> GuaranteeResult:
     """Return "not-judged": the guarantee applies, but the evidence to judge it is missing."""
-    return GuaranteeResult(guarantee, title, "not-judged", notes=[why, *(notes or [])])
+    return GuaranteeResult(guarantee, title, "not-judged", notes=_printable([why, *(notes or [])]))
 
 
 def not_applicable(guarantee: str, title: str, why: str) -> GuaranteeResult:
     """Return "not-applicable": the guarantee promises nothing about this run."""
-    return GuaranteeResult(guarantee, title, "not-applicable", notes=[why])
+    return GuaranteeResult(guarantee, title, "not-applicable", notes=_printable([why]))
 
 
 def headline(results: Sequence[GuaranteeResult]) -> str:
@@ -112,3 +116,8 @@ def headline(results: Sequence[GuaranteeResult]) -> str:
     if not results:
         return "no guarantee was judged"
     return "every guarantee held" if len(names["held"]) == len(results) else "; ".join(parts)
+
+
+def _printable(notes: list[str]) -> list[str]:
+    """Notes quote keys and details that strangers may have written."""
+    return [shown(note, MAX_LINE) for note in notes]

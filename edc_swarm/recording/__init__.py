@@ -12,7 +12,7 @@ from edc_swarm.recording.model import Garbage, Recording
 from edc_swarm.recording.ordering import fetched_count
 from edc_swarm.recording.reader import read_recording, recover
 from edc_swarm.recording.sequences import CLOSED, Gap, find_gaps, tails_in, unknown_tails
-from edc_swarm.recording.writer import RecordingWriter, Stamp, is_mission, stamp_of
+from edc_swarm.recording.writer import RecordingWriter, Stamp, TooLarge, is_mission, stamp_of
 
 __all__ = [
     "CLOSED",
@@ -23,6 +23,7 @@ __all__ = [
     "Recording",
     "RecordingWriter",
     "Stamp",
+    "TooLarge",
     "fetched_count",
     "find_gaps",
     "is_mission",

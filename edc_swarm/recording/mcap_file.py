@@ -2,17 +2,21 @@
 
 The `mcap` package's reader makes several Python objects per message; metrics read a million
 messages, so records are unpacked here (format: https://mcap.dev/spec) and chunks are walked in the
-order of the file. Whatever is whole before the first torn record is delivered.
+order of the file. Whatever is whole before the first torn record is delivered. One record at a time is in
+memory, never the whole file. Summary and index are not needed, nor are chunks or checksums.
 """
 
 from __future__ import annotations
 
+import os
 import struct
 import zlib
 from collections.abc import Iterator
 from dataclasses import dataclass, field
 from pathlib import Path
+from typing import BinaryIO
 
+import lz4.frame
 import zstandard
 
 from edc_swarm.errors import RecordingError
@@ -21,7 +25,10 @@ MAGIC = b"\x89MCAP0\r\n"
 _RECORD = struct.Struct("<BQ")
 _MESSAGE_HEAD = struct.Struct("<HIQQ")
 _CHUNK_HEAD = struct.Struct("<QQQI")
-MAX_CHUNK_BYTES = 1 << 30
+CODECS = ("", "zstd", "lz4")
+"""Compressions of chunks that MCAP defines."""
+MAX_CHUNK_BYTES = 1 << 28
+"""Of a chunk once it is decompressed, and of any other record that is read."""
 
 
 class _Op:
@@ -34,6 +41,9 @@ class _Op:
     CHUNK = 6
     ATTACHMENT = 9
     METADATA = 12
+
+
+_READ = frozenset({_Op.FOOTER, _Op.SCHEMA, _Op.CHANNEL, _Op.MESSAGE, _Op.CHUNK, _Op.ATTACHMENT, _Op.METADATA})
 
 
 @dataclass(frozen=True, slots=True)
@@ -74,42 +84,65 @@ class McapFile:
         Raises
         ------
         RecordingError
-            The file cannot be opened, is empty, or is not MCAP of a known version.
+            The file cannot be opened, is empty, is not MCAP of a known version, or has a chunk of an unknown codec.
         """
-        data = self._bytes()
-        end = len(MAGIC)
-        finished = False
-        for opcode, begin, end in _records(data, len(MAGIC)):
-            if opcode == _Op.CHUNK:
-                yield from self._chunk(data, begin, end)
-            elif opcode == _Op.MESSAGE:
-                yield from self._messages(data[begin - _RECORD.size : end])
-            else:
-                self._other(opcode, data, begin, end)
-            finished = opcode == _Op.FOOTER
-            if finished:
-                break
-        if not finished or data[end:] != MAGIC:
-            self.problems.append(_torn(len(data), end))
-
-    def _bytes(self) -> bytes:
         try:
-            data = self.path.read_bytes()
+            with self.path.open("rb") as stream:
+                self._check_magic(stream)
+                yield from self._walked(stream)
         except OSError as error:
             raise RecordingError(self.path, f"cannot be read ({error.strerror})") from None
-        if not data:
-            raise RecordingError(self.path, "is empty")
-        if data[:5] != MAGIC[:5]:
-            raise RecordingError(self.path, "is not an MCAP file")
-        if not data.startswith(MAGIC):
-            raise RecordingError(self.path, "is torn or of an MCAP version other than 0")
-        return data
 
-    def _chunk(self, data: bytes, begin: int, end: int) -> Iterator[Raw]:
+    def _walked(self, stream: BinaryIO) -> Iterator[Raw]:
+        """Messages of all whole records up to the footer."""
+        size = os.fstat(stream.fileno()).st_size
+        end = len(MAGIC)
+        finished = False
+        while not finished and end + _RECORD.size <= size:
+            opcode, length = _RECORD.unpack(stream.read(_RECORD.size))
+            begin = end + _RECORD.size
+            if begin + length > size:
+                break
+            end = begin + length
+            finished = opcode == _Op.FOOTER
+            if opcode not in _READ:
+                stream.seek(end)
+            elif length > MAX_CHUNK_BYTES:
+                self.problems.append(
+                    f"the record at byte {begin - _RECORD.size} has {length} bytes, too many to be read"
+                )
+                stream.seek(end)
+            else:
+                yield from self._record(opcode, stream.read(length), begin - _RECORD.size)
+        if not finished or stream.read() != MAGIC:
+            self.problems.append(_torn(size, end))
+
+    def _record(self, opcode: int, data: bytes, at: int) -> Iterator[Raw]:
+        """Messages of the record with content `data` whose first byte is byte `at` of the file."""
+        if opcode == _Op.CHUNK:
+            yield from self._chunk(data, at)
+        elif opcode == _Op.MESSAGE:
+            yield from self._messages(_RECORD.pack(opcode, len(data)) + data)
+        else:
+            self._other(opcode, data, at)
+
+    def _check_magic(self, stream: BinaryIO) -> None:
+        start = stream.read(len(MAGIC))
+        if not start:
+            raise RecordingError(self.path, "is empty")
+        if start[:5] != MAGIC[:5]:
+            raise RecordingError(self.path, "is not an MCAP file")
+        if start != MAGIC:
+            raise RecordingError(self.path, "is torn or of an MCAP version other than 0")
+
+    def _chunk(self, data: bytes, at: int) -> Iterator[Raw]:
         try:
-            plain = _decompressed(data, begin, end)
-        except (zstandard.ZstdError, ValueError, struct.error, UnicodeDecodeError) as error:
-            self.problems.append(f"the chunk at byte {begin - _RECORD.size} is unreadable ({error})")
+            plain = _decompressed(data)
+        except _UnknownCodecError as error:
+            known = ", ".join(map(repr, CODECS))
+            raise RecordingError(self.path, f"is compressed with {str(error)[:60]!r}; known are {known}") from None
+        except (zstandard.ZstdError, RuntimeError, ValueError, struct.error, EOFError) as error:
+            self.problems.append(f"the chunk at byte {at} is unreadable ({error})")
             return
         yield from self._messages(plain)
 
@@ -131,10 +164,10 @@ class McapFile:
                 else:
                     yield channel, sequence, log_ns, sent_ns, data[begin + 22 : offset]
             else:
-                self._other(opcode, data, begin, offset)
+                self._other(opcode, data[begin:offset], begin - _RECORD.size)
 
-    def _other(self, opcode: int, data: bytes, begin: int, end: int) -> None:
-        fields = _Fields(data[begin:end])
+    def _other(self, opcode: int, data: bytes, at: int) -> None:
+        fields = _Fields(data)
         try:
             match opcode:
                 case _Op.SCHEMA:
@@ -153,7 +186,7 @@ class McapFile:
                     name = fields.text()
                     self.metadata[name] = fields.text_map()
         except (struct.error, UnicodeDecodeError):
-            self.problems.append(f"the record at byte {begin - _RECORD.size} is unreadable")
+            self.problems.append(f"the record at byte {at} is unreadable")
 
 
 class _Fields:
@@ -198,38 +231,35 @@ class _Fields:
         return piece
 
 
-def _records(data: bytes, offset: int) -> Iterator[tuple[int, int, int]]:
-    """Opcode, begin and end of every whole record from `offset` on."""
-    while offset + _RECORD.size <= len(data):
-        opcode, length = _RECORD.unpack_from(data, offset)
-        begin = offset + _RECORD.size
-        offset = begin + length
-        if offset > len(data):
-            return
-        yield opcode, begin, offset
-
-
 def _torn(size: int, end: int) -> str:
     """What is missing of a file of `size` bytes whose last whole record ends at byte `end`."""
     unread = f"{size - end} bytes after byte {end} are unreadable" if size > end else f"it stops after byte {end}"
     return f"torn: no end of file; {unread}"
 
 
-def _decompressed(data: bytes, begin: int, end: int) -> bytes:
-    """Content of the chunk record data[begin:end], its checksum verified."""
-    _, _, size, crc = _CHUNK_HEAD.unpack_from(data, begin)
-    fields = _Fields(data[begin + _CHUNK_HEAD.size : end])
+class _UnknownCodecError(Exception):
+    """A chunk is compressed with a codec that MCAP does not define."""
+
+
+def _decompressed(data: bytes) -> bytes:
+    """Content of the chunk record `data`, its checksum verified."""
+    _, _, size, crc = _CHUNK_HEAD.unpack_from(data)
+    fields = _Fields(data[_CHUNK_HEAD.size :])
     compression, packed = fields.text(), fields.sized_u64()
+    if compression not in CODECS:
+        raise _UnknownCodecError(compression)
     if size > MAX_CHUNK_BYTES:
         raise ValueError(f"{size} bytes, more than {MAX_CHUNK_BYTES}")
     if compression == "zstd" and zstandard.frame_content_size(packed) not in {-1, size}:
         raise ValueError("its sizes disagree")
-    if compression == "zstd":
-        plain = zstandard.ZstdDecompressor().decompress(packed, max_output_size=size) if size else b""
-    elif not compression:
+    if not compression:
         plain = packed
+    elif not size:
+        plain = b""
+    elif compression == "zstd":
+        plain = zstandard.ZstdDecompressor().decompress(packed, max_output_size=size)
     else:
-        raise ValueError(f"compression {compression!r} is not supported")
+        plain = lz4.frame.LZ4FrameDecompressor().decompress(packed, max_length=size)
     if len(plain) != size or (crc and zlib.crc32(plain) != crc):
         raise ValueError("checksum differs")
     return plain

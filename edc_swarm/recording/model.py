@@ -3,10 +3,14 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import Any
 
 from edc_swarm.messages import Command, Event, Fix, Message, MissionMessage, Report, Truth
+
+MAX_GARBAGE = 10_000
+"""Kinds of garbage (topic and reason) that are told apart; all others count as of one kind."""
+OTHERS = "(others)"
 
 
 @dataclass(frozen=True, slots=True)
@@ -16,6 +20,8 @@ class Garbage:
     topic: str
     log_time_ns: int
     reason: str
+    count: int = 1
+    """How many there are on the topic, for the same reason; the first by time is the one described."""
 
 
 @dataclass(slots=True)
@@ -29,7 +35,9 @@ class Recording:
     missions
         Every mission message; the first one is the mission.
     garbage
-        Payloads on swarm topics that could not be decoded.
+        Payloads on swarm topics that could not be decoded, one entry per topic and reason.
+    duplicates
+        How many messages, of any topic, were dropped because the file holds equal ones.
     unknown
         Number of messages on other topics, by topic (viewers' topics among them).
     problems
@@ -47,6 +55,7 @@ class Recording:
     garbage: list[Garbage] = field(default_factory=list)
     unknown: dict[str, int] = field(default_factory=dict)
     problems: list[str] = field(default_factory=list)
+    duplicates: int = 0
 
     @property
     def mission(self) -> MissionMessage:
@@ -57,6 +66,11 @@ class Recording:
     def message_count(self) -> int:
         """Number of swarm messages."""
         return sum(map(len, self.lists().values()))
+
+    @property
+    def garbage_count(self) -> int:
+        """Number of payloads on swarm topics that are no messages, or nobody's in the mission."""
+        return sum(garbage.count for garbage in self.garbage)
 
     def lists(self) -> dict[type, list[Any]]:
         """The list that holds the messages of each type."""
@@ -88,3 +102,28 @@ class Recording:
         if mission is not None and not recording.missions:
             recording.missions.append(mission)
         return recording
+
+
+class Bin:
+    """Gathers garbage in bounded memory: how many of each kind, and the first of each."""
+
+    def __init__(self, garbage: Iterable[Garbage] = ()) -> None:
+        self._kinds: dict[tuple[str, str], Garbage] = {}
+        for each in garbage:
+            self.add(each)
+
+    def add(self, garbage: Garbage) -> None:
+        """Count `garbage`."""
+        kind = garbage.topic, garbage.reason
+        if kind not in self._kinds and len(self._kinds) >= MAX_GARBAGE:
+            kind = OTHERS, "more kinds of garbage than are told apart"
+            garbage = replace(garbage, topic=kind[0], reason=kind[1])
+        known = self._kinds.get(kind)
+        if known is not None:
+            first_ns = min(known.log_time_ns, garbage.log_time_ns)
+            garbage = replace(known, log_time_ns=first_ns, count=known.count + garbage.count)
+        self._kinds[kind] = garbage
+
+    def contents(self) -> list[Garbage]:
+        """Return one entry per kind, by topic and reason."""
+        return [self._kinds[kind] for kind in sorted(self._kinds)]

@@ -1,15 +1,27 @@
-"""What stands late in a record, because it was fetched again, is put where it belongs.
+"""The order of a recording: by what messages say, never by where they stand in the file.
 
-Readers take the messages of a publisher in the order of the record for the order in which they were said.
+Tools for MCAP files merge, sort and cut recordings, and the recorder itself writes late what it had to
+fetch. So each kind of message is put into one total order, which any permutation of the file gives again:
+
+1. by time: the slot (of fixes, truths, commands and reports), then `sent_ns`;
+2. at one time, by the ids in the key, then the publisher's instance, then its `seq`;
+3. with all of that equal, by the rest of the content.
+
+A publisher's own messages never leave the order of `seq`. Where its slots or its clock go back, each of its
+messages counts at the latest time that the publisher had told up to there. An exact duplicate (two equal
+messages of one publisher) is dropped and counted; messages that share a `seq` and differ both stay.
 """
 
 from __future__ import annotations
 
-from collections import defaultdict
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
+from itertools import groupby, pairwise
 from operator import attrgetter
 from typing import Any
 
+import msgspec
+
+from edc_swarm.messages import Event, MissionMessage
 from edc_swarm.recording.model import Recording
 from edc_swarm.recording.sequences import KEY_FORMS
 
@@ -23,31 +35,62 @@ def fetched_count(recording: Recording) -> int:
     return int(told) if told.isdecimal() else 0
 
 
-def restore_order(recording: Recording) -> None:
-    """Order each publisher's messages by their numbers, unless the record says that nothing had to be fetched."""
-    if (recording.run_end or {}).get(FETCHED) == "0" or recording.run.get("clock") == "virtual":
-        return
+def put_in_order(recording: Recording) -> None:
+    """Order every kind of message by content; drop exact duplicates and count them in `recording.duplicates`."""
     for kind, messages in recording.lists().items():
-        messages[:] = _ordered(messages, KEY_FORMS[kind][1])
+        count = len(messages)
+        messages[:] = _ordered(messages, kind, KEY_FORMS[kind][1])
+        recording.duplicates += count - len(messages)
 
 
-def _ordered(messages: Sequence[Any], names: tuple[str, ...]) -> Iterator[Any]:
-    """Each late message right before the first of its stream that has a greater number."""
-    stream = attrgetter("instance", *names)
-    newest: dict[Any, int] = {}
-    late: defaultdict[Any, list[Any]] = defaultdict(list)
-    in_time = []
-    for message in messages:
-        source = stream(message)
-        if message.seq < newest.get(source, 0):
-            late[source].append(message)
+def _ordered(messages: Sequence[Any], kind: type, names: tuple[str, ...]) -> list[Any]:
+    time_names = ("sent_ns",) if kind in {Event, MissionMessage} else ("slot", "sent_ns")
+    stream = attrgetter(*names, "instance")
+    place = attrgetter(*time_names, *names, "instance", "seq")
+    ordered = _without_duplicates(sorted(messages, key=place), place)
+    if _follows_numbers(ordered, stream):
+        return ordered
+    return _by_latest_time(ordered, attrgetter("seq", *time_names), stream)
+
+
+def _without_duplicates(ordered: list[Any], place: Callable[[Any], Any]) -> list[Any]:
+    """Each of several equal messages once; those of one place that differ, in the order of their bytes."""
+    if all(one.seq != other.seq or place(one) != place(other) for one, other in pairwise(ordered)):
+        return ordered
+    distinct: list[Any] = []
+    for _, equals in groupby(ordered, key=place):
+        first, *rest = equals
+        if not rest:
+            distinct.append(first)
         else:
-            newest[source] = message.seq
-            in_time.append((source, message))
-    for waiting in late.values():
-        waiting.sort(key=attrgetter("seq"), reverse=True)
-    for source, message in in_time:
-        waiting = late.get(source, [])
-        while waiting and waiting[-1].seq < message.seq:
-            yield waiting.pop()
-        yield message
+            said = {msgspec.json.encode(message): message for message in (first, *rest)}
+            distinct += [said[payload] for payload in sorted(said)]
+    return distinct
+
+
+def _follows_numbers(messages: Sequence[Any], stream: Callable[[Any], Any]) -> bool:
+    """Whether the numbers of no stream go back."""
+    newest: dict[Any, int] = {}
+    for source, seq in zip(map(stream, messages), map(attrgetter("seq"), messages), strict=True):
+        if newest.get(source, -1) > seq:
+            return False
+        newest[source] = seq
+    return True
+
+
+def _by_latest_time(ordered: Sequence[Any], number: Callable[[Any], Any], stream: Callable[[Any], Any]) -> list[Any]:
+    """All messages by the latest time that their publisher had told, each publisher's by their numbers."""
+    streams: dict[Any, list[Any]] = {}
+    for message in ordered:
+        streams.setdefault(stream(message), []).append(message)
+    placed = [entry for source in sorted(streams) for entry in _placed(source, streams[source], number)]
+    placed.sort(key=lambda entry: entry[:3])
+    return [message for *_, message in placed]
+
+
+def _placed(source: Any, messages: list[Any], number: Callable[[Any], Any]) -> Iterator[tuple[Any, Any, int, Any]]:
+    """Latest time so far, stream, place in the stream, message."""
+    latest: tuple[Any, ...] = ()
+    for place, message in enumerate(sorted(messages, key=number)):
+        latest = tuple(map(max, latest, number(message)[1:])) if latest else number(message)[1:]
+        yield latest, source, place, message

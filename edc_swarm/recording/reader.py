@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections import deque
+from collections.abc import Callable, Hashable, Iterator
 from functools import cache
 from operator import attrgetter
 from pathlib import Path
@@ -14,13 +15,15 @@ from msgspec import Struct
 from edc_swarm.errors import MessageError, RecordingError
 from edc_swarm.messages import MAX_MESSAGE_BYTES, Command, Fix, Message, MissionMessage, Truth, decode, kind_of
 from edc_swarm.recording.mcap_file import Channel, McapFile
-from edc_swarm.recording.model import Garbage, Recording
-from edc_swarm.recording.ordering import restore_order
+from edc_swarm.recording.model import Bin, Garbage, Recording
+from edc_swarm.recording.ordering import put_in_order
 from edc_swarm.recording.sifting import sift
-from edc_swarm.recording.writer import FORMAT, MISSION_ATTACHMENT, RecordingWriter
+from edc_swarm.recording.writer import FORMAT, MISSION_ATTACHMENT, TOO_LARGE, RecordingWriter, TooLarge, is_mission
 
 Decode = Callable[[bytes], Message]
 """Raises MessageError."""
+MAX_SEEN = 1_000_000
+"""Payloads of garbage and of unknown topics among which duplicates are looked for."""
 Sink = tuple[Decode | None, Callable[[Any], None]]
 """How the payloads of a topic are decoded (None: not at all) and where they go."""
 
@@ -48,10 +51,9 @@ def read_recording(path: str | Path, *, salvage: bool = False) -> Recording:
         raise RecordingError(path, f"{file.problems[0]}; `edc-swarm recover` makes what is there readable")
     recording.problems = file.problems
     _read_metadata(file, recording)
-    if not recording.missions:
-        recording.missions.append(_attached_mission(file))
+    put_in_order(recording)
+    _choose_mission(file, recording)
     sift(recording)
-    restore_order(recording)
     return recording
 
 
@@ -61,39 +63,78 @@ def recover(source: str | Path, stream: BinaryIO) -> list[str]:
     Returns what is missing, one line each. Raises `RecordingError` as `read_recording` does.
     """
     file = McapFile(Path(source))
-    messages = list(file.messages())
+    missions = _missions(file)
+    found = next(missions, None)
+    deque(missions, maxlen=0)
     _check_version(file)
-    has_mission = any(kind_of(channel.topic) is MissionMessage for channel, *_ in messages)
-    if not has_mission:
+    if found is None:
         _attached_mission(file)
     writer = RecordingWriter(stream, file.metadata["run"])
     for name, (media_type, data) in file.attachments.items():
-        if name != MISSION_ATTACHMENT or not has_mission:
-            writer.attach(name, media_type, data)
-    for channel, _, log_ns, sent_ns, payload in messages:
-        if kind_of(channel.topic) is None:
-            writer.write_as(channel, payload, log_ns, sent_ns)
-        else:
-            writer.write(channel.topic, payload, log_ns)
+        writer.attach(name, media_type, data)
+    if MISSION_ATTACHMENT not in file.attachments and found is not None:
+        writer.attach(MISSION_ATTACHMENT, "application/json", found)
+    for channel, sequence, log_ns, sent_ns, payload in McapFile(file.path).messages():
+        writer.copy(channel, payload, log_ns, sent_ns, sequence)
     writer.finish({**file.metadata.get("run_end", {}), "recovered": "; ".join(file.problems) or "nothing missing"})
     return file.problems
+
+
+def _missions(file: McapFile) -> Iterator[bytes]:
+    """The payload of every mission that can be flown."""
+    for channel, _, _, _, payload in file.messages():
+        if is_mission(channel.topic, payload):
+            yield payload
 
 
 def _read_messages(file: McapFile, recording: Recording) -> None:
     lists = recording.lists()
     sinks: dict[int, Sink] = {}
-    for channel, _, log_ns, _, payload in file.messages():
+    garbage, seen = Bin(), Seen()
+    for channel, sequence, log_ns, sent_ns, payload in file.messages():
         sink = sinks.get(id(channel))
         if sink is None:
             sink = sinks[id(channel)] = _sink(channel, lists)
         decode_payload, append = sink
-        if decode_payload is None:
+        if decode_payload is not None:
+            try:
+                append(decode_payload(payload))
+                continue
+            except MessageError as error:
+                refused = Garbage(channel.topic, log_ns, error.reason)
+        if seen.before((channel.topic, sequence, sent_ns, payload)):
+            recording.duplicates += 1
+        elif decode_payload is not None:
+            garbage.add(refused)
+        elif channel.topic == TOO_LARGE:
+            garbage.add(_too_large(payload, log_ns))
+        else:
             recording.unknown[channel.topic] = recording.unknown.get(channel.topic, 0) + 1
-            continue
-        try:
-            append(decode_payload(payload))
-        except MessageError as error:
-            recording.garbage.append(Garbage(channel.topic, log_ns, error.reason))
+    recording.garbage = garbage.contents()
+
+
+class Seen:
+    """Remembers, by hash and in bounded memory, what of garbage and unknown topics has been read."""
+
+    def __init__(self) -> None:
+        self._hashes: set[int] = set()
+
+    def before(self, entry: tuple[Hashable, ...]) -> bool:
+        """Return whether an equal entry was read before; beyond `MAX_SEEN` entries new ones are not remembered."""
+        number = hash(entry)
+        if number in self._hashes:
+            return True
+        if len(self._hashes) < MAX_SEEN:
+            self._hashes.add(number)
+        return False
+
+
+def _too_large(payload: bytes, log_ns: int) -> Garbage:
+    try:
+        found = msgspec.json.decode(payload, type=TooLarge)
+    except (msgspec.DecodeError, UnicodeDecodeError, RecursionError) as error:
+        return Garbage(TOO_LARGE, log_ns, str(error))
+    return Garbage(found.key, log_ns, found.reason)
 
 
 def _sink(channel: Channel, lists: dict[type, list[Any]]) -> Sink:
@@ -147,6 +188,15 @@ def _check_version(file: McapFile) -> None:
     if run.get("format") != FORMAT:
         found = run.get("format", "none")
         raise RecordingError(file.path, f"has recording format {found}; this version reads {FORMAT}")
+
+
+def _choose_mission(file: McapFile, recording: Recording) -> None:
+    """Put the mission of the run first: the attached one, which is the first that the recorder heard."""
+    if not recording.missions:
+        recording.missions.append(_attached_mission(file))
+    elif len(recording.missions) > 1 and MISSION_ATTACHMENT in file.attachments:
+        attached = _attached_mission(file)
+        recording.missions.sort(key=lambda mission: mission != attached)
 
 
 def _attached_mission(file: McapFile) -> MissionMessage:

@@ -12,7 +12,7 @@ from typing import Any
 
 from edc_swarm.config import ROLES
 from edc_swarm.messages import Event, MissionMessage
-from edc_swarm.recording.model import Garbage, Recording
+from edc_swarm.recording.model import Bin, Garbage, Recording
 from edc_swarm.recording.sequences import KEY_FORMS
 
 OLDER, STRANGE = "of an older run", "of nobody in the mission"
@@ -23,6 +23,7 @@ def sift(recording: Recording) -> None:
     running = _running(recording)
     roster = {entry.uav for entry in recording.mission.roster}
     known = {**dict.fromkeys(KEY_FORMS, roster), Event: roster | ROLES, MissionMessage: {recording.mission.name}}
+    refused = Bin(recording.garbage)
     for kind, (form, names) in KEY_FORMS.items():
         messages = recording.lists()[kind]
         source = attrgetter("instance", *names)
@@ -32,9 +33,11 @@ def sift(recording: Recording) -> None:
             if said[:2] not in running or not known[kind].issuperset(said[1:])
         }
         if foreign:
-            refused = [(message, source(message)) for message in messages if source(message) in foreign]
-            recording.garbage += [Garbage(form.format(*of[1:]), m.sent_ns, foreign[of]) for m, of in refused]
+            for message in messages:
+                if (of := source(message)) in foreign:
+                    refused.add(Garbage(form.format(*of[1:]), message.sent_ns, foreign[of]))
             messages[:] = [message for message in messages if source(message) not in foreign]
+    recording.garbage = refused.contents()
 
 
 def _running(recording: Recording) -> set[tuple[str, str]]:

@@ -5,6 +5,7 @@ Nothing here reads a clock, so the same calls write the same bytes.
 
 from __future__ import annotations
 
+import hashlib
 from collections.abc import Mapping
 from typing import Any, BinaryIO
 
@@ -23,7 +24,30 @@ MISSION_ATTACHMENT = "mission.json"
 CHUNK_BYTES = 1 << 20
 MAX_CHANNELS = 65_000
 """MCAP numbers channels with 16 bits."""
+TOO_LARGE = "/too-large"
+"""Topic with a `TooLarge` for every payload that was not recorded whole."""
+KEPT_OF_TOO_LARGE_BYTES = 4096
 _MAX_U32 = 0xFFFF_FFFF
+
+
+class TooLarge(Struct, frozen=True, kw_only=True):
+    """A payload that was too large to be recorded: its size, its SHA-256 as hex, its first bytes (base64 in JSON)."""
+
+    key: str
+    size_bytes: int
+    sha256: str
+    first: bytes
+
+    @property
+    def reason(self) -> str:
+        """One line on what was refused."""
+        return f"too large: {self.size_bytes} bytes, sha256 {self.sha256[:64]}, first {len(self.first)} bytes kept"
+
+    @classmethod
+    def of(cls, key: str, payload: bytes) -> TooLarge:
+        """Keep so much of `payload` that it can be recognised."""
+        digest = hashlib.sha256(payload).hexdigest()
+        return cls(key=key, size_bytes=len(payload), sha256=digest, first=payload[:KEPT_OF_TOO_LARGE_BYTES])
 
 
 class RecordingWriter:
@@ -42,6 +66,7 @@ class RecordingWriter:
     def __init__(self, stream: BinaryIO, run: Mapping[str, str]) -> None:
         self._mcap: Any = Writer(stream, chunk_size=CHUNK_BYTES, compression=CompressionType.ZSTD)
         self._channels: dict[str, int] = {}
+        self._copied: dict[Channel, int] = {}
         self._schemas: dict[str, int] = {}
         self._last_ns = 0
         self._has_mission = False
@@ -73,6 +98,20 @@ class RecordingWriter:
             schema = self._schema(channel.schema_name, channel.schema_encoding, channel.schema_data)
             number = self._channel(channel.topic, channel.encoding, schema)
         self._add(number, payload, log_time_ns, publish_time_ns, seq)
+
+    def copy(self, channel: Channel, payload: bytes, log_time_ns: int, publish_time_ns: int, seq: int) -> None:
+        """Record a message of another recording as it stands there, whatever its place."""
+        known = self._copied.get(channel)
+        if known is None:
+            schema = self._schema(channel.schema_name, channel.schema_encoding, channel.schema_data)
+            known = self._copied[channel] = self._mcap.register_channel(channel.topic, channel.encoding, schema)
+        self._mcap.add_message(known, log_time_ns, payload, publish_time_ns, seq)
+
+    def write_too_large(self, found: TooLarge, log_time_ns: int) -> None:
+        """Record what is kept of a payload that was too large."""
+        schema = msgspec.json.encode(json_schema(TooLarge))
+        channel = Channel(TOO_LARGE, "json", "edc_swarm.TooLarge", "jsonschema", schema)
+        self.write_as(channel, msgspec.json.encode(found), log_time_ns)
 
     def attach(self, name: str, media_type: str, data: bytes, log_time_ns: int = 0) -> None:
         """Add an attachment, such as the layout of a viewer."""

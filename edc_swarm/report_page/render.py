@@ -10,6 +10,7 @@ from string import Template
 
 import msgspec
 
+from edc_swarm.foreign import MAX_LINE, shown
 from edc_swarm.invariants import GuaranteeResult, headline
 from edc_swarm.metrics import Metrics
 from edc_swarm.report_page.data import Page
@@ -58,7 +59,7 @@ def _rows(rows: Iterable[tuple[str, str]]) -> str:
 
 def _broken(text: str) -> str:
     """Escaped; a list may be broken after any comma, since one of a whole roster has no space in it."""
-    return re.sub(r",(?=\S)", ",<wbr>", escape(text))
+    return re.sub(r",(?=\S)", ",<wbr>", escape(shown(text, MAX_LINE)))
 
 
 def _guarantee(result: GuaranteeResult) -> str:

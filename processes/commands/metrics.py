@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from pathlib import Path
 
+from edc_swarm.foreign import shown
 from edc_swarm.metrics import compute_metrics, load_timings
 from edc_swarm.recording import read_recording
 from processes.console import note, print_json, stdout_console
@@ -23,7 +24,8 @@ def metrics(recording: Path, /, *, json: bool = False) -> int:
     whole = read_recording(recording)
     if whole.garbage:
         first = whole.garbage[0]
-        note(f"warning: {len(whole.garbage)} payloads are no messages and are left out; {first.topic}: {first.reason}")
+        what = f"{shown(first.topic)}: {shown(first.reason)}"
+        note(f"warning: {whole.garbage_count} payloads are no messages and are left out; {what}")
     found = compute_metrics(whole, load_timings(recording))
     if json:
         print_json(found)

@@ -9,7 +9,7 @@ from cyclopts import Parameter
 
 from edc_swarm.errors import InputError
 from edc_swarm.recording import find_gaps, read_recording, unknown_tails
-from processes.console import note, print_json
+from processes.console import FAILED, note, print_json
 from processes.output import SUFFIX, check_output, locked_for_reading, recovered_name, write_recovered
 
 
@@ -21,7 +21,7 @@ def recover(
     force: bool = False,
     json: bool = False,
 ) -> int:
-    """Make a whole recording of a torn one; the original is kept.
+    """Make a whole recording of a torn one; the original is kept. Exit status 1 when something of it is lost.
 
     Parameters
     ----------
@@ -46,7 +46,7 @@ def recover(
     if json:
         facts = {"messages": recording.message_count, "gaps": gaps, "unknown_tails": len(tails), "missing": problems}
         print_json({**facts, "recording": str(path)})
-        return 0
+        return FAILED if problems else 0
     for problem in problems:
         note(f"missing: {problem}")
     note(
@@ -54,4 +54,4 @@ def recover(
         f"nobody knows whether more was said"
     )
     print(path)
-    return 0
+    return FAILED if problems else 0

@@ -2,7 +2,11 @@
 
 from __future__ import annotations
 
+import hashlib
 import io
+import random
+import subprocess
+import sys
 from itertools import pairwise
 from pathlib import Path
 from typing import Any
@@ -18,6 +22,7 @@ from edc_swarm.messages import Command, Event, Fix, Keys, Message, MissionMessag
 from edc_swarm.recording import Recording, RecordingWriter, read_recording, recover
 from edc_swarm.recording.mcap_file import MAGIC, Channel
 from edc_swarm.recording.schemas import json_schema
+from edc_swarm.recording.writer import TooLarge
 
 KEYS = Keys("mission")
 SCENE = Channel("swarm/mission/viz/scene", "protobuf", "foxglove.SceneUpdate", "protobuf", b"\x01")
@@ -61,13 +66,9 @@ def test_what_is_written_comes_back(tmp_path: Path, messages: list[Message]) -> 
     assert recording.problems == []
 
 
-@pytest.mark.parametrize(
-    ("run_end", "restored"), [({"fetched": "1"}, True), ({"recovered": "torn"}, True), ({"fetched": "0"}, False)]
-)
-def test_what_came_late_is_read_in_its_place(
-    tmp_path: Path, messages: list[Message], run_end: dict[str, str], restored: bool
-) -> None:
-    """By its number; a record in which nothing had to be fetched is not looked through."""
+@pytest.mark.parametrize("run_end", [{"fetched": "1"}, {"recovered": "torn"}, {"fetched": "0"}])
+def test_what_came_late_is_read_in_its_place(tmp_path: Path, messages: list[Message], run_end: dict[str, str]) -> None:
+    """By its number, whatever `run_end` says of it."""
     late = [m for m in messages if isinstance(m, Fix) and m.uav == "u1" and m.slot in {2, 3}]
     stream = io.BytesIO()
     writer = RecordingWriter(stream, {})
@@ -76,7 +77,7 @@ def test_what_came_late_is_read_in_its_place(
     writer.finish(run_end)
     recording = read_recording(saved(tmp_path / "a.mcap", stream.getvalue()))
     said = [fix for fix in recording.fixes if fix.uav == "u1"]
-    assert ([fix.seq for fix in said] == sorted(fix.seq for fix in said)) is restored
+    assert [fix.seq for fix in said] == sorted(fix.seq for fix in said)
 
 
 def test_same_messages_same_bytes(messages: list[Message]) -> None:
@@ -333,7 +334,7 @@ def test_what_is_of_nobody_or_of_an_older_run_counts_for_nothing(tmp_path: Path,
     ]
     wrong = msgspec.structs.replace(report, slot=9, seq=9, grants=["u0"], quorum=1)
     recording = read_recording(saved(tmp_path / "a.mcap", record([*messages, *strange, wrong])))
-    assert len(recording.garbage) == len(strange)
+    assert recording.garbage_count == len(strange)
     assert {garbage.reason for garbage in recording.garbage} == {"of an older run", "of nobody in the mission"}
     assert recording.lists() == Recording.from_messages([*messages, wrong]).lists()
     (complete,) = (result for result in check(recording) if result.guarantee == "G5")
@@ -347,7 +348,7 @@ def test_a_flood_of_garbage_makes_few_notes(tmp_path: Path, messages: list[Messa
     writer.write(KEYS.mission, b"garbage first", 0)
     writer.write(KEYS.mission, encode(messages[0]), 0)
     for number in range(300):
-        writer.write(KEYS.fix(f"x{number % 50}"), b"{", 1)
+        writer.write(KEYS.fix(f"x{number % 50}"), b"{", 1 + number)
     writer.finish({})
     recording = read_recording(saved(tmp_path / "a.mcap", stream.getvalue()))
     attached = next(make_reader(io.BytesIO(stream.getvalue())).iter_attachments())
@@ -357,3 +358,52 @@ def test_a_flood_of_garbage_makes_few_notes(tmp_path: Path, messages: list[Messa
     assert len(notes) == 21
     assert notes[0].endswith(", 6 times")
     assert notes[-1] == "not messages: 301 in all, 51 kinds of them"
+
+
+def test_a_file_of_huge_payloads_is_read_in_bounded_memory(tmp_path: Path, messages: list[Message]) -> None:
+    """Each is gone before the next is read, and each is garbage; 80 MB of them need less than half of that."""
+    path = tmp_path / "a.mcap"
+    with path.open("wb") as stream:
+        writer = RecordingWriter(stream, RUN)
+        writer.write(KEYS.mission, encode(messages[0]), 0)
+        for number in range(20):
+            writer.write(KEYS.event("u0"), random.Random(number).randbytes(4 << 20), number)
+        writer.finish({})
+    code = (
+        "import resource, sys; from edc_swarm.recording import read_recording;"
+        "before = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss;"
+        "count = read_recording(sys.argv[1]).garbage_count;"
+        "print(count, resource.getrusage(resource.RUSAGE_SELF).ru_maxrss - before)"
+    )
+    told = subprocess.run([sys.executable, "-c", code, str(path)], capture_output=True, text=True, check=True).stdout
+    count, grown_kb = map(int, told.split())
+    assert count == 20
+    assert grown_kb < 40_000
+
+
+def test_of_a_payload_that_was_too_large_is_told_what_was_kept(tmp_path: Path, messages: list[Message]) -> None:
+    """Its key, its size, its hash: garbage like all that is no message."""
+    stream = io.BytesIO()
+    writer = RecordingWriter(stream, RUN)
+    writer.write(KEYS.mission, encode(messages[0]), 0)
+    writer.write_too_large(TooLarge.of(KEYS.event("u0"), bytes(8 << 20)), 1)
+    writer.finish({})
+    assert len(stream.getvalue()) < 50_000
+    (garbage,) = read_recording(saved(tmp_path / "a.mcap", stream.getvalue())).garbage
+    digest = hashlib.sha256(bytes(8 << 20)).hexdigest()
+    assert garbage.topic == KEYS.event("u0")
+    assert garbage.reason == f"too large: 8388608 bytes, sha256 {digest}, first 4096 bytes kept"
+
+
+def test_an_unknown_codec_is_named_and_nothing_is_recovered(tmp_path: Path, messages: list[Message]) -> None:
+    """A reader with the codec would read more than recovery could keep."""
+    stream = io.BytesIO()
+    writer = RecordingWriter(stream, RUN)
+    writer.write(KEYS.mission, encode(messages[0]), 0)
+    writer.finish({})
+    path = saved(tmp_path / "a.mcap", stream.getvalue().replace(b"\x04\x00\x00\x00zstd", b"\x04\x00\x00\x00oops"))
+    kept = io.BytesIO()
+    for work in (lambda: read_recording(path, salvage=True), lambda: recover(path, kept)):
+        with pytest.raises(RecordingError, match="is compressed with 'oops'; known are '', 'zstd', 'lz4'"):
+            work()
+    assert kept.getvalue() == b""
