@@ -16,6 +16,7 @@ from pathlib import Path
 import zstandard
 
 from edc_swarm.errors import RecordingError
+from edc_swarm.files import read_regular
 
 MAGIC = b"\x89MCAP0\r\n"
 _RECORD = struct.Struct("<BQ")
@@ -94,7 +95,7 @@ class McapFile:
 
     def _bytes(self) -> bytes:
         try:
-            data = self.path.read_bytes()
+            data = read_regular(self.path)
         except OSError as error:
             raise RecordingError(self.path, f"cannot be read ({error.strerror})") from None
         if not data:
