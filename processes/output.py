@@ -134,7 +134,7 @@ def check_new(path: Path, suffix: str, *, force: bool) -> None:
 
 def through_links(path: Path) -> Path:
     """The file that is written by whoever writes `path`: where a symbolic link leads, not the link."""
-    return Path(os.path.realpath(path)) if path.is_symlink() else path
+    return Path(os.path.realpath(path)) if os.path.islink(path) else path
 
 
 def unusable(error: OSError) -> SwarmError:

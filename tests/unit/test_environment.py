@@ -357,14 +357,14 @@ def test_a_way_that_no_battery_covers(tmp_path: Path, capsys: pytest.CaptureFixt
     """Flown, for it is an experiment; who does not get home is named before."""
     raw = _two(5000.0, max_slots=3)
     assert {uav: round(energy_j) for uav, energy_j in stranded(mission_from_dict(raw)).items()} == {
-        "v00": 129142, "v01": 129142,
+        "v00": 143611, "v01": 143611,
     }  # fmt: skip
     (tmp_path / "m.toml").write_text(_toml(raw))
     main(["sim", str(tmp_path / "m.toml"), "--planner", "straight", "--json", "--out", str(tmp_path / "a.mcap")])
     first = capsys.readouterr().err.splitlines()[0]
     assert first == (
         "warning: no battery for the straight flight to the target at full speed: "
-        "v00 (6e+04 of 1.291e+05 J), v01 (6e+04 of 1.291e+05 J)"
+        "v00 (6e+04 of 1.436e+05 J), v01 (6e+04 of 1.436e+05 J)"
     )
 
 
@@ -372,7 +372,7 @@ def test_no_ratio_is_below_one(tmp_path: Path) -> None:
     """Steps smaller than what counts as arrived: the least way ends where the UAV was when it arrived."""
     (tmp_path / "m.toml").write_text(_toml(_two(0.2, v_max_mps=0.001, max_slots=300)))
     out = tmp_path / "a.mcap"
-    main(["sim", str(tmp_path / "m.toml"), "--json", "--out", str(out)])
+    main(["sim", str(tmp_path / "m.toml"), "--planner", "straight", "--json", "--out", str(out)])
     found = compute_metrics(read_recording(out))
     assert found.arrived == 2
     assert found.makespan_ratio == pytest.approx(1.0, abs=0.01)
