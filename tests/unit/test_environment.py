@@ -300,9 +300,9 @@ def test_an_import_that_fails_is_no_unknown_planner(monkeypatch: pytest.MonkeyPa
 # --- missions ------------------------------------------------------------------------------------
 
 
-def _two(way_m: float, **fields: object) -> dict[str, object]:
+def _two(way_m: float, apart_m: float = 500_000.0, **fields: object) -> dict[str, object]:
     radii = {"r_m": 2.0, "body_m": 0.2, "energy_j": 60000.0}
-    starts = {"v00": (0.0, 1.0), "v01": (500_000.0, -1.0)}
+    starts = {"v00": (0.0, 1.0), "v01": (apart_m, -1.0)}
     roster = [
         {"uav": uav, "start_x_m": x_m, "start_y_m": 0.0, "target_x_m": x_m + sign * way_m, "target_y_m": 0.0, **radii}
         for uav, (x_m, sign) in starts.items()
@@ -370,7 +370,7 @@ def test_a_way_that_no_battery_covers(tmp_path: Path, capsys: pytest.CaptureFixt
 
 def test_no_ratio_is_below_one(tmp_path: Path) -> None:
     """Steps smaller than what counts as arrived: the least way ends where the UAV was when it arrived."""
-    (tmp_path / "m.toml").write_text(_toml(_two(0.2, v_max_mps=0.001, max_slots=300)))
+    (tmp_path / "m.toml").write_text(_toml(_two(0.2, 20.0, v_max_mps=0.001, max_slots=300)))
     out = tmp_path / "a.mcap"
     main(["sim", str(tmp_path / "m.toml"), "--planner", "straight", "--json", "--out", str(out)])
     found = compute_metrics(read_recording(out))
@@ -386,7 +386,7 @@ ANY = None
 """An option that takes whatever is said: a flag, a folder, a text that is used later."""
 BAD_VALUES: dict[str, dict[str, str | None]] = {
     "run": {"listen": "x", "remote": "99", "operate": "x", "certs": "x", "live": ANY, "secure": ANY},
-    "join": {"uavs": "0", "state": "/proc/x", "certs": "x"},
+    "join": {"uavs": "0", "state": "/proc/x", "certs": ANY},  # With certificates, the address is wrong first.
     "certs": {"uavs": "0", "out": "/proc/x", "host": "a b", "days": "0", "force": ANY, "json": ANY},
     "fuzz": {"runs": "0", "seed": "-1", "jobs": "0", "keep": "x", "json": ANY},
     "figures": {"runs": "0", "only": "x", "jobs": "0", "out": "/proc/x", "scheduler": "x", "json": ANY},
