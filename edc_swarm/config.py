@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import math
 import re
+from codecs import BOM_UTF8
 from collections.abc import Mapping
 from pathlib import Path
 from typing import Annotated, Any, Literal, TypeVar, cast, get_args, get_origin, get_type_hints
@@ -17,6 +18,7 @@ import msgspec
 from msgspec import Meta, Struct
 
 from edc_swarm.errors import InputError, MissionError
+from edc_swarm.files import open_regular
 
 MAX_UAVS = 2000
 MAX_FAULTS = 1000
@@ -188,17 +190,19 @@ class Mission(Struct, frozen=True, kw_only=True):
 
 
 T = TypeVar("T", bound=Struct)
+_NAME_PATTERN = re.compile(r"Expected `str` matching regex '\^\[A-Za-z0-9_-\]\{(\d+),(\d+)\}\$.*'")
+"""How msgspec refuses a name, in place of which users are told in words what a name may be."""
 
 
-def load_mission(path: str | Path) -> Mission:
-    """Read and validate a mission file.
+def load_mission(path: str | Path, what: str = "mission file") -> Mission:
+    """Read and validate a mission file; `what` names it to the user.
 
     Raises
     ------
     MissionError
         The file is missing, too large, not TOML, or a field is not acceptable.
     """
-    return mission_from_dict(read_toml("mission file", path, MissionError))
+    return mission_from_dict(read_toml(what, path, MissionError))
 
 
 def read_toml(what: str, path: str | Path, refused: type[InputError] = InputError) -> dict[str, Any]:
@@ -211,10 +215,11 @@ def read_toml(what: str, path: str | Path, refused: type[InputError] = InputErro
     """
     file = Path(path)
     try:
-        size = file.stat().st_size
-        if size > MAX_MISSION_BYTES:
-            raise refused(what, str(file), f"at most {MAX_MISSION_BYTES} bytes, not {size}")
-        return cast("dict[str, Any]", msgspec.toml.decode(file.read_bytes()))
+        with open_regular(file) as opened:
+            text = opened.read(MAX_MISSION_BYTES + 1)
+        if len(text) > MAX_MISSION_BYTES:
+            raise refused(what, str(file), f"at most {MAX_MISSION_BYTES} bytes, not {file.stat().st_size}")
+        return cast("dict[str, Any]", msgspec.toml.decode(text.removeprefix(BOM_UTF8)))
     except OSError as error:
         raise refused(what, str(file), f"a readable file ({error.strerror})") from None
     except (msgspec.DecodeError, UnicodeDecodeError) as error:
@@ -256,7 +261,8 @@ def convert(raw: Any, kind: type[T]) -> T:
     except msgspec.ValidationError as error:
         message, _, path = str(error).partition(" - at `$")
         path = path.rstrip("`").removeprefix(".")
-        allowed = message.removeprefix("Expected ").replace("`", "")
+        allowed = _NAME_PATTERN.sub(r"\1 to \2 of the letters a-z and A-Z, digits, - and _", message)
+        allowed = allowed.removeprefix("Expected ").replace("`", "")
         raise MissionError(path or "mission", _at(raw, path), allowed) from None
 
 

@@ -11,7 +11,8 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING, Any
 
-from edc_swarm.config import EnergyModel, HeadModel
+from edc_swarm.config import ARRIVED_M, EnergyModel, HeadModel, Mission
+from edc_swarm.errors import MissionError
 
 if TYPE_CHECKING:
     import numpy as np
@@ -33,6 +34,40 @@ def propulsion_powers_w(speed_mps: NDArray[np.float64], model: EnergyModel) -> N
 def compute_energy_j(cpu_s: float, model: HeadModel) -> float:
     """Energy, in joules, that a head spends on `cpu_s` seconds of processor time."""
     return cpu_s * model.p_active_w
+
+
+def check_batteries(mission: Mission) -> None:
+    """Raise `MissionError` for a UAV whose battery does not cover one step at full speed: it would never move."""
+    for index, entry in enumerate(mission.roster):
+        if entry.straight_m <= ARRIVED_M:
+            continue
+        length_m = min(mission.u_max_m, entry.straight_m)
+        least_j = step_energy_j(mission, length_m)
+        if entry.energy_j < least_j:
+            speed_mps = length_m / (mission.dt_s - 2 * mission.guard_s)
+            raise MissionError(
+                f"roster[{index}].energy_j",
+                entry.energy_j,
+                f"at least {least_j:.4g} J, which the first step of {entry.uav} takes "
+                f"({propulsion_power_w(speed_mps, mission.energy):.4g} W at {speed_mps:g} m/s for a slot of "
+                f"{mission.dt_s:g} s): it could never move",
+            )
+
+
+def stranded(mission: Mission) -> dict[str, float]:
+    """Energy in joules that the straight flight of each UAV takes at full speed, of those whose battery lacks it."""
+    power_w = propulsion_power_w(mission.v_max_mps, mission.energy)
+    needed_j = {
+        entry.uav: power_w * max(0.0, entry.straight_m - ARRIVED_M) / mission.v_max_mps for entry in mission.roster
+    }
+    return {entry.uav: needed_j[entry.uav] for entry in mission.roster if entry.energy_j < needed_j[entry.uav]}
+
+
+def step_energy_j(mission: Mission, length_m: float) -> float:
+    """Propulsion energy, in joules, of one slot in which `length_m` is flown at constant speed between its guards."""
+    flown_s = mission.dt_s - 2 * mission.guard_s
+    flying_j = propulsion_power_w(length_m / flown_s, mission.energy) * flown_s
+    return flying_j + propulsion_power_w(0.0, mission.energy) * (mission.dt_s - flown_s)
 
 
 def _power_w(speed_mps: Any, model: EnergyModel) -> Any:

@@ -23,6 +23,7 @@ from edc_swarm.config import ARRIVED_M, OPERATOR, Mission
 from edc_swarm.energy import compute_energy_j, propulsion_power_w, propulsion_powers_w
 from edc_swarm.errors import RecordingError
 from edc_swarm.faults import WITHOUT_TARGET, parse_faults
+from edc_swarm.files import read_regular
 from edc_swarm.messages import Report
 from edc_swarm.outcome import NotHome, home_at_end, not_home
 from edc_swarm.recording import Recording, fetched_count, find_gaps
@@ -161,7 +162,7 @@ def load_timings(recording_path: str | Path) -> list[Timing]:
     """
     path = Path(recording_path).with_suffix(".timings.json")
     try:
-        return msgspec.json.decode(path.read_bytes(), type=list[Timing])
+        return msgspec.json.decode(read_regular(path), type=list[Timing])
     except FileNotFoundError:
         return []
     except OSError as error:
@@ -198,6 +199,7 @@ def compute_metrics(recording: Recording, timings: Sequence[Timing] = ()) -> Met
     heads = _heads(recording)
     separation = _separation(mission, tracks)
     path_m, straight_m = columns.step_m.sum(axis=0), np.array([entry.straight_m for entry in mission.roster])
+    ended_m = _length_m(columns.centre_m[-1] - columns.centre_m[0])
     return Metrics(
         uavs=len(tracks.uavs),
         slots=slots,
@@ -212,10 +214,10 @@ def compute_metrics(recording: Recording, timings: Sequence[Timing] = ()) -> Met
         min_true_distance_m=separation.min_true_distance_m,
         path_m=float(path_m.sum()),
         straight_m=float(straight_m.sum()),
-        extra_distance_pct=_extra_pct(path_m[home], straight_m[home]),
-        extra_distance_mean_pct=_extra_mean_pct(path_m[home], straight_m[home]),
+        extra_distance_pct=_extra_pct(path_m[home], ended_m[home]),
+        extra_distance_mean_pct=_extra_mean_pct(path_m[home], ended_m[home], straight_m[home]),
         makespan_s=makespan_s,
-        makespan_ratio=_makespan_ratio(mission, makespan_s, straight_m[living]),
+        makespan_ratio=_makespan_ratio(mission, makespan_s, _reached_m(columns, arrival)[living]),
         energy_propulsion_j=_propulsion_j(mission, columns, arrival, first),
         energy_compute_j=compute_energy_j(float(columns.plan_ms.sum()) / 1e3, mission.head),
         energy_straight_j=_straight_energy_j(mission),
@@ -285,8 +287,16 @@ def _makespan_s(mission: Mission, arrival: NDArray[np.int64], first: int | None)
     return max(0.0, slots * mission.dt_s - mission.guard_s)
 
 
-def _makespan_ratio(mission: Mission, makespan_s: float | None, straight_m: Floats) -> float | None:
-    longest_m = float(straight_m.max(initial=0.0))
+def _reached_m(columns: Columns, arrival: NDArray[np.int64]) -> Floats:
+    """(K,) straight line from each UAV's start to where it was when it arrived: up to `ARRIVED_M` from its target."""
+    ends = np.minimum(arrival + 1, len(columns.centre_m) - 1)
+    reached_m = columns.centre_m[ends, np.arange(len(ends))]
+    return _length_m(reached_m - columns.centre_m[0])
+
+
+def _makespan_ratio(mission: Mission, makespan_s: float | None, reached_m: Floats) -> float | None:
+    """The makespan over the least time in which anybody could fly the longest of these straight lines."""
+    longest_m = float(reached_m.max(initial=0.0))
     return makespan_s * mission.v_max_mps / longest_m if makespan_s is not None and longest_m else None
 
 
@@ -321,18 +331,18 @@ def _finite(value: float) -> float | None:
     return float(value) if np.isfinite(value) else None
 
 
-def _extra_pct(path_m: Floats, straight_m: Floats) -> float | None:
-    """All paths together against all straight lines together."""
-    total_m = float(straight_m.sum())
-    return 100 * (float(path_m.sum()) / total_m - 1) if total_m else None
+def _extra_pct(path_m: Floats, ended_m: Floats) -> float | None:
+    """All paths together against the straight lines between their ends, together."""
+    total_m = float(ended_m.sum())
+    return max(0.0, 100 * (float(path_m.sum()) / total_m - 1)) if total_m else None
 
 
-def _extra_mean_pct(path_m: Floats, straight_m: Floats) -> float | None:
+def _extra_mean_pct(path_m: Floats, ended_m: Floats, straight_m: Floats) -> float | None:
     """Mean over the UAVs that have somewhere to go of each one's own percentage."""
     going = straight_m > ARRIVED_M
     if not going.any():
         return None
-    return float(np.mean(100 * (path_m[going] / straight_m[going] - 1)))
+    return max(0.0, float(np.mean(100 * (path_m[going] / ended_m[going] - 1))))
 
 
 def _propulsion_j(mission: Mission, columns: Columns, arrival: NDArray[np.int64], first: int | None) -> float:

@@ -16,7 +16,7 @@ from dataclasses import dataclass
 from msgspec import Struct
 
 from edc_swarm.config import ARRIVED_M, GpsModel, Mission, RosterEntry
-from edc_swarm.energy import propulsion_power_w
+from edc_swarm.energy import step_energy_j
 from edc_swarm.gps import GpsReceiver
 from edc_swarm.knowledge import Grant
 from edc_swarm.messages import NO_ONE, Command
@@ -132,10 +132,7 @@ class Vehicle:
 
     def step_energy_j(self, length_m: float) -> float:
         """Propulsion energy of one slot in which `length_m` is flown at constant speed."""
-        mission = self._mission
-        flown_s = mission.dt_s - 2 * mission.guard_s
-        flying_j = propulsion_power_w(length_m / flown_s, mission.energy) * flown_s
-        return flying_j + propulsion_power_w(0.0, mission.energy) * (mission.dt_s - flown_s)
+        return step_energy_j(self._mission, length_m)
 
     def begin_slot(self, slots: int, command: Command | None) -> None:
         """Fly `command`, or hold; `slots` have passed since the last call (more than 1 after a freeze)."""

@@ -24,28 +24,61 @@ def free_endpoint(protocol: str = "tcp") -> str:
 
 def parse_endpoint(field: str, endpoint: str, protocol: str = "tcp", which: str = "") -> tuple[str, int]:
     """Host and port of an address; raises `InputError` that names `field`, and says `which` addresses are allowed."""
-    found = re.fullmatch(protocol + r"/(\[[0-9a-fA-F:]+\]|[A-Za-z0-9._-]+):(\d{1,5})", endpoint)
-    if found is None or not 0 < int(found[2]) < 65536:
+    found = re.fullmatch(
+        protocol + r"/(\[[0-9a-fA-F:]+\]|[A-Za-z0-9._-]+):(\d{1,5})(#iface=[^#;=/\s]{1,15})?", endpoint
+    )
+    if found is None:
         raise InputError(field, endpoint, f"{protocol}/HOST:PORT{which}")
+    if not 0 < int(found[2]) < 65536:
+        raise InputError(field, endpoint, f"{protocol}/HOST:PORT with a port from 1 to 65535{which}")
     return found[1].strip("[]"), int(found[2])
+
+
+def listening_endpoint(endpoint: str, protocol: str = "tcp") -> str:
+    """The address to listen at, with a port that is free in place of port 0.
+
+    Raises
+    ------
+    InputError
+        It is no address, or cannot be listened on.
+    """
+    anywhere = re.fullmatch(r"(.*:)0(#.*)?", endpoint)
+    if anywhere is None:
+        check_endpoint(endpoint, protocol)
+        return endpoint
+    host, _ = parse_endpoint("--listen", f"{anywhere[1]}1{anywhere[2] or ''}", protocol, FREE)
+    try:
+        port = _free_port(host)
+    except OSError as error:
+        raise _not_listened(endpoint, protocol, error) from None
+    return f"{anywhere[1]}{port}{anywhere[2] or ''}"
 
 
 def check_endpoint(endpoint: str, protocol: str = "tcp") -> None:
     """Raise `InputError` unless `endpoint` is an address that can be listened on."""
     host, port = parse_endpoint("--listen", endpoint, protocol, FREE)
     try:
-        family = socket.getaddrinfo(host, port, type=socket.SOCK_STREAM)[0][0]
-        with socket.socket(family, socket.SOCK_STREAM) as probe:
-            probe.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
-            probe.bind((host, port))
+        _free_port(host, port)
     except OSError as error:
-        allowed = f"{protocol}/HOST:PORT{FREE} ({(error.strerror or str(error)).lower()})"
-        raise InputError("--listen", endpoint, allowed) from None
+        raise _not_listened(endpoint, protocol, error) from None
+
+
+def _free_port(host: str, port: int = 0) -> int:
+    """The port, or for 0 any port, that nobody listens on at `host`; raises `OSError` where there is none."""
+    family = socket.getaddrinfo(host, port, type=socket.SOCK_STREAM)[0][0]
+    with socket.socket(family, socket.SOCK_STREAM) as probe:
+        probe.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
+        probe.bind((host, port))
+        return int(probe.getsockname()[1])
+
+
+def _not_listened(endpoint: str, protocol: str, error: OSError) -> InputError:
+    return InputError("--listen", endpoint, f"{protocol}/HOST:PORT{FREE} ({(error.strerror or str(error)).lower()})")
 
 
 def sought_router(endpoint: str) -> str:
     """A router that does not answer, and why, as far as a bare connection shows it."""
-    protocol, _, address = endpoint.partition("/")
+    protocol, _, address = _plain(endpoint).partition("/")
     host, _, port = address.rpartition(":")
     try:
         socket.create_connection((host.strip("[]"), int(port)), PROBE_S).close()
@@ -57,9 +90,14 @@ def sought_router(endpoint: str) -> str:
 
 def advertised_endpoint(listen: str) -> str:
     """Where clients on other hosts find it, if they know this host by its name."""
-    return re.sub(r"/(0\.0\.0\.0|\[::\]):", f"/{socket.gethostname()}:", listen)
+    return re.sub(r"/(0\.0\.0\.0|\[::\]):", f"/{socket.gethostname()}:", _plain(listen))
 
 
 def connect_endpoint(listen: str) -> str:
     """Where clients on this host find a router that listens at `listen`."""
-    return listen.replace("/0.0.0.0:", "/127.0.0.1:").replace("/[::]:", "/[::1]:")
+    return _plain(listen).replace("/0.0.0.0:", "/127.0.0.1:").replace("/[::]:", "/[::1]:")
+
+
+def _plain(endpoint: str) -> str:
+    """An address without the network interface, which is a matter of whoever listens or connects there."""
+    return endpoint.partition("#")[0]

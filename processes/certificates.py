@@ -22,6 +22,7 @@ from cryptography.x509.oid import ExtendedKeyUsageOID, NameOID
 from edc_swarm.config import ROUTER
 from edc_swarm.errors import InputError
 from processes.credentials import AUTHORITY, CERTIFIED, certificate_path, key_path
+from processes.output import unwritten
 
 DAYS = 30
 MAX_DAYS = 825
@@ -49,7 +50,7 @@ def write_certificates(
             raise InputError("--out", str(folder), "a new or empty folder (or give --force)")
         _write_all(folder, [*CERTIFIED, *uavs], hosts, timedelta(days=days))
     except OSError as error:
-        raise InputError("--out", str(folder), f"a folder that can be written ({error.strerror})") from None
+        raise unwritten("--out", folder, error) from None
 
 
 def _write_all(folder: Path, names: Sequence[str], hosts: Sequence[str], lifetime: timedelta) -> None:

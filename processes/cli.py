@@ -12,10 +12,13 @@ from typing import Any, Literal, get_args, get_origin
 from cyclopts import App, CoercionError, CycloptsError, MissingArgumentError, Parameter, Token, UnknownOptionError
 from cyclopts.exceptions import RepeatArgumentError, UnknownCommandError, UnusedCliTokensError
 
-from edc_swarm.errors import SwarmError
+from edc_swarm.errors import InputError, SwarmError
 from processes.children import PartEndedError
-from processes.console import BAD_INPUT, FAILED, complain, note
+from processes.compiled_code import find_a_place
+from processes.console import BAD_INPUT, FAILED, UNREAD, complain, note
 from processes.giving_up import give_up
+from processes.output import unusable
+from processes.streams import UnreadError, let_go_of_results, prepare_streams
 
 app = App(
     name="edc-swarm",
@@ -49,13 +52,21 @@ app.command("processes.commands.certs:certs", help="Make the certificates of a s
 app.command("processes.commands.report:report", help="Make a self-contained page of a recording.")
 
 
+PLANNING = frozenset({"run", "join", "sim", "fuzz", "figures", "latency", "replay"})
+"""Commands that plan, in this process or in others that they start."""
+PLANNING_AGAIN = frozenset({"check", "report"})
+"""Commands that simulate a recorded mission a second time."""
+
+
 def main(arguments: Sequence[str] | None = None) -> int:
     """Run one command and return its exit status.
 
     0: fine; 1: a guarantee is broken, a UAV is not home, or the mission failed; 2: bad input; 3: nothing is broken,
-    but something could not be judged.
+    but something could not be judged; 141: whoever read the results has left.
     """
-    arguments = sys.argv[1:] if arguments is None else arguments
+    if arguments is None:
+        prepare_streams()
+        arguments = sys.argv[1:]
     status = BAD_INPUT
     try:
         status = _run(arguments)
@@ -67,23 +78,43 @@ def main(arguments: Sequence[str] | None = None) -> int:
 
 
 def _run(arguments: Sequence[str]) -> int:
-    if (here := str(Path.cwd())) not in sys.path:
-        sys.path.append(here)  # A user's planner may lie beside the mission.
+    """Run one command, and tell in one line what it cannot do."""
     try:
-        return int(app(arguments) or 0)
+        status = _command(arguments)
+        sys.stdout.flush()
     except CycloptsError as error:
-        return complain(_in_one_line(error))
+        status = complain(_in_one_line(error))
     except PartEndedError as error:
         complain(error)
-        return FAILED
+        status = FAILED
     except SwarmError as error:
-        return complain(error)
+        status = complain(error)
+    except UnreadError:
+        status = UNREAD
+    except OSError as error:
+        status = complain(unusable(error))
+    except UnicodeEncodeError as error:
+        status = complain(InputError("text", error.object, "in UTF-8"))
     except KeyboardInterrupt:
         note("interrupted")
-        return FAILED
-    except BrokenPipeError:
-        sys.stderr.close()
-        return 1
+        status = FAILED
+    let_go_of_results()
+    return status
+
+
+def _command(arguments: Sequence[str]) -> int:
+    plans = bool(arguments) and arguments[0] in PLANNING
+    try:
+        here = str(Path.cwd())
+    except FileNotFoundError:
+        if plans:
+            raise SwarmError("the working folder was removed: change to one that exists") from None
+    else:
+        if here not in sys.path:
+            sys.path.append(here)  # A user's planner may lie beside the mission.
+    if plans or (arguments and arguments[0] in PLANNING_AGAIN):
+        find_a_place()
+    return int(app(arguments) or 0)
 
 
 def _in_one_line(error: CycloptsError) -> str:

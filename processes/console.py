@@ -17,6 +17,9 @@ BAD_INPUT = 2
 NOT_JUDGED = 3
 """Exit status: nothing is broken, but a guarantee could not be judged for lack of evidence."""
 
+UNREAD = 128 + 13
+"""Exit status: the pipe of standard output was closed, told as a shell tells of a process that SIGPIPE has ended."""
+
 
 def note(text: str) -> None:
     """Tell the user something beside the result."""

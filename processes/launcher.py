@@ -29,6 +29,7 @@ from processes.address import (
     connect_endpoint,
     free_endpoint,
     parse_endpoint,
+    sought_router,
 )
 from processes.bus import open_client
 from processes.children import Child, ChildExited, ChildReady, PartEndedError
@@ -219,8 +220,14 @@ class Launcher:
             self._pool.fly(self._uav_settings(entry.uav))
 
     def _connect(self) -> zenoh.Session:
-        own = credentials(self._security.certs, OPERATOR)
-        return open_client(connect_endpoint(self._endpoint), own, timeout_ms=OPEN_TIMEOUT_MS, observer=True)
+        own, endpoint = credentials(self._security.certs, OPERATOR), connect_endpoint(self._endpoint)
+        try:
+            return open_client(endpoint, own, timeout_ms=OPEN_TIMEOUT_MS, observer=True)
+        except zenoh.ZError:
+            if self._listen is None:
+                sought = sought_router(endpoint)
+                raise SwarmError(f"cannot reach {sought}: is the loopback interface of this host up?") from None
+            raise InputError("--listen", self._listen, sought_router(endpoint)) from None
 
     def _operate(self, session: zenoh.Session, orders: Mapping[str, bytes] | None = None) -> Operator:
         desk = Desk(self._mission, self._elsewhere, orders, by_name=self._protection is not None)

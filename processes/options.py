@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+import re
+from collections.abc import Iterator, Mapping
+from contextlib import contextmanager
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
@@ -10,9 +13,12 @@ from cyclopts import Parameter
 from msgspec import to_builtins
 
 from edc_swarm.config import Criterion, GpsModel, Minimise, Mission, load_mission, with_options
+from edc_swarm.energy import check_batteries, stranded
+from edc_swarm.errors import InputError
 from edc_swarm.faults import parse_faults
 from edc_swarm.planner import check_planner
 from edc_swarm.roster import complete_mission
+from processes.console import note
 from processes.whole import Whole
 
 MISSION_HELP = "Mission file (TOML); without one, a random mission."
@@ -32,6 +38,34 @@ FIELDS = {
     "max_slots": "max_slots",
 }
 """Field of the mission that an option sets."""
+LINK_FIELDS = {name: f"link.{name}" for name in ("delay_ms", "jitter_ms", "loss")}
+"""Field of every link of the mission that an option sets."""
+MOST_NAMED = 5
+
+
+@contextmanager
+def named_as_options(options: Mapping[str, str]) -> Iterator[None]:
+    """Let what is raised speak of options where the user has given options: `options` by the fields that they set.
+
+    A field of a list, such as link[0].loss or delays_ms[2], belongs to the option for the whole of it.
+    """
+    try:
+        yield
+    except InputError as error:
+        field = options.get(re.sub(r"\[\d+\]", "", error.field), error.field)
+        allowed = re.sub(r"\w+_\w+", lambda name: options.get(name[0], name[0]), error.allowed)
+        raise type(error)(field, error.value, allowed) from None
+
+
+def _warn_of_batteries(mission: Mission) -> None:
+    """Tell before take-off who cannot get home: it is a mission all the same."""
+    needed_j = stranded(mission)
+    if not needed_j:
+        return
+    battery_j = {entry.uav: entry.energy_j for entry in mission.roster}
+    named = [f"{uav} ({battery_j[uav]:.4g} of {needed_j[uav]:.4g} J)" for uav in [*needed_j][:MOST_NAMED]]
+    more = f" and {len(needed_j) - MOST_NAMED} more" if len(needed_j) > MOST_NAMED else ""
+    note(f"warning: no battery for the straight flight to the target at full speed: {', '.join(named)}{more}")
 
 
 @Parameter(name="*")
@@ -114,17 +148,28 @@ class MissionOptions:
             With the field, the value and what is allowed.
         """
         base = load_mission(file) if file is not None else Mission()
-        mission = complete_mission(with_options(base, self._given(base)))
-        parse_faults(mission)
-        check_planner(mission)
+        with named_as_options(self._options()):
+            mission = complete_mission(with_options(base, self._given(base)))
+            parse_faults(mission)
+            check_planner(mission)
+            check_batteries(mission)
+        _warn_of_batteries(mission)
         return mission
+
+    def _options(self) -> dict[str, str]:
+        """The option that was given for each field of the mission."""
+        fields = {**FIELDS, **LINK_FIELDS}
+        given = {field: option for option, field in fields.items() if getattr(self, option) is not None}
+        if self.fault:
+            given["fault"] = "fault"
+        return {field: f"--{option.replace('_', '-')}" for field, option in given.items()}
 
     def _given(self, base: Mission) -> dict[str, Any]:
         options = {name: getattr(self, option) for option, name in FIELDS.items()}
         given = {name: value for name, value in options.items() if value is not None}
         if self.fault:
             given["fault"] = [*base.fault, *self.fault]
-        link = {name: getattr(self, name) for name in ("delay_ms", "jitter_ms", "loss")}
+        link = {name: getattr(self, name) for name in LINK_FIELDS}
         if stated := {name: value for name, value in link.items() if value is not None}:
             given["link"] = [stated, *({**rule, **stated} for rule in to_builtins(base.link))]
         return given

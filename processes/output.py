@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
+import errno
 import fcntl
 import os
 import shutil
+import stat
 import time
 from collections.abc import Iterator
 from contextlib import contextmanager, suppress
@@ -12,7 +14,8 @@ from pathlib import Path
 from types import TracebackType
 from typing import BinaryIO
 
-from edc_swarm.errors import InputError, RecordingError
+from edc_swarm.errors import InputError, RecordingError, SwarmError
+from edc_swarm.files import open_regular
 from edc_swarm.recording import recover
 
 SUFFIX = ".mcap"
@@ -39,6 +42,7 @@ class Output:
     """
 
     def __init__(self, path: Path, *, force: bool, begun: bool = False) -> None:
+        path = through_links(path)
         if not begun:
             check_output(path, force=force)
         self.path = path
@@ -49,12 +53,12 @@ class Output:
             path.parent.mkdir(parents=True, exist_ok=True)
             self.salvaged = salvage_parts(path.parent)
             os.close(os.open(self.part, os.O_RDWR | (0 if begun else os.O_CREAT | os.O_EXCL), 0o644))
+            shutil.rmtree(self.logs, ignore_errors=True)
+            self.state.mkdir(parents=True, exist_ok=True)
         except FileExistsError:
             raise InputError("--out", str(path), f"a file that no other run is writing ({self.part.name})") from None
         except OSError as error:
             raise InputError("--out", str(path), f"in a folder that can be written ({_why(error)})") from None
-        shutil.rmtree(self.logs, ignore_errors=True)
-        self.state.mkdir(parents=True)
 
     def __enter__(self) -> Output:
         return self
@@ -113,12 +117,46 @@ def timestamp() -> str:
 
 def check_output(path: Path, *, force: bool) -> None:
     """Raise `InputError` where writing `path` would overwrite something."""
-    if path.suffix != SUFFIX:
-        raise InputError("--out", str(path), f"a name that ends in {SUFFIX}")
-    if path.is_dir():
-        raise InputError("--out", str(path), "a file, not a folder")
-    if path.exists() and not force:
+    check_new(path, SUFFIX, force=force)
+
+
+def check_new(path: Path, suffix: str, *, force: bool) -> None:
+    """Raise `InputError` unless a file of this kind can be written at `path` without overwriting something."""
+    if path.suffix != suffix:
+        raise InputError("--out", str(path), f"a name that ends in {suffix}")
+    try:
+        os.fsencode(path).decode()
+        os.fsencode(path.absolute()).decode()
+    except UnicodeDecodeError:
+        raise InputError("--out", str(path), "a path in UTF-8, folders included") from None
+    except FileNotFoundError:
+        raise InputError("--out", str(path), "an absolute path where the working folder was removed") from None
+    try:
+        mode = path.stat().st_mode
+    except FileNotFoundError:
+        return
+    except OSError as error:
+        raise InputError("--out", str(path), f"a path that can be written ({_why(error)})") from None
+    if not stat.S_ISREG(mode):
+        raise InputError("--out", str(path), f"a regular file, not {'a folder' if stat.S_ISDIR(mode) else 'a device'}")
+    if not force:
         raise InputError("--out", str(path), "a new file (or give --force)")
+
+
+def through_links(path: Path) -> Path:
+    """The file that is written by whoever writes `path`: where a symbolic link leads, not the link."""
+    return Path(os.path.realpath(path)) if os.path.islink(path) else path
+
+
+def unusable(error: OSError) -> SwarmError:
+    """What the system has refused, as one line that says which file it was and what to do about it."""
+    named = f"{os.fsdecode(error.filename)}: " if isinstance(error.filename, (str, bytes)) else ""
+    return SwarmError(f"{named}{_why(error)}")
+
+
+def unwritten(option: str, path: Path, error: OSError) -> InputError:
+    """A file that was being written and could not be."""
+    return InputError(option, str(path), f"where it can be written ({_why(error)})")
 
 
 def salvage_parts(folder: Path) -> list[Path]:
@@ -136,10 +174,20 @@ def recovered_name(part: Path) -> Path:
 
 @contextmanager
 def held_for_writing(part: Path) -> Iterator[BinaryIO]:
-    """The file `part`, locked: nobody takes it for what a killed run has left. Rename it before it is let go."""
-    with part.open("r+b") as stream:
-        fcntl.flock(stream, fcntl.LOCK_EX)
-        yield stream
+    """The file `part`, locked: nobody takes it for what a killed run has left. Rename it before it is let go.
+
+    Raises
+    ------
+    InputError
+        It cannot be written; then it is gone.
+    """
+    try:
+        with part.open("r+b") as stream:
+            fcntl.flock(stream, fcntl.LOCK_EX)
+            yield stream
+    except OSError as error:
+        part.unlink(missing_ok=True)
+        raise unwritten("--out", part.with_name(part.name.removesuffix(PART)), error) from None
 
 
 @contextmanager
@@ -152,7 +200,7 @@ def locked_for_reading(part: Path) -> Iterator[None]:
         It cannot be opened, or a run in progress is writing it.
     """
     try:
-        with part.open("rb") as held:
+        with open_regular(part) as held:
             fcntl.flock(held, fcntl.LOCK_SH | fcntl.LOCK_NB)
             yield
     except BlockingIOError:
@@ -167,18 +215,20 @@ def new_file(path: Path) -> Iterator[BinaryIO]:
 
     Raises
     ------
-    RecordingError
+    InputError
         It cannot be written.
     """
+    path = through_links(path)
     unfinished = path.with_name(path.name + ".tmp")
     try:
         with unfinished.open("wb") as stream:
             yield stream
         unfinished.replace(path)
     except OSError as error:
-        raise RecordingError(path, f"cannot be written ({_why(error)})") from None
+        raise unwritten("--out", path, error) from None
     finally:
-        unfinished.unlink(missing_ok=True)
+        with suppress(OSError):
+            unfinished.unlink(missing_ok=True)
 
 
 def write_recovered(part: Path, whole: Path) -> list[str]:
@@ -194,7 +244,7 @@ def _salvage(part: Path) -> Path | None:
             if part.stat().st_size == 0 and time.time() - part.stat().st_mtime < 60:
                 return None
             if not whole.exists():
-                with suppress(RecordingError):
+                with suppress(SwarmError):
                     write_recovered(part, whole)
             part.rename(part.with_name(part.name + TORN))
     except RecordingError:
@@ -211,4 +261,7 @@ def _remove_empty_logs(logs: Path) -> None:
 
 
 def _why(error: OSError) -> str:
-    return (error.strerror or str(error)).lower()
+    why = (error.strerror or str(error)).lower()
+    if error.errno in {errno.ENOSPC, errno.EDQUOT}:
+        why += ": free some of that disk, or write to another one"
+    return why

@@ -26,12 +26,16 @@ def run_facts(clock: str) -> dict[str, str]:
     """Metadata `run` of a recording; `clock` is "wall" or "virtual"."""
     return {
         "clock": clock,
-        "command": shlex.join([Path(sys.argv[0]).name, *_about_the_run(sys.argv[1:])]),
+        "command": os.fsencode(_command()).decode(errors="backslashreplace"),
         "commit": _commit(),
         "machine": f"{platform.machine()}, {os.cpu_count()} processors, {platform.system()} {platform.release()}",
         "python": platform.python_version(),
         **{f"version {name}": version(name) for name in PACKAGES},
     }
+
+
+def _command() -> str:
+    return shlex.join([Path(sys.argv[0]).name, *_about_the_run(sys.argv[1:])])
 
 
 def made_otherwise(run: Mapping[str, str]) -> str:

@@ -19,7 +19,7 @@ import time
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from concurrent.futures import FIRST_COMPLETED, Future, ProcessPoolExecutor, wait
 from concurrent.futures.process import BrokenProcessPool
-from contextlib import ExitStack, contextmanager
+from contextlib import ExitStack, contextmanager, suppress
 from functools import lru_cache
 from importlib.metadata import version
 from itertools import islice
@@ -36,6 +36,7 @@ from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, T
 import edc_swarm
 from edc_swarm.errors import InputError, SwarmError
 from edc_swarm.sweeps import Run
+from processes.output import unwritten
 from processes.parent import die_with_parent
 
 RUNS_FILE = "runs.jsonl"
@@ -98,14 +99,18 @@ class Ledger:
     def __exit__(
         self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
     ) -> None:
-        self._file.close()
+        with suppress(OSError):  # On a full disk it tries once more to write what `add` has complained of.
+            self._file.close()
 
     def add(self, run: Run, result: Any, cpu_s: float) -> None:
         """Keep a result; it is on disk when this returns, as far as a killed process is concerned."""
         code = self.code + strangers_fingerprint(run.key)
         line = Line(key=run.key, command=run.command, code=code, cpu_s=round(cpu_s, 3), result=result)
-        self._file.write(msgspec.json.encode(line) + b"\n")
-        self._file.flush()
+        try:
+            self._file.write(msgspec.json.encode(line) + b"\n")
+            self._file.flush()
+        except OSError as error:
+            raise unwritten("--out", self.folder, error) from None
         self.results[run.key] = result
 
     def _load(self) -> None:

@@ -25,6 +25,7 @@ from edc_swarm.config import (
     refuse_unknown,
     with_options,
 )
+from edc_swarm.energy import check_batteries
 from edc_swarm.errors import MissionError
 from edc_swarm.faults import parse_faults
 from edc_swarm.latency.arithmetic import only_holds
@@ -133,7 +134,9 @@ def _check(sweep: LatencySweep) -> None:
     if (runs := len(sweep.cells) * sweep.repeats) > MAX_RUNS:
         raise MissionError("repeats", sweep.repeats, f"so few that all cells need at most {MAX_RUNS} runs, not {runs}")
     for cell in sweep.cells[:: len(sweep.losses) * len(sweep.delays_ms) * len(sweep.jitters_ms)]:
-        parse_faults(complete_mission(mission_of(sweep, cell, 0)))
+        mission = complete_mission(mission_of(sweep, cell, 0))
+        parse_faults(mission)
+        check_batteries(mission)
     check_planner(sweep.mission)
 
 

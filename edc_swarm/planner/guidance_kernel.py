@@ -12,10 +12,12 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable
+from contextlib import suppress
 from typing import Any, NamedTuple, TypeVar
 
 import numpy as np
 from numba import njit
+from numba.core.caching import FunctionCache
 from numpy.typing import NDArray
 
 Floats = NDArray[np.float64]
@@ -59,11 +61,37 @@ INSERTED: Any = np.int64(1)
 def compiled(function: Function) -> Function:
     """Compile a function that makes no array, so references need not be counted: that took a third of the time.
 
-    Divisions follow IEEE 754, so no check for zero slows the loops down; none of them divides by zero.
+    Divisions follow IEEE 754, so no check for zero slows the loops down; none of them divides by zero. What is compiled
+    is kept on disk; where that cannot be, it is kept in memory alone.
     """
-    options: dict[str, Any] = {"cache": True, "error_model": "numpy", "_nrt": False}
-    compile_it: Callable[[Function], Function] = njit(**options)
-    return compile_it(function)
+    options: dict[str, Any] = {"error_model": "numpy", "_nrt": False}
+    dispatcher: Any = njit(**options)(function)
+    with suppress(RuntimeError):  # No folder can be written.
+        dispatcher._cache = _Cache(function)
+    compiled_function: Function = dispatcher
+    return compiled_function
+
+
+_DiskCache: Any = FunctionCache
+"""Numba's class, which has no types."""
+
+
+class _Cache(_DiskCache):  # type: ignore[misc]
+    """Numba's cache on disk, whose failure costs time and nothing else: a full disk, or a file that was torn."""
+
+    def load_overload(self, sig: Any, target_context: Any) -> Any:
+        """Load a compiled function; None where there is none, or none that can be read."""
+        try:
+            return super().load_overload(sig, target_context)
+        except Exception:  # noqa: BLE001  (unpickling a torn file may raise anything)
+            with suppress(OSError):
+                self.flush()
+            return None
+
+    def save_overload(self, sig: Any, data: Any) -> None:
+        """Save a compiled function, if that can be."""
+        with suppress(OSError):
+            super().save_overload(sig, data)
 
 
 class Rules(NamedTuple):

@@ -7,7 +7,7 @@ import importlib
 import msgspec
 
 from edc_swarm.config import Mission, RosterEntry
-from edc_swarm.errors import MissionError
+from edc_swarm.errors import MissionError, SwarmError
 from edc_swarm.planner.interface import Planner, PlannerFactory, PlanRequest, Stopwatch, stopped
 
 BUILT_IN = {
@@ -24,6 +24,8 @@ def make_planner(name: str, mission: Mission, stopwatch: Stopwatch = stopped) ->
     ------
     MissionError
         There is no such planner, or it cannot be made.
+    SwarmError
+        A planner of this package cannot be imported: that is no fault of the mission.
     """
     factory, own = _factory(name), name in BUILT_IN or name.startswith("edc_swarm.")
     return factory(mission, stopwatch) if own else _guarded(name, factory, mission, stopwatch)
@@ -97,8 +99,11 @@ def _factory(name: str) -> PlannerFactory:
         raise MissionError("planner", name, allowed)
     try:
         factory: PlannerFactory = getattr(importlib.import_module(module_name), attribute)
-    except Exception as error:  # noqa: BLE001  (importing a stranger's module may raise anything)
-        raise MissionError("planner", name, f"{allowed} ({type(error).__name__}: {error})") from None
+    except Exception as error:
+        why = f"{type(error).__name__}: {error}"
+        if name in BUILT_IN:
+            raise SwarmError(f"the planner {name} of this package cannot be imported: {why}") from error
+        raise MissionError("planner", name, f"{allowed} ({why})") from None
     if not callable(factory):
         raise MissionError("planner", name, f"{allowed} ({attribute} is no class)")
     return factory

@@ -20,6 +20,7 @@ import lz4.frame
 import zstandard
 
 from edc_swarm.errors import RecordingError
+from edc_swarm.files import open_regular
 
 MAGIC = b"\x89MCAP0\r\n"
 _RECORD = struct.Struct("<BQ")
@@ -87,7 +88,7 @@ class McapFile:
             The file cannot be opened, is empty, is not MCAP of a known version, or has a chunk of an unknown codec.
         """
         try:
-            with self.path.open("rb") as stream:
+            with open_regular(self.path) as stream:
                 self._check_magic(stream)
                 yield from self._walked(stream)
         except OSError as error:

@@ -20,6 +20,7 @@ from edc_swarm.figures.table import Row, rows_of
 from edc_swarm.sweeps import Run
 from processes.console import note, print_json
 from processes.figures_page import page
+from processes.output import unwritten
 from processes.plots import check_plots, draw_figure, draw_heads
 from processes.run_facts import run_facts
 from processes.sweep import Ledger, open_scheduler, sweep
@@ -81,7 +82,7 @@ def figures(*, options: FiguresOptions | None = None) -> int:
     try:
         rows, found = _write(options, names, runs, results)
     except OSError as error:
-        raise InputError("--out", str(options.out), f"a folder that can be written ({error.strerror})") from None
+        raise unwritten("--out", options.out, error) from None
     _conclude(options, rows, found)
     return 0
 

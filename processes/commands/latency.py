@@ -26,12 +26,16 @@ from processes.floor import Floor, measure_floor
 from processes.latency_page import floor_notes, page, words
 from processes.latency_plots import Axis, draw_quantity
 from processes.launched import Launched, launched_fingerprint
+from processes.options import named_as_options
+from processes.output import unwritten
 from processes.plots import check_plots
 from processes.run_facts import run_facts
 from processes.sweep import Ledger, Scheduler, open_scheduler, sweep
 
 LISTS = {"delays": "delays_ms", "jitters": "jitters_ms", "losses": "losses", "slots": "slots_s", "uavs": "uavs"}
 """Field of the sweep that an option with a list sets."""
+PLAIN = ("engine", "repeats", "max_slots", "hold_slots")
+"""Fields of the sweep that options of the same names set."""
 LAUNCHED = "processes"
 """Folder of the runs with real processes, in that of the sweep."""
 FLOOR_SLOTS = 40
@@ -122,12 +126,13 @@ class LatencyOptions:
     def sweep(self, file: Path | None) -> LatencySweep:
         """The sweep: file, then options, then defaults."""
         raw = read_toml("sweep file", file) if file is not None else {}
-        given = {name: getattr(self, name) for name in ("engine", "repeats", "max_slots", "hold_slots")}
-        raw |= {name: value for name, value in given.items() if value is not None}
-        raw |= {field: _numbers(option, text) for option, field in LISTS.items() if (text := getattr(self, option))}
+        given = {name: value for name in PLAIN if (value := getattr(self, name)) is not None}
+        lists = {LISTS[name]: _numbers(name, text) for name in LISTS if (text := getattr(self, name)) is not None}
+        options = {field: name for name, field in LISTS.items() if field in lists} | {name: name for name in given}
         if self.mission is not None:
-            raw["mission"] = msgspec.to_builtins(load_mission(self.mission))
-        return sweep_of(raw)
+            raw["mission"] = msgspec.to_builtins(load_mission(self.mission, "--mission"))
+        with named_as_options({field: f"--{name.replace('_', '-')}" for field, name in options.items()}):
+            return sweep_of({**raw, **given, **lists})
 
 
 def latency(
@@ -149,7 +154,7 @@ def latency(
     try:
         _write(options.out, rows, found, floor)
     except OSError as error:
-        raise InputError("--out", str(options.out), f"a folder that can be written ({error.strerror})") from None
+        raise unwritten("--out", options.out, error) from None
     _conclude(options, rows, found, floor)
     if not is_safe(rows):
         return FAILED
@@ -211,8 +216,11 @@ def _with_file(run: Run, folder: Path) -> Run:
         command_of(run.mission)
     except InputError:
         file = folder / "missions" / f"{run_name(run.mission)}.toml"
-        file.parent.mkdir(exist_ok=True)
-        file.write_text(mission_toml(run.mission), encoding="utf-8")
+        try:
+            file.parent.mkdir(exist_ok=True)
+            file.write_text(mission_toml(run.mission), encoding="utf-8")
+        except OSError as error:
+            raise unwritten("--out", folder, error) from None
         return replace(run, file=str(file))
     return run
 

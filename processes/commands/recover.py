@@ -35,7 +35,7 @@ def recover(
         Print what is missing as JSON alone on standard output.
     """
     path = out or recovered_name(part)
-    if path.exists() and path.samefile(part):
+    if _is_same(path, part):
         raise InputError("--out", str(path), f"another file than the torn one, with a name in {SUFFIX}")
     check_output(path, force=force)
     with locked_for_reading(part):
@@ -55,3 +55,10 @@ def recover(
     )
     print(path)
     return FAILED if problems else 0
+
+
+def _is_same(path: Path, other: Path) -> bool:
+    try:
+        return path.samefile(other)
+    except OSError:
+        return False

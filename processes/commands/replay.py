@@ -20,7 +20,7 @@ from edc_swarm.messages import PREFIX, Keys
 from edc_swarm.planner import make_planner, warm_up
 from edc_swarm.recording import McapFile, read_recording
 from edc_swarm.replanning import replan
-from processes.address import check_endpoint, free_endpoint
+from processes.address import free_endpoint, listening_endpoint, parse_endpoint, sought_router
 from processes.bus import open_client, open_router
 from processes.console import FAILED, NOT_JUDGED, note, print_json
 from processes.run_facts import made_otherwise
@@ -79,6 +79,8 @@ def replay(
 
 
 def _check(options: ReplayOptions) -> None:
+    if options.connect is not None:
+        parse_endpoint("--connect", options.connect)
     if not (math.isfinite(options.speed) and options.speed > 0):
         raise InputError("--speed", options.speed, "a finite number above 0")
     if not (math.isfinite(options.wait) and 0 <= options.wait <= 3600):
@@ -114,11 +116,12 @@ def _session(options: ReplayOptions) -> zenoh.Session:
         try:
             return open_client(options.connect, timeout_ms=CONNECT_TIMEOUT_MS)
         except zenoh.ZError:
-            raise InputError("--connect", options.connect, "the address of a router that answers") from None
-    if options.listen is not None:
-        check_endpoint(options.listen)
-    endpoint = options.listen or free_endpoint()
-    session = open_router(endpoint)
+            raise InputError("--connect", options.connect, sought_router(options.connect)) from None
+    endpoint = listening_endpoint(options.listen) if options.listen is not None else free_endpoint()
+    try:
+        session = open_router(endpoint)
+    except zenoh.ZError as error:
+        raise InputError("--listen", endpoint, f"an address to listen on ({error})") from None
     note(f"on the bus at {endpoint}")
     return session
 

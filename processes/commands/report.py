@@ -8,12 +8,11 @@ from typing import Annotated
 
 from cyclopts import Parameter
 
-from edc_swarm.errors import InputError
 from edc_swarm.metrics import compute_metrics, load_timings
 from edc_swarm.recording import read_recording
 from edc_swarm.report_page import Assets, Page, render
 from processes.judging import judged
-from processes.output import SUFFIX, new_file
+from processes.output import SUFFIX, check_new, new_file
 
 HTML = ".html"
 
@@ -37,10 +36,7 @@ def report(
         Overwrite an existing page.
     """
     path = out or recording.with_name(recording.name.removesuffix(SUFFIX) + HTML)
-    if path.suffix != HTML:
-        raise InputError("--out", str(path), f"a name that ends in {HTML}")
-    if path.exists() and not force:
-        raise InputError("--out", str(path), "a new file (or give --force)")
+    check_new(path, HTML, force=force)
     whole, timings = read_recording(recording), load_timings(recording)
     metrics = compute_metrics(whole, timings)
     page = Page.of(whole, metrics.heads, timings)

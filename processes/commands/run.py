@@ -13,7 +13,7 @@ from edc_swarm.config import OPERATOR, RECORDER, ROUTER, Mission
 from edc_swarm.errors import InputError
 from edc_swarm.faults import parse_faults
 from edc_swarm.links import have_range
-from processes.address import check_endpoint, parse_endpoint, sought_router
+from processes.address import listening_endpoint, parse_endpoint, sought_router
 from processes.bus import try_client
 from processes.clock import MissionClock
 from processes.conclusion import conclude
@@ -67,7 +67,7 @@ def run(
     protection = _protection(secure, certs, mission, elsewhere=bool(remote or operate))
     if listen is not None:
         listen = listen if protection is None else f"{TLS}{listen.removeprefix(TLS).removeprefix('tcp/')}"
-        check_endpoint(listen, "tcp" if protection is None else "tls")
+        listen = listening_endpoint(listen, "tcp" if protection is None else "tls")
     if live and options.no_viz:
         raise InputError("--live", live, "absent where --no-viz is given")
     alone = {"--listen": listen, "--live": live, "--remote": remote}
@@ -107,7 +107,7 @@ def _meet(address: str, mission: Mission, alone: Mapping[str, object], protectio
             raise InputError(field, value, "absent where --operate is given")
     for fault in parse_faults(mission):
         if fault.left and fault.target in {ROUTER, RECORDER}:
-            raise InputError("fault", str(fault), "about UAVs where --operate is given")
+            raise InputError("--fault", str(fault), "about UAVs where --operate is given")
     session = await_found(partial(try_client, address, own, observer=True), partial(sought_router, address))
     takeover = find_takeover(session, mission)
     if takeover is not None and takeover.mission is not None:

@@ -19,7 +19,7 @@ from edc_swarm.simulation import Simulation, SimulationEnd, mission_message
 from edc_swarm.viz import Scenery
 from processes.conclusion import conclude
 from processes.options import MISSION_HELP, MissionOptions
-from processes.output import Output, default_output, held_for_writing
+from processes.output import Output, default_output, held_for_writing, new_file
 from processes.progress_bar import ProgressBar
 from processes.run_facts import CODE, code_digest, run_facts
 from processes.view import attach_layout, write_shown
@@ -37,14 +37,15 @@ def sim(
     path = options.out or default_output(mission.name, mission.planner, str(mission.seed))
     with Output(path, force=options.force) as output:
         timings = _simulate(mission, output, viz=not options.no_viz, show_progress=not options.json)
-    path.with_suffix(".timings.json").write_bytes(msgspec.json.encode(timings))
-    return conclude(path, as_json=options.json)
+    with new_file(output.path.with_suffix(".timings.json")) as stream:
+        stream.write(msgspec.json.encode(timings))
+    return conclude(output.path, as_json=options.json)
 
 
 def _simulate(mission: Mission, output: Output, *, viz: bool, show_progress: bool) -> list[Timing]:
     message, timings = mission_message(mission), list[Timing]()
+    warm_up(mission)
     with held_for_writing(output.part) as stream:
-        warm_up(mission)
         writer = RecordingWriter(stream, {**run_facts("virtual"), CODE: code_digest(mission.planner)})
         attach_layout(writer, message)
         scenery = Scenery()
