@@ -8,7 +8,7 @@ import numpy as np
 
 from edc_swarm.config import ARRIVED_M
 from edc_swarm.faults import Fault, parse_fault
-from edc_swarm.geometry import Floats, point_segment_distance_m
+from edc_swarm.geometry import Floats, capsule_distance_m
 from edc_swarm.invariants.evidence import Evidence
 from edc_swarm.invariants.report import GuaranteeResult, Violation, not_applicable, verdict
 from edc_swarm.recording.living import FAULT, living_at_end
@@ -63,7 +63,7 @@ def _clearance_m(evidence: Evidence, target_m: Floats, other: int) -> float:
         return centre_m
     i = plan.hull_uav.index(uav)
     ends_m = (plan.hull_ax_m[i], plan.hull_ay_m[i]), (plan.hull_bx_m[i], plan.hull_by_m[i])
-    return min(centre_m, float(point_segment_distance_m(target_m, *ends_m)) - plan.hull_r_m[i])
+    return min(centre_m, float(capsule_distance_m(target_m, *ends_m, plan.hull_r_m[i])))
 
 
 def _missing(evidence: Evidence, k: int) -> Violation:
