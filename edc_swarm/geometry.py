@@ -57,6 +57,14 @@ def point_segment_distance_m(point_m: ArrayLike, a_m: ArrayLike, b_m: ArrayLike)
     return length_m(np.asarray(point_m, dtype=np.float64) - nearest_on_segment(point_m, a_m, b_m))
 
 
+def capsule_distance_m(point_m: ArrayLike, a_m: ArrayLike, b_m: ArrayLike, radius_m: ArrayLike) -> Floats:
+    """Distance (...,) from `point_m` to a capsule, all points within `radius_m` of the segment a-b; below 0 inside.
+
+    A hull is one. A target is free of it if this is at least the sum of the two UAVs' GPS radii.
+    """
+    return point_segment_distance_m(point_m, a_m, b_m) - np.asarray(radius_m, dtype=np.float64)
+
+
 def closest_approach_m(from_a_m: ArrayLike, to_a_m: ArrayLike, from_b_m: ArrayLike, to_b_m: ArrayLike) -> Floats:
     """Least distance (...,) of two points that move linearly and simultaneously.
 

@@ -6,7 +6,7 @@ import math
 
 from edc_swarm.config import Mission, RosterEntry
 from edc_swarm.faults import parse_faults
-from edc_swarm.geometry import point_segment_distance_m
+from edc_swarm.geometry import capsule_distance_m
 from edc_swarm.judgement import prospect_of, settled_slot
 from edc_swarm.messages import Command, Fix, Report
 
@@ -145,6 +145,6 @@ class MissionMonitor:
         if report is not None and other.uav in report.hull_uav:
             k = report.hull_uav.index(other.uav)
             a_m, b_m = (report.hull_ax_m[k], report.hull_ay_m[k]), (report.hull_bx_m[k], report.hull_by_m[k])
-            return float(point_segment_distance_m(point_m, a_m, b_m)) - report.hull_r_m[k]
+            return float(capsule_distance_m(point_m, a_m, b_m, report.hull_r_m[k]))
         centre_m = (other.start_x_m, other.start_y_m) if fix is None else (fix.waypoint_x_m, fix.waypoint_y_m)
         return math.dist(point_m, centre_m)

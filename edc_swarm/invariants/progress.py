@@ -20,7 +20,7 @@ from numpy.typing import NDArray
 from edc_swarm.config import ARRIVED_M, OPERATOR
 from edc_swarm.errors import MissionError
 from edc_swarm.faults import WITHOUT_TARGET, Fault, parse_fault, parse_faults
-from edc_swarm.geometry import Floats, point_segment_distance_m
+from edc_swarm.geometry import Floats, capsule_distance_m
 from edc_swarm.invariants.evidence import Evidence
 from edc_swarm.invariants.report import GuaranteeResult, Violation, not_applicable, not_judged, verdict
 from edc_swarm.judgement import END, STALLED, default_max_slots, prospect_of, settled_slot
@@ -108,7 +108,7 @@ def _clearance_m(evidence: Evidence, point_m: Floats, other: int) -> float:
         return centre_m
     i = plan.hull_uav.index(uav)
     ends_m = (plan.hull_ax_m[i], plan.hull_ay_m[i]), (plan.hull_bx_m[i], plan.hull_by_m[i])
-    return min(centre_m, float(point_segment_distance_m(point_m, *ends_m)) - plan.hull_r_m[i])
+    return min(centre_m, float(capsule_distance_m(point_m, *ends_m, plan.hull_r_m[i])))
 
 
 def _missing(evidence: Evidence, k: int) -> Violation:

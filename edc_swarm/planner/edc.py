@@ -6,12 +6,13 @@ import numpy as np
 
 from edc_swarm.config import Mission
 from edc_swarm.energy import propulsion_power_w
-from edc_swarm.geometry import Floats, length_m, nearest_on_segment
+from edc_swarm.geometry import Floats, point_segment_distance_m
+from edc_swarm.planner import ways
 from edc_swarm.planner.guidance import Guidance, Scene, Tuning
 from edc_swarm.planner.interface import Plan, PlanRequest, Stopwatch
 from edc_swarm.planner.request import Arrays, checked_arrays
 from edc_swarm.planner.safe import SafeSteps
-from edc_swarm.solver import slot_qp
+from edc_swarm.solver import certificate, slot_qp
 
 
 def weights(mission: Mission) -> tuple[float, float]:
@@ -50,35 +51,36 @@ class Edc:
         return self._safe.plan(arrays, wish_m, guidance_ms=(self._stopwatch() - started_ns) / 1e6)
 
     def _wishes(self, arrays: Arrays) -> Floats:
-        """What guidance prefers, but for UAVs too near to a hull: they leave its neighbourhood."""
+        """What guidance prefers, but for UAVs that have to leave a hull's neighbourhood first."""
         obstacles = arrays.obstacles
-        middle_m = (obstacles.a_m + obstacles.b_m) / 2
-        half_m = length_m(obstacles.b_m - obstacles.a_m) / 2
-        wish_m = self._guidance.wishes(
-            Scene(
-                arrays.slot,
-                arrays.uav,
-                arrays.position_m,
-                arrays.target_m,
-                arrays.r_m,
-                middle_m,
-                half_m + obstacles.radius_m + obstacles.keep_m,
-            )
-        )
-        if len(middle_m) and len(arrays.uav):
-            self._flee(arrays, wish_m)
+        goal_m = ways.free_goals(arrays.target_m, arrays.r_m, obstacles)
+        scene = Scene(arrays.slot, arrays.uav, arrays.position_m, goal_m, arrays.r_m, obstacles)
+        wish_m = self._guidance.wishes(scene)
+        if len(obstacles.keep_m) and len(arrays.uav):
+            self._leave(arrays, wish_m)
         return wish_m
 
-    def _flee(self, arrays: Arrays, wish_m: Floats) -> None:
-        """Send UAVs nearer than R to a hull straight away from it; between several, in the mean."""
+    def _leave(self, arrays: Arrays, wish_m: Floats) -> None:
+        """Send UAVs nearer than R to a hull away from it, if what they prefer and may fly brings them hardly farther.
+
+        Nearer than R a UAV may take only steps by which it comes nearer to no point of the hull. Of these it takes
+        the one most clear of all that bound them.
+        """
+        alone = slot_qp.slot_problem(arrays.position_m, wish_m, arrays.r_m, self._u_max_m, arrays.obstacles)
+        lack_m = self._lack_m(arrays, arrays.position_m)
+        for k in np.flatnonzero((lack_m > 0).any(axis=1) & ~alone.frozen).tolist():
+            inner = (alone.row_uav == k) & (alone.row_room_m == 0)
+            normal = alone.row_normal[inner]
+            step_m = certificate.nearest_step_m(alone.wish_step_m[k], normal, np.zeros(len(normal)))
+            gained_m = lack_m[k] - self._lack_m(arrays, arrays.position_m[k] + step_m, k)
+            must_m = np.minimum(lack_m[k] + slot_qp.DELTA_M, self._u_max_m)[lack_m[k] > 0]
+            if (gained_m[lack_m[k] > 0] < must_m / 2).any():
+                far_m = min(float(lack_m[k].max()) + 2 * slot_qp.DELTA_M, self._u_max_m)
+                wish_m[k] = arrays.position_m[k] + far_m * ways.clearest(normal)
+
+    def _lack_m(self, arrays: Arrays, point_m: Floats, k: int | None = None) -> Floats:
+        """How much less than R from each hull the points are, (n, m); or (m,) one point of UAV `k`."""
         obstacles = arrays.obstacles
-        nearest_m = nearest_on_segment(arrays.position_m[:, None], obstacles.a_m[None], obstacles.b_m[None])
-        apart_m = arrays.position_m[:, None] - nearest_m
-        distance_m = length_m(apart_m)
-        lack_m = arrays.r_m[:, None] + obstacles.keep_m + obstacles.radius_m - distance_m
-        outward = apart_m / np.where(distance_m > 0, distance_m, 1.0)[..., None]
-        away = (outward * (lack_m > 0)[..., None]).sum(axis=1)
-        norm = length_m(away)
-        for k in np.flatnonzero((lack_m > 0).any(axis=1)):
-            step_m = min(float(lack_m[k].max()) + 2 * slot_qp.DELTA_M, self._u_max_m)
-            wish_m[k] = arrays.position_m[k] + (step_m * away[k] / norm[k] if norm[k] > 1e-9 else 0.0)
+        r_m = arrays.r_m[:, None] if k is None else arrays.r_m[k]
+        away_m = point_segment_distance_m(point_m[..., None, :], obstacles.a_m, obstacles.b_m)
+        return np.asarray(r_m + obstacles.keep_m + obstacles.radius_m - away_m)

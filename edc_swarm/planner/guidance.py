@@ -50,7 +50,8 @@ from numpy.typing import NDArray
 from edc_swarm.config import ARRIVED_M
 from edc_swarm.geometry import Floats, Indices, length_m
 from edc_swarm.planner import guidance_kernel as kernel
-from edc_swarm.solver.slot_qp import DELTA_M
+from edc_swarm.planner import ways
+from edc_swarm.solver.slot_qp import DELTA_M, Obstacles
 
 NEVER = -(10**9)
 """Slot in which a UAV was last planned for that never was."""
@@ -133,8 +134,7 @@ class Tuning:
 class Scene:
     """One slot as the guidance sees it.
 
-    `uav` (n,) roster indices, `position_m` `goal_m` (n, 2), `r_m` (n,); `obstacle_m` (m, 2) and
-    `obstacle_r_m` (m,) are discs that stay where they are.
+    `uav` (n,) roster indices, `position_m` `goal_m` (n, 2), `r_m` (n,); `obstacles` stay where they are.
     """
 
     slot: int
@@ -142,13 +142,7 @@ class Scene:
     position_m: Floats
     goal_m: Floats
     r_m: Floats
-    obstacle_m: Floats
-    obstacle_r_m: Floats
-
-    @property
-    def distance_m(self) -> Floats:
-        """(n,) how far each UAV is from its goal."""
-        return length_m(self.goal_m - self.position_m)
+    obstacles: Obstacles
 
 
 class Guidance:
@@ -167,39 +161,41 @@ class Guidance:
         """Preferred waypoints (n, 2), each within u_max of the UAV's position."""
         if not len(scene.uav):
             return np.empty((0, 2))
-        self._remember(scene)
+        walls = ways.walls_of(scene.position_m, scene.r_m, scene.obstacles)
+        goal_m, way_m = ways.routed(scene.position_m, scene.goal_m, walls, scene.slot)
+        self._remember(scene, way_m)
         plans = self._memory.plans_of(scene.uav)
-        world = self._world(scene)
+        world = self._world(scene, goal_m, walls)
         kernel.populate(world, plans, self._tuning.delay)
         limits = self._tuning.limits(len(scene.uav))
         urgency = np.empty(len(scene.uav))
         kernel.urgencies(world, scene.uav, scene.slot, self._seed, urgency)
         kernel.sweep(world, plans, self._scratch, self._draft, limits, urgency, np.argsort(urgency, kind="stable"))
         self._memory.store(scene.uav, plans)
-        return world.track[: len(scene.uav), 1].copy()
+        return world.track[:, 1].copy()
 
-    def _remember(self, scene: Scene) -> None:
+    def _remember(self, scene: Scene, way_m: Floats) -> None:
         """Bring the memory to this slot: time passes, lateness grows, who was long unheard is forgotten."""
         memory = self._memory = self._memory.grown(int(scene.uav.max()) + 1)
         elapsed = scene.slot - memory.seen[scene.uav]
         known = (elapsed > 0) & (elapsed <= self._tuning.look_ahead)
         memory.still[scene.uav] = np.where(known & self._stood_still(scene), memory.still[scene.uav] + 1, 0)
-        memory.late[scene.uav] = np.where(known, self._lateness(scene, elapsed), 0.0)
+        memory.late[scene.uav] = np.where(known, self._lateness(scene, way_m, elapsed), 0.0)
         memory.advance(scene.uav, known, elapsed)
         memory.seen[scene.uav] = scene.slot
         memory.position_m[scene.uav] = scene.position_m
-        memory.distance_m[scene.uav] = scene.distance_m
+        memory.distance_m[scene.uav] = way_m
 
     def _stood_still(self, scene: Scene) -> NDArray[np.bool_]:
         """Who is where it was when it was last planned for."""
         return length_m(scene.position_m - self._memory.position_m[scene.uav]) < STILL_SHARE * self._u_max_m
 
-    def _lateness(self, scene: Scene, elapsed: Indices) -> Floats:
+    def _lateness(self, scene: Scene, way_m: Floats, elapsed: Indices) -> Floats:
         """Slots lost against full speed; at the goal they are forgotten little by little."""
         late = self._memory.late[scene.uav]
-        lost = elapsed - (self._memory.distance_m[scene.uav] - scene.distance_m) / self._u_max_m
+        lost = elapsed - (self._memory.distance_m[scene.uav] - way_m) / self._u_max_m
         fading = late * (1 - 1 / self._tuning.patience)
-        return np.maximum(np.where(scene.distance_m < ARRIVED_M, fading, late + lost), 0.0)
+        return np.maximum(np.where(way_m < ARRIVED_M, fading, late + lost), 0.0)
 
     def _luck(self, scene: Scene) -> Floats:
         """Right of way of all vehicles, in slots: lateness times chance, and the length of the way to go."""
@@ -207,19 +203,16 @@ class Guidance:
         window = scene.slot // tuning.look_ahead
         chance = [0.5 + kernel.uniform(self._seed, window, uav) for uav in scene.uav]
         way_slots = memory.distance_m[scene.uav] / self._u_max_m
-        luck = memory.late[scene.uav] * chance + tuning.far_first * min(coverage(scene), 0.4) ** 2 * way_slots
-        return np.concatenate([luck, np.full(len(scene.obstacle_r_m), tuning.patience * tuning.cap)])
+        return memory.late[scene.uav] * chance + tuning.far_first * min(coverage(scene), 0.4) ** 2 * way_slots
 
-    def _imminent(self, scene: Scene, vehicles: int) -> Floats:
-        """Least right of way of all others over each vehicle in the slot to come."""
-        still = np.zeros(vehicles, np.int64)
-        still[: len(scene.uav)] = self._memory.still[scene.uav]
+    def _imminent(self, scene: Scene) -> Floats:
+        """Least right of way of all others over each UAV in the slot to come."""
+        still = self._memory.still[scene.uav]
         return np.where(still >= self._tuning.stuck, kernel.UNYIELDING, self._tuning.imminent)
 
-    def _world(self, scene: Scene) -> kernel.World:
+    def _world(self, scene: Scene, goal_m: Floats, walls: kernel.Walls) -> kernel.World:
         tuning = self._tuning
-        start_m = np.concatenate([scene.position_m, scene.obstacle_m])
-        r_m = np.concatenate([scene.r_m, scene.obstacle_r_m])
+        start_m, r_m = scene.position_m, scene.r_m
         low_m = start_m.min(axis=0)
         extent_m = start_m.max(axis=0) - low_m
         cell_m = max(2 * float(r_m.max()) + DELTA_M + self._u_max_m, float(extent_m.max()) / MAX_CELLS)
@@ -230,13 +223,14 @@ class Guidance:
         return kernel.World(
             track=np.empty((len(r_m), slots, 2)),
             start_m=start_m,
-            goal_m=np.concatenate([scene.goal_m, scene.obstacle_m]),
+            goal_m=goal_m,
             r_m=np.maximum(r_m, 1e-6),
             luck=self._luck(scene),
-            imminent=self._imminent(scene, len(r_m)),
+            imminent=self._imminent(scene),
             gamma=np.array([tuning.gamma**slot for slot in range(slots)]),
             head=np.empty((slots, int(cells.prod())), np.int32),
             link=np.empty((slots, len(r_m) << kernel.ENTRY_BITS), np.int32),
+            walls=walls,
             rules=kernel.Rules(
                 u_max_m=self._u_max_m,
                 weight_time=weight_time,

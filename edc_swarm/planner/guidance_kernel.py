@@ -4,8 +4,8 @@ Everything here is plain loops over arrays, deterministic: no fast-math, no thre
 from a hash, effort counted in steps priced. It is one file since a compiled function is cached with
 the file that it stands in: a change to a callee elsewhere would go unnoticed.
 
-Names: N vehicles (UAVs first, then obstacles that never move), W slots of look-ahead, M lattice
-layers (two slots each), P way points a plan can have.
+Names: n UAVs, m obstacles that never move, W slots of look-ahead, M lattice layers (two slots each),
+P way points a plan can have.
 """
 
 from __future__ import annotations
@@ -112,13 +112,26 @@ class Rules(NamedTuple):
     columns: int
 
 
+class Walls(NamedTuple):
+    """Obstacles: the segments a_m-b_m (m, 2), (m, 2), of whose points a UAV's centre keeps away.
+
+    `keep_m` (n, m) is how far each UAV should keep: R + delta and the obstacle's own radius. `bar_m` (n, m)
+    is how near it may never come: the same, or just not nearer than it is now.
+    """
+
+    a_m: Floats
+    b_m: Floats
+    keep_m: Floats
+    bar_m: Floats
+
+
 class World(NamedTuple):
     """What a plan is judged against.
 
-    track (N, W+1, 2) predicted positions in metres, one a slot; start_m (N, 2); goal_m (N, 2);
-    r_m (N,); luck (N,) lateness drawn for right of way; imminent (N,) least right of way
+    track (n, W+1, 2) predicted positions in metres, one a slot; start_m (n, 2); goal_m (n, 2);
+    r_m (n,); luck (n,) lateness drawn for right of way; imminent (n,) least right of way
     of all others over each in the slot to come; gamma (W+1,) discount of a conflict;
-    head (W+1, cells) and link (W+1, 16 N) linked lists, for each slot and square cell, of the vehicles
+    head (W+1, cells) and link (W+1, 16 n) linked lists, for each slot and square cell, of the vehicles
     whose step of that slot has its middle in this cell or in one of the eight around it (entry 16 l + i
     is vehicle l's i-th cell). A cell is as wide as the middles of two steps in conflict can be apart.
 
@@ -135,6 +148,7 @@ class World(NamedTuple):
     gamma: Floats
     head: NDArray[np.int32]
     link: NDArray[np.int32]
+    walls: Walls
     rules: Rules
 
 
@@ -270,29 +284,6 @@ def toll(rules: Rules, luck: Floats, imminent: Floats, r_m: Floats, k: int, othe
 
 
 @compiled
-def conflict_at(
-    rules: Rules, track: Floats, start_m: Floats, r_m: Floats, luck: Floats, imminent: Floats, gamma: Floats,
-    head: NDArray[np.int32], link: NDArray[np.int32], k: int, t: int, x: float, y: float,
-) -> float:  # fmt: skip
-    """Price of vehicle k being at (x, y) in slot t; the arrays are those of `World`."""
-    price = 0.0
-    i, j = cell_of(rules, x, y)
-    entry = head[t, i * rules.columns + j]
-    while entry >= 0:
-        other = entry >> ENTRY_BITS
-        dx = x - track[other, t, 0]
-        dy = y - track[other, t, 1]
-        reach = r_m[k] + r_m[other] + rules.delta_m
-        squared = dx * dx + dy * dy
-        if squared < reach * reach and other != k:
-            lack = separation(rules, start_m, r_m, k, other) - math.sqrt(squared)
-            if lack > 0.0:
-                price += toll(rules, luck, imminent, r_m, k, other, t, lack)
-        entry = link[t, entry]
-    return float(price * gamma[t])
-
-
-@compiled
 def to_segment(px: float, py: float, dx: float, dy: float) -> float:
     """Squared distance of the origin to the segment from p to p + d."""
     along = -(px * dx + py * dy)
@@ -316,6 +307,102 @@ def clearance(px: float, py: float, ax: float, ay: float, bx: float, by: float) 
             return 0.0
     near = min(to_segment(px, py, ax, ay), to_segment(px, py, bx, by))
     return min(near, to_segment(px + bx, py + by, ax, ay), to_segment(px + ax, py + ay, bx, by))
+
+
+@compiled
+def wall_conflict(rules: Rules, walls: Walls, k: int, x0: float, y0: float, x: float, y: float) -> float:
+    """Price of the obstacles that vehicle k's step from (x0, y0) to (x, y) comes near: the exact distance counts.
+
+    An obstacle yields to nobody and never goes away: nearer than `bar_m` the price is the greatest, in any slot.
+    Who is nearer than `keep_m` already pays a moderate one for staying, so it leaves, by the way that suits it.
+    Callers ask only where there are obstacles: passing them on costs a third of the time of everything else.
+    """
+    a, b, keep, bar = walls.a_m, walls.b_m, walls.keep_m, walls.bar_m
+    price = 0.0
+    ax, ay = x - x0, y - y0
+    for w in range(a.shape[0]):
+        px, py = x0 - a[w, 0], y0 - a[w, 1]
+        bx, by = a[w, 0] - b[w, 0], a[w, 1] - b[w, 1]
+        far = keep[k, w] + norm(bx, by) + norm(ax, ay)
+        if px * px + py * py < far * far:
+            away = math.sqrt(clearance(px, py, ax, ay, bx, by))
+            if away < bar[k, w]:
+                price += UNYIELDING * (rules.touch + rules.depth * (bar[k, w] - away) / keep[k, w])
+            elif away < keep[k, w] - ROUNDING_M:
+                price += rules.cap * (rules.touch + rules.depth * (keep[k, w] - away) / keep[k, w])
+    return price
+
+
+@compiled
+def open_way(walls: Walls, k: int, x0: float, y0: float, x: float, y: float) -> bool:
+    """Whether vehicle k can fly straight from (x0, y0) to (x, y) as far as obstacles go."""
+    a, b, bar = walls.a_m, walls.b_m, walls.bar_m
+    for w in range(a.shape[0]):
+        px, py = x0 - a[w, 0], y0 - a[w, 1]
+        if clearance(px, py, x - x0, y - y0, a[w, 0] - b[w, 0], a[w, 1] - b[w, 1]) < bar[k, w] * bar[k, w]:
+            return False
+    return True
+
+
+@compiled
+def way_round(
+    walls: Walls, k: int, node_m: Floats, cost: Floats, parent: Ints, closed: NDArray[np.bool_], budget: int
+) -> tuple[int, float, int]:
+    """Shortest way of vehicle k from node 0 to node 1 over any of the others, each leg an open way: A*.
+
+    Returns the node to fly to first, the length, and the tests of one leg against one obstacle; the node is -1
+    where there is no way, or none was found within the budget. `cost`, `parent` and `closed` are work space.
+    """
+    cost[:] = np.inf
+    closed[:] = False
+    cost[0] = 0.0
+    tests = 0
+    while tests <= budget:
+        node, least = -1, np.inf
+        for n in range(len(cost)):
+            if not closed[n] and cost[n] < np.inf:
+                promised = cost[n] + norm(node_m[n, 0] - node_m[1, 0], node_m[n, 1] - node_m[1, 1])
+                if promised < least:
+                    node, least = n, promised
+        if node < 0:
+            break
+        if node == 1:
+            first = node
+            while parent[first] != 0:
+                first = parent[first]
+            return first, cost[1], tests
+        closed[node] = True
+        x, y = node_m[node, 0], node_m[node, 1]
+        for n in range(len(cost)):
+            far = cost[node] + norm(node_m[n, 0] - x, node_m[n, 1] - y)
+            if not closed[n] and far < cost[n]:
+                tests += walls.a_m.shape[0]
+                if open_way(walls, k, x, y, node_m[n, 0], node_m[n, 1]):
+                    cost[n], parent[n] = far, node
+    return -1, 0.0, tests
+
+
+@compiled
+def conflict_at(
+    rules: Rules, track: Floats, start_m: Floats, r_m: Floats, luck: Floats, imminent: Floats, gamma: Floats,
+    head: NDArray[np.int32], link: NDArray[np.int32], k: int, t: int, x: float, y: float,
+) -> float:  # fmt: skip
+    """Price of vehicle k being at (x, y) in slot t; the arrays are those of `World`."""
+    price = 0.0
+    i, j = cell_of(rules, x, y)
+    entry = head[t, i * rules.columns + j]
+    while entry >= 0:
+        other = entry >> ENTRY_BITS
+        dx = x - track[other, t, 0]
+        dy = y - track[other, t, 1]
+        reach = r_m[k] + r_m[other] + rules.delta_m
+        squared = dx * dx + dy * dy
+        if squared < reach * reach and other != k:
+            lack = separation(rules, start_m, r_m, k, other) - math.sqrt(squared)
+            if lack > 0.0:
+                price += toll(rules, luck, imminent, r_m, k, other, t, lack)
+        entry = link[t, entry]
+    return float(price * gamma[t])
 
 
 @compiled
@@ -352,9 +439,12 @@ def first_conflict(world: World, k: int, track: Floats) -> int:
     """First slot in which the track of vehicle k is in conflict, W + 1 if there is none."""
     rules, tracks, start_m, r_m, luck = world.rules, world.track, world.start_m, world.r_m, world.luck
     imminent, gamma, head, link = world.imminent, world.gamma, world.head, world.link
+    walled = world.walls.a_m.shape[0] > 0
     for t in range(1, track.shape[0]):
         x0, y0, x, y = track[t - 1, 0], track[t - 1, 1], track[t, 0], track[t, 1]
         if step_conflict(rules, tracks, start_m, r_m, luck, imminent, gamma, head, link, k, t, x0, y0, x, y) > 0.0:
+            return t
+        if walled and wall_conflict(rules, world.walls, k, x0, y0, x, y) > 0.0:
             return t
     return len(track)
 
@@ -443,6 +533,7 @@ def search(  # noqa: PLR0912, PLR0915 (one loop: splitting it costs a third of t
     stamp, cost, price, parent = scratch.stamp, scratch.cost, scratch.price, scratch.parent
     heap_cost, heap_node = scratch.heap_cost, scratch.heap_node
     move, move_length = scratch.move, scratch.move_length
+    walled = world.walls.a_m.shape[0] > 0
     half = side // 2
     area = side * side
     last = tracks.shape[1] - 1
@@ -485,11 +576,15 @@ def search(  # noqa: PLR0912, PLR0915 (one loop: splitting it costs a third of t
                     here += step_conflict(
                         rules, tracks, start_m, r_m, luck, imminent, gamma, head, link, k, t, x0, y0, x1, y1
                     )
+                    if walled:
+                        here += wall_conflict(rules, world.walls, k, x0, y0, x1, y1)
                     x0, y0 = x1, y1
             else:
                 # A layer is two slots: the three nearest slots stand for it.
                 for t in range(2 * layer - 1, min(2 * layer + 1, last) + 1):
                     here += conflict_at(rules, tracks, start_m, r_m, luck, imminent, gamma, head, link, k, t, x, y)
+                if walled:
+                    here += (min(1, last - 2 * layer) + 2) * wall_conflict(rules, world.walls, k, x, y, x, y)
                 here *= 2.0 / 3.0
             price[node] = here
             stamp[node] = epoch + PRICED
@@ -587,13 +682,15 @@ def reprice(world: World, k: int, draft: Draft, first: int, end: int, total: flo
     """Add the conflicts of the slots flown anew to their cost; infinite as soon as that is above `limit`."""
     rules, tracks, start_m, r_m, luck = world.rules, world.track, world.start_m, world.r_m, world.luck
     imminent, gamma, head, link = world.imminent, world.gamma, world.head, world.link
-    track, price = draft.new_track, draft.new_price
+    track, price, walled = draft.new_track, draft.new_price, world.walls.a_m.shape[0] > 0
     x0, y0 = draft.track[first - 1, 0], draft.track[first - 1, 1]
     for t in range(first, end):
         if total > limit:
             break
         x, y = track[t, 0], track[t, 1]
         price[t] = step_conflict(rules, tracks, start_m, r_m, luck, imminent, gamma, head, link, k, t, x0, y0, x, y)
+        if walled:
+            price[t] += wall_conflict(rules, world.walls, k, x0, y0, x, y)
         total += price[t]
         draft.work[0] += 1
         x0, y0 = x, y
@@ -923,13 +1020,9 @@ def put_off(world: World, plans: Plans, k: int, most: int) -> None:
 
 @compiled
 def populate(world: World, plans: Plans, most: int) -> None:
-    """Fill the grid: UAVs fly their plans, everyone else stays where it is."""
+    """Fill the grid: every UAV flies its plan."""
     world.head[:] = -1
     for k in range(world.track.shape[0]):
-        if k < len(plans.size):
-            put_off(world, plans, k, most)
-            fly(world, k, plans.size[k], plans.slot[k], plans.point_m[k], world.track[k])
-        else:
-            for t in range(world.track.shape[1]):
-                world.track[k, t, 0], world.track[k, t, 1] = world.start_m[k, 0], world.start_m[k, 1]
+        put_off(world, plans, k, most)
+        fly(world, k, plans.size[k], plans.slot[k], plans.point_m[k], world.track[k])
         register(world, k, True)

@@ -8,7 +8,7 @@ import msgspec
 
 from edc_swarm.config import Mission, RosterEntry
 from edc_swarm.errors import MissionError, SwarmError
-from edc_swarm.planner.interface import Planner, PlannerFactory, PlanRequest, Stopwatch, stopped
+from edc_swarm.planner.interface import Hull, Planner, PlannerFactory, PlanRequest, Stopwatch, stopped
 
 BUILT_IN = {
     "edc": "edc_swarm.planner.edc:Edc",
@@ -50,6 +50,7 @@ def warm_up(mission: Mission) -> None:
     tiny = _tiny(mission)
     planner = make_planner(mission.planner, tiny)
     position_m = [(entry.start_x_m, entry.start_y_m) for entry in tiny.roster]
+    hull = Hull(2, 2 * mission.r_m, -mission.r_m, 2 * mission.r_m, mission.r_m, 0.0, mission.r_m)
     for slot in (0, 1):
         plan = planner.plan(
             PlanRequest(
@@ -58,6 +59,7 @@ def warm_up(mission: Mission) -> None:
                 position_m=position_m,
                 target_m=[(entry.target_x_m, entry.target_y_m) for entry in tiny.roster],
                 r_m=[entry.r_m for entry in tiny.roster],
+                hulls=[hull] if slot else [],
                 previous_m=position_m if tiny.lag_slots else None,
             )
         )

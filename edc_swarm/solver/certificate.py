@@ -4,6 +4,16 @@ For each pair with normal n and true room g = n.(p_k - p_l) - R let a = max(-n.u
 b = max(n.u_l, 0) be what each one closes in. Scaling both steps by any factors <= f with
 f (a + b) <= g keeps the discs apart however the steps are flown, so each step is scaled by the least
 f of its pairs. The checks are made again on the floats that are published, waypoint - position.
+
+Where a row has no room, f is 0 as soon as a solver's residual of 1e-13 closes in. So before that, a step
+that breaks its rows by no more than a solver may is replaced by the nearest one that keeps them all, and by
+`_inward_m` to spare. That proves nothing and needs no proof: what follows takes any steps. The proof is the
+last check alone. Let u be a published step, computed in floats, and e a bound on the rounding of waypoint -
+position and of the product with n, which `_rounding_m` is, many times over. Whoever moves keeps
+-n.u + e <= max(g - MARGIN_M / 2, 0) by every row of its own, and whoever moves and closes in on another
+that does so too keeps a + b + e <= that. So the exact step, of the very floats that are published, has
+-n.u <= max(g - MARGIN_M / 2, 0) without any tolerance; rows without room are kept strictly, and nothing is
+left to add up from slot to slot. Holding keeps every row, so a step that is refused for one row opens no other.
 """
 
 from __future__ import annotations
@@ -14,13 +24,16 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from edc_swarm.geometry import Floats, length_m
+from edc_swarm.geometry import Floats, Indices, dot, length_m
 from edc_swarm.solver.slot_qp import Problem
 
 MARGIN_M = 1e-9
 """Room that is never used, for rounding."""
 SNAP_M = 1e-10
 """A step this near to the preferred one ends exactly there."""
+RESIDUAL_M = 1e-3
+"""A row that is broken by more than this was not broken by a solver's inaccuracy, a tenth of it; with more room than
+this, scaling takes little of a step for that."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -34,6 +47,8 @@ class Certified:
 def certify(problem: Problem, step_m: Floats) -> Certified:
     """Make any steps (n, 2), NaN and infinities included, safe; see the module's docstring."""
     step_m = _limited(problem, step_m)
+    if (slips := _slips(problem, step_m)).any():
+        step_m = _limited(problem, _onto_rows(problem, step_m, slips))
     share = _shares(problem, step_m)
     waypoint_m = _rounded(problem, share[:, None] * step_m)
     waypoint_m = np.where(_refused(problem, waypoint_m)[:, None], problem.position_m, waypoint_m)
@@ -103,14 +118,97 @@ def _refused(problem: Problem, waypoint_m: Floats) -> NDArray[np.bool_]:
     Holding is safe whatever the others do (it is a corner of every row), so one pass is enough.
     """
     step_m = waypoint_m - problem.position_m
-    rounding_m = 8 * np.spacing(np.abs(waypoint_m).max(initial=0.0) + np.abs(problem.room_m).max(initial=0.0))
-    closing_first_m, closing_second_m = problem.closing_m(step_m)
-    bad = closing_first_m + closing_second_m > np.maximum(problem.room_m - MARGIN_M / 2, 0.0) + rounding_m
-    bad_row = problem.row_closing_m(step_m) > np.maximum(problem.row_room_m - MARGIN_M / 2, 0.0) + rounding_m
+    over = _rows_over_m(problem, step_m, MARGIN_M / 2)
+    rounding_m = _rounding_m(problem)
     refused = _too_long(step_m, problem.u_max_m)
-    for uav in (problem.first[bad], problem.second[bad], problem.row_uav[bad_row]):
-        refused[uav] = True
+    for uav, over_m, _ in over:
+        refused[uav[over_m > -rounding_m]] = True
     return refused
+
+
+def _rows_over_m(problem: Problem, step_m: Floats, margin_m: float) -> list[tuple[Indices, Floats, Floats]]:
+    """(uav, over, usable): by how much each UAV that moves closes in beyond what its rows let it, in metres.
+
+    They let it as far as their room less `margin_m`. Below 0 it keeps the row. A pair has a row for either of
+    its UAVs, and one for both where both close in.
+    """
+    moves: NDArray[np.bool_] = np.any(step_m != 0, axis=1)
+    usable_m, row_usable_m = (np.maximum(room_m - margin_m, 0.0) for room_m in (problem.room_m, problem.row_room_m))
+    first, second, single = problem.first, problem.second, problem.row_uav
+    a_m, b_m = -dot(problem.normal, step_m[first]), dot(problem.normal, step_m[second])
+    both = moves[first] & moves[second] & (a_m > 0) & (b_m > 0)
+    row_m = -dot(problem.row_normal, step_m[single])
+    return [
+        (uav[counts], (closing_m - room_m)[counts], room_m[counts])
+        for uav, counts, closing_m, room_m in (
+            (first, moves[first], a_m, usable_m),
+            (second, moves[second], b_m, usable_m),
+            (first, both, a_m + b_m, usable_m),
+            (second, both, a_m + b_m, usable_m),
+            (single, moves[single], row_m, row_usable_m),
+        )
+    ]
+
+
+def _rounding_m(problem: Problem) -> float:
+    """More than all rounding of a row: of waypoint - position, of the normal, and of their product."""
+    largest_m = np.abs(problem.position_m).max(initial=0.0) + problem.u_max_m
+    return float(8 * np.spacing(largest_m + np.abs(problem.room_m).max(initial=0.0)))
+
+
+def _inward_m(problem: Problem) -> float:
+    """How far inside its rows a step is put: more than what rounding, snapping and the last check take."""
+    return 2 * MARGIN_M + 8 * _rounding_m(problem)
+
+
+def _slips(problem: Problem, step_m: Floats) -> NDArray[np.bool_]:
+    """UAVs (n,) that break rows, or come near to that, by no more than a solver may."""
+    slips = np.zeros(len(step_m), dtype=bool)
+    least_m = -_inward_m(problem) / 2
+    for uav, over_m, usable_m in _rows_over_m(problem, step_m, MARGIN_M):
+        slips[uav[(over_m > least_m) & (over_m <= RESIDUAL_M) & (usable_m <= RESIDUAL_M)]] = True
+    return slips
+
+
+def _onto_rows(problem: Problem, step_m: Floats, slips: NDArray[np.bool_]) -> Floats:
+    """The steps, with those of `slips` put on the nearest point inside all rows of their UAVs, one after another."""
+    step_m, inward_m = step_m.copy(), _inward_m(problem)
+    usable_m, row_usable_m = (np.maximum(room_m - MARGIN_M, 0.0) for room_m in (problem.room_m, problem.row_room_m))
+    for uav in np.flatnonzero(slips):
+        first, second, single = (
+            np.flatnonzero(which == uav) for which in (problem.first, problem.second, problem.row_uav)
+        )
+        closing_first_m, closing_second_m = problem.closing_m(step_m)
+        normal = np.concatenate([problem.normal[first], -problem.normal[second], problem.row_normal[single]])
+        room_m = np.concatenate(
+            [(usable_m - closing_second_m)[first], (usable_m - closing_first_m)[second], row_usable_m[single]]
+        )
+        step_m[uav] = nearest_step_m(step_m[uav], normal, inward_m - np.maximum(room_m, 0.0))
+    return step_m
+
+
+def nearest_step_m(wish_m: Floats, normal: Floats, least_m: Floats) -> Floats:
+    """The step u (2,) nearest to `wish_m` with normal.u >= least_m in all rows (h, 2), (h,); no step if there is none.
+
+    The optimum is the wish, its projection on one row's line, or the corner of two of them.
+    """
+    on_line = wish_m + (least_m - dot(normal, wish_m))[:, None] * normal
+    i, j = np.triu_indices(len(least_m), 1)
+    det = normal[i, 0] * normal[j, 1] - normal[i, 1] * normal[j, 0]
+    crossing = np.abs(det) > 1e-12
+    i, j, det = i[crossing], j[crossing], det[crossing]
+    corner = np.stack(
+        [
+            (least_m[i] * normal[j, 1] - least_m[j] * normal[i, 1]) / det,
+            (least_m[j] * normal[i, 0] - least_m[i] * normal[j, 0]) / det,
+        ],
+        axis=-1,
+    )
+    trial = np.concatenate([wish_m[None], on_line, corner])
+    slack_m = (trial @ normal.T - least_m).min(axis=1, initial=np.inf)
+    away_m = np.where(slack_m >= -1e-3 * MARGIN_M, length_m(trial - wish_m), np.inf)
+    best = int(np.argmin(away_m))
+    return trial[best] if away_m[best] < np.inf else np.zeros(2)
 
 
 def limited_waypoints(position_m: Floats, wish_m: Floats, u_max_m: float) -> Floats:
@@ -131,4 +229,4 @@ def _too_long(step_m: Floats, u_max_m: float) -> NDArray[np.bool_]:
     return too_long
 
 
-__all__ = ["MARGIN_M", "Certified", "certify", "least_gap_m", "limited_waypoints"]
+__all__ = ["MARGIN_M", "Certified", "certify", "least_gap_m", "limited_waypoints", "nearest_step_m"]

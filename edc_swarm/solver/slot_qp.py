@@ -130,7 +130,7 @@ def slot_problem(
     else:
         first, second, gap_m = _segment_pairs(previous_m, position_m, r_m, u_max_m)
         normal, room_m = _normals(previous_m, position_m, wish_m, r_m, first, second, gap_m)
-    rows = _obstacle_rows(position_m, r_m, u_max_m, obstacles or Obstacles.none())
+    rows = _obstacle_rows(position_m, wish_m, r_m, u_max_m, obstacles or Obstacles.none())
     return Problem(position_m, wish_m, u_max_m, first, second, normal, room_m, *rows)
 
 
@@ -231,13 +231,13 @@ def _least_room_m(normal: Floats, previous_m: Floats, position_m: Floats, first:
 
 
 def _obstacle_rows(
-    position_m: Floats, r_m: Floats, u_max_m: float, obstacles: Obstacles
+    position_m: Floats, wish_m: Floats, r_m: Floats, u_max_m: float, obstacles: Obstacles
 ) -> tuple[Indices, Floats, Floats, NDArray[np.bool_]]:
     """Rows of the UAVs within reach of an obstacle, and who is inside one.
 
-    At least R away, n points from the obstacle's nearest point to the UAV, and -n.u <= n.d - R keeps
-    the separation from every point of a convex set. Nearer, the hidden UAV is still somewhere in the
-    set at R or more; a step u with u.(p - x) >= 0 for all x of the set comes no nearer to any of
+    At least R away, any n with n.(p - x) >= R for all x of the set will do, and -n.u <= min n.(p - x) - R
+    keeps the separation from all of them: see `_outer_rows`. Nearer, the hidden UAV is still somewhere in
+    the set at R or more; a step u with u.(p - x) >= 0 for all x of the set comes no nearer to any of
     them. These u form the polar cone of the tangents seen from p: two rows without room.
     """
     frozen = np.zeros(len(position_m), dtype=bool)
@@ -252,12 +252,43 @@ def _obstacle_rows(
     outer, which = np.nonzero(~inside & (room_m >= 0) & (room_m < u_max_m + DELTA_M))
     inner, near = np.nonzero(~inside & (room_m < 0))
     tangents = _tangent_normals(position_m[inner], obstacles, near)
+    centre = apart_m[outer, which] / distance_m[outer, which, None]
+    normal, outer_room_m = _outer_rows(
+        position_m[outer], wish_m[outer], centre, room_m[outer, which], r_m[outer], obstacles, which
+    )
     return (
         np.concatenate([outer, inner, inner]),
-        np.concatenate([apart_m[outer, which] / distance_m[outer, which, None], *tangents]),
-        np.concatenate([room_m[outer, which], np.zeros(2 * len(inner))]),
+        np.concatenate([normal, *tangents]),
+        np.concatenate([outer_room_m, np.zeros(2 * len(inner))]),
         frozen,
     )
+
+
+def _outer_rows(
+    point_m: Floats,
+    wish_m: Floats,
+    centre: Floats,
+    centre_room_m: Floats,
+    r_m: Floats,
+    obstacles: Obstacles,
+    which: Indices,
+) -> tuple[Floats, Floats]:
+    """Normals (h, 2) and room (h,) of points that are R or more from obstacles: the better of two.
+
+    `centre` points from the obstacle's nearest point to the UAV; the other one from where the preferred step
+    comes nearest. If that step keeps R, it does so along this normal: one past an obstacle is granted whole.
+    """
+    a_m, b_m = obstacles.a_m[which], obstacles.b_m[which]
+    on_step, on_axis = closest_points_of_segments(point_m, wish_m, a_m, b_m)
+    apart_m = on_step - on_axis
+    least_m = length_m(apart_m)[:, None]
+    normal = np.where(least_m > DELTA_M, apart_m / np.maximum(least_m, DELTA_M), centre)
+    room_m = np.minimum(dot(normal, point_m - a_m), dot(normal, point_m - b_m))
+    room_m = room_m - obstacles.radius_m[which] - (r_m + obstacles.keep_m[which])
+    step_m = wish_m - point_m
+    left_m = room_m - np.maximum(-dot(normal, step_m), 0.0)
+    better = (room_m >= 0) & (left_m > centre_room_m - np.maximum(-dot(centre, step_m), 0.0) + 1e-9)
+    return np.where(better[:, None], normal, centre), np.where(better, room_m, centre_room_m)
 
 
 def _tangent_normals(point_m: Floats, obstacles: Obstacles, which: Indices) -> tuple[Floats, Floats]:

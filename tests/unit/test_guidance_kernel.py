@@ -9,8 +9,11 @@ import numpy as np
 import pytest
 from scipy.optimize import lsq_linear
 
+from edc_swarm.geometry import length_m, segment_distance_m
 from edc_swarm.planner import guidance_kernel as kernel
 from edc_swarm.planner.guidance import Guidance, Scene, Tuning, coverage
+from edc_swarm.planner.ways import walls_of
+from edc_swarm.solver.slot_qp import Obstacles
 
 TUNING = Tuning(look_ahead=8, greed=1.0, expand=10**6)
 
@@ -21,13 +24,13 @@ def world_of(seed: int, count: int = 9) -> tuple[kernel.World, kernel.Plans]:
     grid = np.array(list(itertools.product(range(4), range(4))))[rng.permutation(16)[:count]]
     position_m = 11.0 * grid + rng.uniform(-0.4, 0.4, (count, 2))
     goal_m = position_m[rng.permutation(count)]
-    scene = Scene(
-        3, np.arange(count), position_m, goal_m, rng.uniform(3, 5, count), np.array([[15.0, -9.0]]), np.ones(1)
-    )
+    wall = Obstacles(np.array([[11.0, -10.0]]), np.array([[19.0, -7.0]]), np.full(1, 0.4), np.full(1, 0.6))
+    scene = Scene(3, np.arange(count), position_m, goal_m, rng.uniform(3, 5, count), wall)
     guidance = Guidance(2.5, (0.5, 0.5), seed, TUNING)
-    guidance._remember(scene)
+    guidance._remember(scene, length_m(goal_m - position_m))
     guidance._memory.late[:] = rng.uniform(0, 40, count)
-    world, plans = guidance._world(scene), guidance._memory.plans_of(scene.uav)
+    world = guidance._world(scene, goal_m, walls_of(position_m, scene.r_m, wall))
+    plans = guidance._memory.plans_of(scene.uav)
     kernel.populate(world, plans, TUNING.delay)
     return world, plans
 
@@ -56,6 +59,19 @@ def price(world: kernel.World, k: int, t: int, point_m: np.ndarray, before_m: np
         way = max(way, world.imminent[k]) if t == 1 else way
         if distance < sep:
             total += way * world.gamma[t] * (rules.touch + rules.depth * (sep - distance) / radii)
+    return total + wall_price(world, k, np.stack([point_m if before_m is None else before_m, point_m]))
+
+
+def wall_price(world: kernel.World, k: int, step_m: np.ndarray) -> float:
+    """The price of the obstacles, by the exact distance of two segments."""
+    rules, total = world.rules, 0.0
+    for w, (a_m, b_m) in enumerate(zip(world.walls.a_m, world.walls.b_m, strict=True)):
+        distance = float(segment_distance_m(step_m[0], step_m[1], a_m, b_m))
+        keep, bar = world.walls.keep_m[k, w], world.walls.bar_m[k, w]
+        if distance < bar:
+            total += kernel.UNYIELDING * (rules.touch + rules.depth * (bar - distance) / keep)
+        elif distance < keep - 1e-6:
+            total += rules.cap * (rules.touch + rules.depth * (keep - distance) / keep)
     return total
 
 
@@ -211,7 +227,7 @@ def test_a_straight_way_that_is_free_needs_no_way_points() -> None:
 def test_the_slot_to_come_is_nobodys_to_insist_on() -> None:
     """However late a UAV is, a step that the slot QP will refuse costs it the full price."""
     world, _ = world_of(2)
-    world.luck[:] = [1e6, *([0.0] * 9)]
+    world.luck[:] = [1e6, *([0.0] * 8)]
     at_once, later = (kernel.toll(world.rules, world.luck, world.imminent, world.r_m, 0, 1, t, 0.0) for t in (1, 2))
     assert at_once == TUNING.imminent * TUNING.touch
     assert later == TUNING.touch / TUNING.cap
@@ -223,9 +239,9 @@ def test_who_has_stood_still_for_long_no_longer_insists() -> None:
     guidance, seen = Guidance(2.5, (0.5, 0.5), 0, TUNING), []
     for slot in range(TUNING.stuck + 2):
         moved_m = np.array([[0.0, float(slot > TUNING.stuck)], [0.0, 0.1 * slot]])
-        scene = Scene(slot, np.arange(2), position_m + moved_m, goal_m, np.full(2, 5.0), np.empty((0, 2)), np.empty(0))
-        guidance._remember(scene)
-        seen.append(guidance._world(scene).imminent.tolist())
+        scene = Scene(slot, np.arange(2), position_m + moved_m, goal_m, np.full(2, 5.0), Obstacles.none())
+        guidance._remember(scene, length_m(goal_m - scene.position_m))
+        seen.append(guidance._imminent(scene).tolist())
     mild, hard = TUNING.imminent, kernel.UNYIELDING
     assert seen == [[mild, mild]] * TUNING.stuck + [[hard, mild], [mild, mild]]
 
@@ -237,17 +253,9 @@ def test_who_was_unheard_for_a_while_keeps_its_lateness() -> None:
 
     def late_at(slot: int, *uav: int) -> float:
         position_m = np.array([[0.0, 0.0], [20.0, 0.0]])
-        guidance._remember(
-            Scene(
-                slot,
-                np.array(uav),
-                position_m[[*uav]],
-                goal_m[[*uav]],
-                np.full(len(uav), 5.0),
-                np.empty((0, 2)),
-                np.empty(0),
-            )
-        )
+        who = [*uav]
+        scene = Scene(slot, np.array(who), position_m[who], goal_m[who], np.full(len(who), 5.0), Obstacles.none())
+        guidance._remember(scene, length_m(goal_m[who] - position_m[who]))
         return float(guidance._memory.late[0])
 
     assert [late_at(0, 0, 1), late_at(1, 0, 1), late_at(2, 1), late_at(3, 0, 1)] == [0.0, 1.0, 1.0, 3.0]
@@ -258,10 +266,10 @@ def test_who_was_unheard_for_a_while_keeps_its_lateness() -> None:
 def test_those_with_the_longest_way_go_first_where_it_is_dense() -> None:
     """Right of way grows with the way to go, by the square of the share that the discs cover."""
     position_m, goal_m = np.array([[0.0, 0.0], [20.0, 0.0]]), np.array([[0.0, 20.0], [20.0, 5.0]])
-    scene = Scene(0, np.arange(2), position_m, goal_m, np.full(2, 5.0), np.empty((0, 2)), np.empty(0))
+    scene = Scene(0, np.arange(2), position_m, goal_m, np.full(2, 5.0), Obstacles.none())
     assert coverage(scene) == pytest.approx(2 * math.pi * 25 / 30**2)
     guidance = Guidance(2.5, (0.5, 0.5), 0, TUNING)
-    guidance._remember(scene)
+    guidance._remember(scene, length_m(goal_m - position_m))
     assert guidance._luck(scene) == pytest.approx(TUNING.far_first * coverage(scene) ** 2 * np.array([8, 2]))
 
 

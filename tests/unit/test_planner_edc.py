@@ -184,14 +184,14 @@ def test_late_vehicles_complete_too() -> None:
 
 
 def test_a_ball_is_left_and_its_inside_holds() -> None:
-    """Nearer than R to a hull a UAV flies straight away from it; inside the hull it holds."""
+    """Nearer than R to a hull a UAV gets away from it at full speed; inside the hull it holds."""
     planner = make_planner("edc", Mission(uavs=3))
     ball = Hull(2, 0.0, 0.0, 0.0, 0.0, 7.5, R_M)
     plan = planner.plan(
         PlanRequest(0, [0, 1], [(12.0, 9.0), (3.0, -4.0)], [(-60.0, -45.0), (60.0, 0.0)], [R_M, R_M], [ball])
     )
     away = np.array(plan.waypoint_m[0]) - [12.0, 9.0]
-    assert away @ [0.8, 0.6] == pytest.approx(length_m(away))
+    assert away @ [0.8, 0.6] > 0.5 * 2.5
     assert length_m(away) == pytest.approx(2.5)
     assert plan.waypoint_m[1] == (3.0, -4.0)
 

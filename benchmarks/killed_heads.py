@@ -1,0 +1,194 @@
+"""Missions whose heads are killed: does every living UAV get home, and if not, why not?
+
+    python benchmarks/killed_heads.py                          1200 simulated missions of ten UAVs
+    python benchmarks/killed_heads.py --seeds 7000-7059 --heads 1 --links none --jobs 2
+
+Each cell is one or two heads killed over one kind of links, and flies the missions of all seeds. A head is
+killed at (slot + phase) slots, one draw each: from Random(f"killed/{seed}/{heads}"), `heads` distinct slots of
+2 ... 25 by `sample`, in increasing order, then a phase in [0, 1) for each by `random`. A kill that finds no
+head kills nobody.
+
+A living UAV that is not home has one of these reasons. Its target is covered: nearer than R to where a UAV can be
+that lives no more, by the last plan's hull or where it was last seen. Or it is held: nearer than R to hulls, no step
+leads away from all of them, or it is within one. Or hulls close it in. The status is 1 if a living UAV without such a
+reason is not home, or discs could overlap.
+"""
+
+from __future__ import annotations
+
+import argparse
+import sys
+from collections import Counter
+from collections.abc import Iterator
+from concurrent.futures import ProcessPoolExecutor
+from dataclasses import dataclass
+from multiprocessing import get_context
+from random import Random
+
+import numpy as np
+from rich.console import Console
+from rich.progress import track
+
+from edc_swarm.config import ARRIVED_M, Mission, mission_from_dict
+from edc_swarm.fuzzing import overlaps
+from edc_swarm.geometry import capsule_distance_m
+from edc_swarm.messages import Message, MissionMessage, Report
+from edc_swarm.planner import make_planner, warm_up
+from edc_swarm.planner.ways import hindrance
+from edc_swarm.recording import Recording
+from edc_swarm.recording.living import living_at_end
+from edc_swarm.recording.tracks import tracks_of
+from edc_swarm.roster import complete_mission
+from edc_swarm.simulation import Simulation, mission_message
+from edc_swarm.solver.slot_qp import Obstacles
+
+UAVS = 10
+MAX_SLOTS = 400
+FIRST_SLOT, LAST_SLOT = 2, 25
+LINKS: dict[str, list[dict[str, float]]] = {
+    "none": [],
+    "lossy": [{"loss": 0.05, "jitter_ms": 40.0}],
+    "slow": [{"delay_ms": 120.0, "jitter_ms": 50.0}],
+}
+
+
+@dataclass(frozen=True)
+class Flight:
+    """One mission: how it ended, and of each living UAV that is not home why."""
+
+    seed: int
+    heads: int
+    links: str
+    slots: int
+    killed: int
+    away: dict[str, str]
+    """Reasons by UAV; "" for a UAV that has none."""
+    broken: list[str]
+
+    @property
+    def command(self) -> str:
+        """The faults as options of `edc-swarm sim`."""
+        return " ".join(f'--fault "{fault}"' for fault in faults(self.seed, self.heads, Mission().dt_s))
+
+
+def faults(seed: int, heads: int, dt_s: float) -> list[str]:
+    """When the heads of this mission are killed."""
+    random = Random(f"killed/{seed}/{heads}")
+    slots = sorted(random.sample(range(FIRST_SLOT, LAST_SLOT + 1), heads))
+    return [f"kill head @{(slot + random.random()) * dt_s:.3f}s" for slot in slots]
+
+
+def fly(seed: int, heads: int, links: str) -> Flight:
+    """Simulate one mission and judge how it ended."""
+    fields = {"seed": seed, "uavs": UAVS, "max_slots": MAX_SLOTS, "link": LINKS[links]}
+    mission = mission_from_dict({**fields, "fault": faults(seed, heads, Mission().dt_s)})
+    message = mission_message(complete_mission(mission))
+    said: list[Message] = []
+    simulation = Simulation(
+        message, lambda: make_planner(mission.planner, message), lambda _key, said_now, _ns: said.append(said_now)
+    )
+    end = simulation.run()
+    recording = Recording.from_messages(said)
+    tracks = tracks_of(recording)
+    living = living_at_end(recording, tracks)
+    plans = [report for report in recording.reports if report.has_quorum]
+    plan = max(plans, key=lambda report: (report.term, report.slot), default=None)
+    away = dict(_away(message, tracks.centre_m[-1], living, plan))
+    return Flight(seed, heads, links, end.slots, int((~living).sum()), away, overlaps(message, end.motions))
+
+
+def _away(
+    mission: MissionMessage, centre_m: np.ndarray, living: np.ndarray, plan: Report | None
+) -> Iterator[tuple[str, str]]:
+    """Each living UAV that is not at its target, and why."""
+    for k in np.flatnonzero(living).tolist():
+        entry = mission.roster[k]
+        target_m = np.array([entry.target_x_m, entry.target_y_m])
+        if np.hypot(*(centre_m[k] - target_m)) > ARRIVED_M:
+            dead = np.flatnonzero(~living).tolist()
+            covers = [_cover(mission, centre_m, other, target_m, entry.r_m, plan) for other in dead]
+            hulls = _hulls(mission, dead, plan)
+            why = hindrance(centre_m[k], target_m, entry.r_m, hulls)
+            yield entry.uav, "; ".join(filter(None, covers)) or (f"{why} by hulls" if why else "")
+
+
+def _hulls(mission: MissionMessage, dead: list[int], plan: Report | None) -> Obstacles:
+    """The last plan's hulls of those that live no more."""
+    ids = {mission.roster[k].uav: mission.roster[k].r_m for k in dead}
+    rows = [] if plan is None else list(zip(plan.hull_uav, *plan.hull_columns, strict=True))
+    kept = np.array([(*shape, ids[uav]) for uav, *shape in rows if uav in ids], dtype=float).reshape(-1, 6)
+    return Obstacles(kept[:, 0:2], kept[:, 2:4], kept[:, 4], kept[:, 5])
+
+
+def _cover(
+    mission: MissionMessage, centre_m: np.ndarray, other: int, target_m: np.ndarray, r_m: float, plan: Report | None
+) -> str:
+    """How a UAV that lives no more covers a target, "" if it does not."""
+    entry = mission.roster[other]
+    keep_m = r_m + entry.r_m
+    disc_m = float(np.hypot(*(centre_m[other] - target_m))) - keep_m
+    if disc_m < 0:
+        return f"target covered by the disc of dead {entry.uav}, by {-disc_m:.2f} m"
+    if plan is not None and entry.uav in plan.hull_uav:
+        ax_m, ay_m, bx_m, by_m, radius_m = (column[plan.hull_uav.index(entry.uav)] for column in plan.hull_columns)
+        hull_m = float(capsule_distance_m(target_m, (ax_m, ay_m), (bx_m, by_m), radius_m)) - keep_m
+        if hull_m < 0:
+            return f"target covered by the hull of dead {entry.uav}, by {-hull_m:.2f} m"
+    return ""
+
+
+def _range(text: str) -> list[int]:
+    first, _, last = text.partition("-")
+    return list(range(int(first), int(last or first) + 1))
+
+
+def _names(text: str) -> list[str]:
+    names = text.split(",")
+    if unknown := set(names) - set(LINKS):
+        raise argparse.ArgumentTypeError(f"{', '.join(sorted(unknown))}: must be of {', '.join(LINKS)}")
+    return names
+
+
+def main() -> int:
+    """Fly all missions, print a line per cell and one per UAV that is not home."""
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("--seeds", type=_range, default="7000-7199", help="FIRST-LAST (7000-7199)")
+    parser.add_argument("--heads", type=int, choices=(1, 2), help="heads killed (default: one, then two)")
+    parser.add_argument("--links", type=_names, default=",".join(LINKS), help=f"of {', '.join(LINKS)} (default: all)")
+    parser.add_argument("--jobs", type=int, default=1, help="missions flown at the same time (1)")
+    options = parser.parse_args()
+    heads = (options.heads,) if options.heads else (1, 2)
+    work = [(seed, h, link) for link in options.links for h in heads for seed in options.seeds]
+    warm_up(complete_mission(Mission(uavs=UAVS)))
+    console = Console(stderr=True)
+    with ProcessPoolExecutor(options.jobs, mp_context=get_context("spawn")) as pool:
+        done = pool.map(fly, *zip(*work, strict=True))
+        flights = list(track(done, "killed heads", total=len(work), console=console))
+    for link in options.links:
+        for h in heads:
+            _show([flight for flight in flights if (flight.links, flight.heads) == (link, h)])
+    lost = [flight for flight in flights if "" in flight.away.values() or flight.broken]
+    print(f"{sum(not flight.away for flight in flights)} of {len(flights)} missions have all living UAVs home")
+    print(f"{len(lost)} missions failed: a living UAV is not home for no reason, or discs could overlap")
+    return 1 if lost else 0
+
+
+def _show(flights: list[Flight]) -> None:
+    """One cell: how many have all living UAVs home, and of the rest the reasons."""
+    home = sum(not flight.away for flight in flights)
+    slots = sorted(flight.slots for flight in flights)
+    dead = dict(sorted(Counter(flight.killed for flight in flights).items()))
+    print(
+        f"links {flights[0].links}, kills {flights[0].heads}: {home} of {len(flights)} missions have all living UAVs"
+        f" home; slots {slots[len(slots) // 2]} median, {slots[-1]} most; missions by UAVs dead: {dead}"
+    )
+    for flight in flights:
+        for uav, reason in flight.away.items():
+            why = reason or "FAILURE: its target is free, and nothing holds it"
+            print(f"  seed {flight.seed}: {uav} is not home: {why}   ({flight.slots} slots; {flight.command})")
+        for broken in flight.broken[:2]:
+            print(f"  seed {flight.seed}: FAILURE: {broken}   ({flight.command})")
+
+
+if __name__ == "__main__":
+    sys.exit(main())

@@ -1,0 +1,159 @@
+"""Ways round obstacles: where a UAV can get to, and the shortest way there if nobody else flew.
+
+Obstacles are capsules: all points within a radius of a segment. Guidance looks ahead for a time only, and
+takes the rest of the way for straight; so it would wait for ever in a pocket that is deeper than that.
+"""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+from numpy.typing import NDArray
+
+from edc_swarm.geometry import Floats, capsule_distance_m, length_m, nearest_on_segment, point_segment_distance_m
+from edc_swarm.planner import guidance_kernel as kernel
+from edc_swarm.solver.slot_qp import DELTA_M, Obstacles, slot_problem
+
+SPARE_M = 1e-5
+"""How much farther than it must a goal is put, for rounding."""
+CORNERS = 12
+"""Corners of the polygon about each end of an obstacle's segment."""
+TESTS = 200_000
+"""Lines of sight looked for in one slot, times obstacles; whoever is left flies towards its goal."""
+RING_M = 0.5
+RINGS, BEARINGS = 120, 24
+_BEARING = [(math.cos(math.tau * i / BEARINGS), math.sin(math.tau * i / BEARINGS)) for i in range(BEARINGS)]
+_CORNER = [(math.cos(math.tau * (i + 0.5) / CORNERS), math.sin(math.tau * (i + 0.5) / CORNERS)) for i in range(CORNERS)]
+
+
+def walls_of(position_m: Floats, r_m: Floats, obstacles: Obstacles) -> kernel.Walls:
+    """The obstacles with the distances that each UAV keeps from their segments."""
+    keep_m = r_m[:, None] + obstacles.keep_m + obstacles.radius_m + DELTA_M
+    away_m = point_segment_distance_m(position_m[:, None], obstacles.a_m[None], obstacles.b_m[None])
+    bar_m = np.minimum(keep_m, 0.9995 * away_m) - kernel.ROUNDING_M
+    # One memory layout: the kernel is compiled anew for any other.
+    return kernel.Walls(np.ascontiguousarray(obstacles.a_m), np.ascontiguousarray(obstacles.b_m), keep_m, bar_m)
+
+
+def free_goals(target_m: Floats, r_m: Floats, obstacles: Obstacles) -> Floats:
+    """The targets (n, 2), but those nearer than R + delta to an obstacle moved to a place near by that is not.
+
+    A target at R or a little more, where the slot QP's buffer lets nobody get to, moves by less than the
+    distance that counts as arrived. One that is covered becomes a place to wait at, out of the way of those
+    who can get home.
+    """
+    goal_m = target_m.copy()
+    if not len(obstacles.keep_m):
+        return goal_m
+    keep_m = r_m[:, None] + obstacles.keep_m + obstacles.radius_m + DELTA_M
+    away_m = point_segment_distance_m(target_m[:, None], obstacles.a_m[None], obstacles.b_m[None])
+    covered: NDArray[np.bool_] = np.any(away_m < keep_m, axis=1)
+    taken = [k for k in range(len(target_m)) if not covered[k]]
+    for k in np.flatnonzero(covered).tolist():
+        # Every disc at a goal is an obstacle too: a capsule about a point.
+        a_m = np.concatenate([obstacles.a_m, goal_m[taken]])
+        b_m = np.concatenate([obstacles.b_m, goal_m[taken]])
+        apart_m = np.concatenate([keep_m[k], r_m[k] + r_m[taken] + DELTA_M])
+        goal_m[k] = _free_point(target_m[k], a_m, b_m, apart_m)
+        taken.append(k)
+    return goal_m
+
+
+def _free_point(point_m: Floats, a_m: Floats, b_m: Floats, apart_m: Floats) -> Floats:
+    """A point near `point_m` that keeps `apart_m` (m,) from the segments a-b (m, 2), else the point itself."""
+    moved_m = point_m
+    for _ in range(8):
+        nearest_m = nearest_on_segment(moved_m, a_m, b_m)
+        lack_m = apart_m - length_m(moved_m - nearest_m)
+        worst = int(np.argmax(lack_m))
+        if lack_m[worst] <= 0:
+            return moved_m
+        away_m = moved_m - nearest_m[worst]
+        far_m = float(length_m(away_m))
+        away = away_m / far_m if far_m > 0 else np.array([1.0, 0.0])
+        moved_m = nearest_m[worst] + (apart_m[worst] + SPARE_M) * away
+    ring_m = RING_M * np.arange(1, RINGS + 1)
+    trial_m = point_m + (ring_m[:, None, None] * np.array(_BEARING)).reshape(-1, 2)
+    free = (point_segment_distance_m(trial_m[:, None], a_m[None], b_m[None]) >= apart_m).all(axis=1)
+    return trial_m[int(np.argmax(free))] if free.any() else point_m
+
+
+def routed(position_m: Floats, goal_m: Floats, walls: kernel.Walls, slot: int) -> tuple[Floats, Floats]:
+    """Where each UAV flies to first on its shortest way round the obstacles (n, 2), and that way's length (n,).
+
+    Where the straight way is free, or there is none at all, it is the goal itself.
+    """
+    way_m = length_m(goal_m - position_m)
+    if not walls.keep_m.size:
+        return goal_m, way_m
+    first_m, tests = goal_m.copy(), 0
+    count = len(goal_m)
+    corners: dict[bytes, Floats] = {}
+    # Another UAV comes first in each slot, so that nobody is always the one for whom no time is left.
+    for k in ((slot + i) % count for i in range(count)):
+        if tests > TESTS or kernel.open_way(walls, k, *position_m[k].tolist(), *goal_m[k].tolist()):
+            continue
+        key = walls.keep_m[k].tobytes()
+        if key not in corners:
+            corners[key] = _corners(walls, k)
+        corner_m = corners[key]
+        size = len(corner_m) + 2
+        node_m = np.concatenate([position_m[k][None], goal_m[k][None], corner_m])
+        first, length, spent = kernel.way_round(
+            walls, k, node_m, np.empty(size), np.empty(size, np.int64), np.empty(size, np.bool_), TESTS - tests
+        )
+        tests += spent
+        if first >= 0:
+            first_m[k], way_m[k] = node_m[first], length
+    return first_m, way_m
+
+
+def hindrance(position_m: Floats, target_m: Floats, r_m: float, obstacles: Obstacles) -> str:
+    """Why a UAV cannot fly from one point (2,) to the other as far as obstacles go, "" if it can.
+
+    "covered": the target is nearer than R to one. "held": no step leads away from all that are nearer than R, or the
+    UAV is within one. "closed in": there is no way round them.
+    """
+    keep_m = r_m + obstacles.keep_m
+    if (capsule_distance_m(target_m, obstacles.a_m, obstacles.b_m, obstacles.radius_m) < keep_m).any():
+        return "covered"
+    here_m, radii_m = position_m[None], np.array([r_m])
+    near = slot_problem(here_m, here_m, radii_m, 1.0, obstacles)
+    normal = near.row_normal[near.row_room_m == 0]
+    if near.frozen.any() or (len(normal) and not clearest(normal).any()):
+        return "held"
+    goal_m = free_goals(target_m[None], radii_m, obstacles)
+    walls = walls_of(here_m, radii_m, obstacles)
+    first_m, _ = routed(here_m, goal_m, walls, 0)
+    open_way = kernel.open_way(walls, 0, *position_m.tolist(), *goal_m[0].tolist())
+    return "" if open_way or (first_m != goal_m).any() else "closed in"
+
+
+def clearest(normal: Floats) -> Floats:
+    """The direction (2,) whose least product with unit vectors (h, 2) is greatest; none if that is not above 0.
+
+    It is one of them, or half way between two.
+    """
+    i, j = np.triu_indices(len(normal))
+    middle = normal[i] + normal[j]
+    length = length_m(middle)
+    middle = middle[length > 1e-9] / length[length > 1e-9, None]
+    least = (middle @ normal.T).min(axis=1, initial=np.inf)
+    return middle[int(np.argmax(least))] if len(least) and least.max() > 0 else np.zeros(2)
+
+
+def _corners(walls: kernel.Walls, k: int) -> Floats:
+    """Corners (c, 2) of polygons about all obstacles, those that UAV `k` may be at."""
+    along_m = walls.b_m - walls.a_m
+    length = length_m(along_m)
+    axis = np.where(length[:, None] > 0, along_m / np.where(length > 0, length, 1.0)[:, None], [1.0, 0.0])
+    across = np.stack([-axis[:, 1], axis[:, 0]], axis=-1)
+    out_m = (walls.keep_m[k] + SPARE_M) / math.cos(math.pi / CORNERS)
+    turned = np.array(_CORNER)
+    ring_m = out_m[:, None, None] * (turned[:, :1] * axis[:, None] + turned[:, 1:] * across[:, None])
+    ends_m = (walls.a_m[:, None] + ring_m, (walls.b_m[:, None] + ring_m)[length > 0])
+    corner_m = np.concatenate([end_m.reshape(-1, 2) for end_m in ends_m])
+    away_m = point_segment_distance_m(corner_m[:, None], walls.a_m[None], walls.b_m[None])
+    free: NDArray[np.bool_] = np.all(away_m >= walls.keep_m[k], axis=1)
+    return corner_m[free]
