@@ -34,6 +34,8 @@ class Recording:
         Number of messages on other topics, by topic (viewers' topics among them).
     problems
         What could not be read of a torn file, one line each.
+    duplicates
+        Number of messages that were left out since the same one had been read.
     """
 
     run: dict[str, str] = field(default_factory=dict)
@@ -47,6 +49,7 @@ class Recording:
     garbage: list[Garbage] = field(default_factory=list)
     unknown: dict[str, int] = field(default_factory=dict)
     problems: list[str] = field(default_factory=list)
+    duplicates: int = 0
 
     @property
     def mission(self) -> MissionMessage:
