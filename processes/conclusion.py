@@ -17,7 +17,7 @@ from processes.summary import guarantees_status, print_guarantees, print_metrics
 def conclude(path: Path, *, as_json: bool) -> int:
     """Print what the recording at `path` says; the exit status."""
     recording = read_recording(path)
-    metrics, guarantees = compute_metrics(recording, load_timings(path)), check(recording)
+    metrics, guarantees = compute_metrics(recording, load_timings(path, note)), check(recording)
     if as_json:
         print_json({**msgspec.to_builtins(metrics), "guarantees": guarantees, "recording": str(path)})
     else:

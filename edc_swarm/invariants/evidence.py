@@ -20,15 +20,16 @@ from __future__ import annotations
 
 import re
 from collections import defaultdict
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
+from itertools import pairwise
 from operator import attrgetter
 
 import numpy as np
 from numpy.typing import NDArray
 
-from edc_swarm.messages import Command, Fix, MissionMessage, Report, roster_index
+from edc_swarm.messages import Command, Fix, MissionMessage, Report, Truth, roster_index
 from edc_swarm.recording import Gap, Recording, find_gaps
 from edc_swarm.recording.ends import Ends, ends_of
 from edc_swarm.recording.tracks import Tracks, tracks_of
@@ -182,15 +183,16 @@ def _judgeable(recording: Recording, index: dict[str, int], gaps: list[Gap], end
     A UAV whose fixes are whole rests where no fix tells otherwise; one whose fixes are not may be anywhere.
     """
     tracks = tracks_of(recording)
-    no_fixes, no_truths = (_columns(_lacking(gaps, ends, kind), index) for kind in ("fix", "truth"))
-    if not (no_fixes.any() or no_truths.any()):
+    no_fix = _holes(recording.fixes, "fix", index, gaps, ends, tracks.heard.shape)
+    no_truth = _holes(recording.truths, "truth", index, gaps, ends, tracks.heard.shape)
+    lost = tracks.lost | (~tracks.heard & no_fix)
+    if not (lost.any() or no_truth.any()):
         return tracks
-    lost = tracks.lost | (~tracks.heard & no_fixes)
     told = np.zeros_like(tracks.heard)
     for truth in recording.truths:
         if truth.slot >= 0 and truth.uav in index:
             told[truth.slot, index[truth.uav]] = True
-    unknown = (~told & (no_truths | lost))[..., None]
+    unknown = (~told & (no_truth | lost))[..., None]
     return replace(
         tracks,
         lost=lost,
@@ -199,9 +201,33 @@ def _judgeable(recording: Recording, index: dict[str, int], gaps: list[Gap], end
     )
 
 
-def _columns(uavs: set[str], index: dict[str, int]) -> NDArray[np.bool_]:
-    """(K,) whether each UAV is one of `uavs`."""
-    return np.array([uav in uavs for uav in index], bool)
+def _holes(
+    said: Sequence[Fix] | Sequence[Truth],
+    kind: str,
+    index: dict[str, int],
+    gaps: list[Gap],
+    ends: Ends,
+    shape: tuple[int, ...],
+) -> NDArray[np.bool_]:
+    """(S, K) slots of which a message of `kind` may be missing, as the numbers around them say."""
+    holes = np.zeros(shape, bool)
+    lacking = _lacking(gaps, ends, kind) & index.keys()
+    streams: dict[tuple[str, str], list[tuple[int, int]]] = {}
+    for message in said if lacking else ():
+        if message.uav in lacking:
+            streams.setdefault((message.uav, message.instance), []).append((message.seq, message.slot))
+    for uav in lacking - {uav for uav, _ in streams}:
+        holes[:, index[uav]] = True
+    tails = {(gap.key, gap.instance): gap.last for gap in gaps if not gap.duplicate}
+    for (uav, instance), numbers in streams.items():
+        numbers.sort()
+        for (before, slot), (seq, next_slot) in pairwise([(-1, -1), *numbers]):
+            if seq > before + 1:
+                holes[slot + 1 : next_slot, index[uav]] = True
+        newest, slot = numbers[-1]
+        if uav in ends.unended or tails.get((f"uav/{uav}/{kind}", instance), -1) > newest:
+            holes[slot + 1 :, index[uav]] = True
+    return holes
 
 
 def _named(uavs: set[str] | frozenset[str]) -> str:

@@ -85,7 +85,7 @@ class RecordingWriter:
     def finish(self, run_end: Mapping[str, str]) -> None:
         """Write the metadata `run_end`, the summary and the footer; the stream stays open."""
         self._mcap.flush()
-        self._mcap.add_metadata("run_end", dict(run_end))
+        self._mcap.add_metadata("run_end", {"messages": str(self._count), **run_end})
         self._mcap.finish()
 
     def _channel(self, key: str, encoding: str, schema: int) -> int:
@@ -96,6 +96,7 @@ class RecordingWriter:
     def _add(self, channel: int, payload: bytes, log_ns: int, publish_ns: int | None, seq: int) -> None:
         self._last_ns = max(self._last_ns, log_ns)
         sent_ns = self._last_ns if publish_ns is None else publish_ns
+        self._count += 1
         self._mcap.add_message(channel, self._last_ns, payload, sent_ns, seq & _MAX_U32)
 
     def _json_channel(self, key: str) -> int:

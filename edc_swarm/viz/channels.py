@@ -33,7 +33,7 @@ class Status(Struct, frozen=True, kw_only=True):
     term: int
     head: str
     status: str
-    plan_ms: float
+    plan_ms: float | None
     plan_limit_ms: float
     gap_m: float
     planned_gap_m: float

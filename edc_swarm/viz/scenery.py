@@ -284,7 +284,7 @@ class Scenery:
             term=report.term,
             head=report.head,
             status=report.status,
-            plan_ms=report.plan_ms,
+            plan_ms=report.plan_ms or None,
             plan_limit_ms=1e3 * (mission.dt_s - mission.tau_s) / mission.time_scale,
             gap_m=self._gaps(centres).least_m or 0.0,
             planned_gap_m=report.min_gap_m,

@@ -24,7 +24,7 @@ def metrics(recording: Path, /, *, json: bool = False) -> int:
     if whole.garbage:
         first = whole.garbage[0]
         note(f"warning: {len(whole.garbage)} payloads are no messages and are left out; {first.topic}: {first.reason}")
-    found = compute_metrics(whole, load_timings(recording))
+    found = compute_metrics(whole, load_timings(recording, note))
     if json:
         print_json(found)
     else:

@@ -13,6 +13,7 @@ from edc_swarm.invariants import check
 from edc_swarm.metrics import compute_metrics, load_timings
 from edc_swarm.recording import read_recording
 from edc_swarm.report_page import Assets, Page, render
+from processes.console import note
 from processes.output import SUFFIX, new_file
 
 HTML = ".html"
@@ -41,7 +42,7 @@ def report(
         raise InputError("--out", str(path), f"a name that ends in {HTML}")
     if path.exists() and not force:
         raise InputError("--out", str(path), "a new file (or give --force)")
-    whole, timings = read_recording(recording), load_timings(recording)
+    whole, timings = read_recording(recording), load_timings(recording, note)
     metrics = compute_metrics(whole, timings)
     page = Page.of(whole, metrics.heads, timings)
     document = render(page, metrics, check(whole), whole.run, _assets())

@@ -11,7 +11,7 @@ from cyclopts import Parameter
 
 from edc_swarm.config import Mission
 from edc_swarm.messages import Message, MissionMessage, encode
-from edc_swarm.metrics import Timing
+from edc_swarm.metrics import Timing, Timings, content_hash
 from edc_swarm.planner import make_planner, warm_up
 from edc_swarm.planner.interface import Plan, Planner, PlanRequest
 from edc_swarm.recording import RecordingWriter
@@ -37,7 +37,7 @@ def sim(
     path = options.out or default_output(mission.name, mission.planner, str(mission.seed))
     with Output(path, force=options.force) as output:
         timings = _simulate(mission, output, viz=not options.no_viz, show_progress=not options.json)
-    path.with_suffix(".timings.json").write_bytes(msgspec.json.encode(timings))
+    path.with_suffix(".timings.json").write_bytes(msgspec.json.encode(Timings(content_hash(path), timings)))
     return conclude(path, as_json=options.json)
 
 
