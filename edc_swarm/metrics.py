@@ -32,7 +32,7 @@ from edc_swarm.separation import encounters, least_gap_m
 
 Floats = NDArray[np.float64]
 
-_CELL, _SENT = attrgetter("uav", "slot"), attrgetter("sent_ns")
+_NUMBERED, _SENT = attrgetter("uav", "slot", "seq"), attrgetter("sent_ns")
 
 OVERLAP_TOLERANCE_M = 1e-9
 BODY_TOLERANCE_M = 1e-6
@@ -129,7 +129,7 @@ class Columns:
     plan_slot, plan_ms
         (P,) slots whose plans were timed, and how long they took; 0 ms in a report means: not measured.
     command_slot, fix_to_command_ms
-        (C,) slot of each command that answers a recorded fix, and the time since that fix was sent.
+        (C,) slot of each command that names a recorded fix, and the time since that fix was sent.
     """
 
     uavs: list[str]
@@ -396,21 +396,23 @@ def _quantiles(values: Floats) -> Quantiles:
 
 
 def _fix_to_command_ms(recording: Recording) -> tuple[NDArray[np.int64], Floats]:
-    """For each command its slot, and its send time minus that of its UAV's last fix of the slot before."""
-    sent: dict[tuple[str, int], int | list[int]] = {}
-    for cell, sent_ns in zip(map(_CELL, recording.fixes), map(_SENT, recording.fixes), strict=True):
-        if sent.setdefault(cell, sent_ns) is not sent_ns:
-            earlier = sent[cell]
-            sent[cell] = [*(earlier if isinstance(earlier, list) else [earlier]), sent_ns]
+    """For each command its slot, and its send time minus that of the fix that it says its head planned with.
+
+    Commands that do not say it (older recordings), or whose fix is not recorded, have no delay.
+    """
+    sent_ns = counted_ns(recording)
     slots, delays_ns = [], []
     for command in recording.commands:
-        fixes_ns = sent.get((command.uav, command.slot - 1), [])
-        if isinstance(fixes_ns, list):
-            fixes_ns = max((ns for ns in fixes_ns if ns <= command.sent_ns), default=-1)
-        if 0 <= fixes_ns <= command.sent_ns:
+        fix_ns = sent_ns.get((command.uav, command.slot - 1, command.fix_seq))
+        if fix_ns is not None and fix_ns <= command.sent_ns:
             slots.append(command.slot)
-            delays_ns.append(command.sent_ns - fixes_ns)
+            delays_ns.append(command.sent_ns - fix_ns)
     return np.array(slots, np.int64), np.array(delays_ns, np.float64) / 1e6
+
+
+def counted_ns(recording: Recording) -> dict[tuple[str, int, int], int]:
+    """When each fix was sent, by UAV, slot and number: what commands name."""
+    return dict(zip(map(_NUMBERED, recording.fixes), map(_SENT, recording.fixes), strict=True))
 
 
 def _slots_held(columns: Columns, at_target: NDArray[np.bool_], first: int | None, last: int) -> int:

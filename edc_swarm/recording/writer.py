@@ -44,6 +44,7 @@ class RecordingWriter:
         self._channels: dict[str, int] = {}
         self._schemas: dict[str, int] = {}
         self._last_ns = 0
+        self._count = 0
         self._has_mission = False
         self._mcap.start(profile="", library=f"edc-swarm {FORMAT}")
         self._mcap.add_metadata("run", {**run, "format": FORMAT})
@@ -83,7 +84,10 @@ class RecordingWriter:
         self._mcap.flush()
 
     def finish(self, run_end: Mapping[str, str]) -> None:
-        """Write the metadata `run_end`, the summary and the footer; the stream stays open."""
+        """Write the metadata `run_end`, the summary and the footer; the stream stays open.
+
+        `messages` is the number of messages written, unless `run_end` says it.
+        """
         self._mcap.flush()
         self._mcap.add_metadata("run_end", {"messages": str(self._count), **run_end})
         self._mcap.finish()

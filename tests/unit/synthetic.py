@@ -120,6 +120,7 @@ def _command(k: int, path: Path, slot: int, began_ns: int, grant: tuple[int, str
         start_y_m=sy,
         target_x_m=tx,
         target_y_m=ty,
+        fix_seq=slot,
     )
 
 
