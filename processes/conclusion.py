@@ -10,12 +10,15 @@ from edc_swarm.invariants import check
 from edc_swarm.metrics import OVERLOADED_PCT, Metrics, compute_metrics, load_timings
 from edc_swarm.node import PLANNER_FAILED
 from edc_swarm.recording import Recording, read_recording
-from processes.console import FAILED, note, print_json, stdout_console
+from processes.console import FAILED, NOT_JUDGED, note, print_json, stdout_console
 from processes.summary import guarantees_status, print_guarantees, print_metrics
 
 
-def conclude(path: Path, *, as_json: bool) -> int:
-    """Print what the recording at `path` says; the exit status."""
+def conclude(path: Path, *, as_json: bool, last_slot: int = -1) -> int:
+    """Print what the recording at `path` says; the exit status.
+
+    `last_slot` is the newest slot that the operator saw: a recording that ends before it is not all of the run.
+    """
     recording = read_recording(path)
     metrics, guarantees = compute_metrics(recording, load_timings(path, note)), check(recording)
     if as_json:
@@ -26,7 +29,11 @@ def conclude(path: Path, *, as_json: bool) -> int:
         print_guarantees(guarantees, console, limit=3)
         print(path)
     _warn(recording, metrics)
-    return guarantees_status(guarantees) if metrics.completed else FAILED
+    recorded_slot = metrics.slots - 1
+    if recorded_slot < last_slot:
+        note(f"warning: the operator saw slot {last_slot}, the recording ends at slot {recorded_slot}")
+    status = guarantees_status(guarantees) if metrics.completed else FAILED
+    return status or (NOT_JUDGED if recorded_slot < last_slot else 0)
 
 
 def _warn(recording: Recording, metrics: Metrics) -> None:

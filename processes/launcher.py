@@ -66,7 +66,9 @@ MOST_NAMED = 10
 
 @dataclass(frozen=True, slots=True)
 class RunReport:
-    """How the processes did, beside what the recording says; `flew`: there was a mission to record."""
+    """How the processes did, beside what the recording says; `flew`: there was a mission to record, `last_slot`: the
+    newest slot of which the operator heard a fix.
+    """
 
     flew: bool
     warm_s: float
@@ -74,6 +76,7 @@ class RunReport:
     publishing_s: float | None
     first_flown_slot: int
     interrupted: bool
+    last_slot: int
     notes: list[str]
 
 
@@ -514,6 +517,11 @@ class Launcher:
             return not self._output.part.exists()
         return RECORDER not in self._children
 
+    def _last_slot(self) -> int:
+        """Return the newest slot of which the operator heard a fix, -1 where it heard none."""
+        monitor = self._operator.monitor if self._operator is not None else None
+        return monitor.slot if monitor is not None else -1
+
     def _report(self) -> RunReport:
         publishing = self._publishing_at_s
         return RunReport(
@@ -523,6 +531,7 @@ class Launcher:
             publishing_s=None if publishing is None else publishing - self._ready_at_s,
             first_flown_slot=self._operator.first_flown_slot if self._operator is not None else -1,
             interrupted=self._loop.interrupted,
+            last_slot=self._last_slot(),
             notes=self._notes,
         )
 
