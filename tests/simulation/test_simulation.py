@@ -549,3 +549,12 @@ def test_a_vote_that_is_split_for_long_ends() -> None:
     )
     assert flight.missed(85, 109) == 0
     assert len({report.term for report in flight.reports if report.slot >= 85}) == 1
+
+
+def test_no_command_comes_sooner_after_its_fix_than_the_way_takes() -> None:
+    """Each says which fix its head planned with, so the delay of the link is in every time but the head's own."""
+    flight = Flight(link=[{"delay_ms": 100.0}], max_slots=8)
+    sent_ns = {(f.uav, f.slot, f.seq): f.sent_ns for f in flight.messages if isinstance(f, Fix)}
+    commands = [c for c in flight.messages if isinstance(c, Command) and c.uav != c.head]
+    assert commands
+    assert all(c.sent_ns - sent_ns[c.uav, c.slot - 1, c.fix_seq] >= 100_000_000 for c in commands)
