@@ -18,7 +18,7 @@ class EnergyBill(Struct, frozen=True, kw_only=True):
     """One UAV's energy over the whole run, waiting for the others at the target included.
 
     Cruise is every slot in which it moved, hover every other one; radio is what it sent, compute
-    what it planned as head. `left_j` is the battery in its last fix.
+    what it planned as head. `left_j` is the battery in its last fix. None: not measured.
     """
 
     uav: str
@@ -27,9 +27,9 @@ class EnergyBill(Struct, frozen=True, kw_only=True):
     hover_s: float
     hover_j: float
     radio_j: float
-    compute_j: float
-    total_j: float
-    left_j: float
+    compute_j: float | None
+    total_j: float | None
+    left_j: float | None
     slots_led: int
 
 
@@ -53,16 +53,18 @@ def energy_bills(recording: Recording, timings: Sequence[Timing] = ()) -> list[E
             "cruise_j": float(slot_j[cruise, k].sum()),
             "hover_j": float(slot_j[hover, k].sum()),
             "radio_j": sent.get(entry.uav, 0) * mission.energy.radio_j_per_message,
-            "compute_j": compute_energy_j(plan_s.get(entry.uav, 0.0), mission.head),
         }
+        planned_s = plan_s.get(entry.uav, 0.0)
+        compute_j = None if planned_s is None else compute_energy_j(planned_s, mission.head)
         bills.append(
             EnergyBill(
                 uav=entry.uav,
                 cruise_s=float(cruise.sum() * mission.dt_s),
                 hover_s=float(hover.sum() * mission.dt_s),
                 **spent_j,
-                total_j=sum(spent_j.values()),
-                left_j=_last(columns.energy_j[:, k], entry.energy_j),
+                compute_j=compute_j,
+                total_j=None if compute_j is None else sum(spent_j.values()) + compute_j,
+                left_j=_last(columns.energy_j[:, k]),
                 slots_led=led.get(entry.uav, 0),
             )
         )
@@ -90,22 +92,23 @@ def _messages_sent(recording: Recording) -> dict[str, int]:
     return sent
 
 
-def _head_work(recording: Recording, timings: Sequence[Timing]) -> tuple[dict[str, float], dict[str, int]]:
-    """Seconds that each head planned, and slots that it led."""
+def _head_work(recording: Recording, timings: Sequence[Timing]) -> tuple[dict[str, float | None], dict[str, int]]:
+    """Seconds that each head planned (None where a plan was not timed), and slots that it led."""
     in_slot_ms: dict[int, list[float]] = {}
     for timing in measured(recording, timings):
         in_slot_ms.setdefault(timing.slot, []).append(timing.plan_ms)
-    plan_s: dict[str, float] = {}
+    plan_s: dict[str, float | None] = {}
     led: dict[str, int] = {}
     for report in recording.reports:
         if report.status in PLANNED:
             times_ms = in_slot_ms.get(report.slot)
             plan_ms = times_ms.pop(0) if times_ms else report.plan_ms
-            plan_s[report.head] = plan_s.get(report.head, 0.0) + plan_ms / 1e3
+            before_s = plan_s.get(report.head, 0.0)
+            plan_s[report.head] = before_s + plan_ms / 1e3 if plan_ms and before_s is not None else None
             led[report.head] = led.get(report.head, 0) + 1
     return plan_s, led
 
 
-def _last(battery_j: Floats, start_j: float) -> float:
+def _last(battery_j: Floats) -> float | None:
     known = battery_j[~np.isnan(battery_j)]
-    return float(known[-1]) if len(known) else start_j
+    return float(known[-1]) if len(known) else None

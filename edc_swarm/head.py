@@ -180,6 +180,7 @@ class Head:
             speed_mps=math.hypot(vx_mps, vy_mps),
             heading_rad=heading_rad,
             deviation_rad=_deviation_rad(self._roster[fix.uav], fix, heading_rad, (vx_mps, vy_mps)),
+            fix_seq=fix.seq,
         )
 
     def _report(self, slot: int, fixes: Sequence[Fix], hulls: dict[str, Stadium], plan: Plan) -> Report:

@@ -108,7 +108,8 @@ class Command(Struct, frozen=True, kw_only=True, gc=False):
     """One UAV's step for one slot, with the paper's action (eq. 10, 11).
 
     `speed_mps` is V_k, `heading_rad` theta_k (direction of the velocity), `deviation_rad` alpha_k,
-    its deviation from the bearing to the target.
+    its deviation from the bearing to the target. `fix_seq` is the number of the UAV's fix of the slot before
+    that the head planned with, -1 where it is not told (older recordings).
     """
 
     head: UavId
@@ -127,6 +128,7 @@ class Command(Struct, frozen=True, kw_only=True, gc=False):
     speed_mps: NonNegative = 0.0
     heading_rad: Quantity = 0.0
     deviation_rad: Quantity = 0.0
+    fix_seq: CountOrNone = -1
 
 
 class Report(Struct, frozen=True, kw_only=True, gc=False):

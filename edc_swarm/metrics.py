@@ -7,7 +7,8 @@ the discs at every instant, a true collision the same on true positions and bodi
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+import hashlib
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from itertools import pairwise
 from operator import attrgetter
@@ -33,7 +34,7 @@ from edc_swarm.separation import encounters, least_gap_m
 
 Floats = NDArray[np.float64]
 
-_CELL, _SENT = attrgetter("uav", "slot"), attrgetter("sent_ns")
+_NUMBERED, _SENT = attrgetter("uav", "slot", "seq"), attrgetter("sent_ns")
 
 OVERLAP_TOLERANCE_M = 1e-9
 BODY_TOLERANCE_M = 1e-6
@@ -90,7 +91,7 @@ class Metrics(Struct, frozen=True, kw_only=True):
     makespan_s: float | None
     makespan_ratio: float | None
     energy_propulsion_j: float
-    energy_compute_j: float
+    energy_compute_j: float | None
     energy_straight_j: float
     plan_ms: Quantiles
     fix_to_command_ms: Quantiles
@@ -130,9 +131,9 @@ class Columns:
     energy_j
         (S, K) battery, NaN where not heard.
     plan_slot, plan_ms
-        (P,) slots planned, and how long that took.
+        (P,) slots whose plans were timed, and how long they took; 0 ms in a report means: not measured.
     command_slot, fix_to_command_ms
-        (C,) slot of each command that answers a recorded fix, and the time since that fix was sent.
+        (C,) slot of each command that names a recorded fix, and the time since that fix was sent.
     """
 
     uavs: list[str]
@@ -152,8 +153,36 @@ class Columns:
     fix_to_command_ms: Floats
 
 
-def load_timings(recording_path: str | Path) -> list[Timing]:
-    """Plan times beside a simulated recording, from FILE.timings.json; empty where there are none.
+class Timings(Struct, frozen=True):
+    """Content of FILE.timings.json: plan times, and the SHA-256 of the recording that they belong to."""
+
+    recording: str
+    plans: list[Timing]
+
+
+def content_hash(recording_path: str | Path) -> str:
+    """Return the SHA-256 of a recording's bytes.
+
+    Raises
+    ------
+    RecordingError
+        The file cannot be read.
+    """
+    try:
+        with Path(recording_path).open("rb") as stream:
+            return hashlib.file_digest(stream, "sha256").hexdigest()
+    except OSError as error:
+        raise RecordingError(recording_path, f"cannot be read ({error.strerror})") from None
+
+
+def _ignore(_: str) -> None:
+    pass
+
+
+def load_timings(recording_path: str | Path, warn: Callable[[str], None] = _ignore) -> list[Timing]:
+    """Read the plan times beside a simulated recording, from FILE.timings.json; empty where they are unknown.
+
+    Times that belong to another recording are told to `warn` and left out.
 
     Raises
     ------
@@ -162,17 +191,21 @@ def load_timings(recording_path: str | Path) -> list[Timing]:
     """
     path = Path(recording_path).with_suffix(".timings.json")
     try:
-        return msgspec.json.decode(read_regular(path), type=list[Timing])
+        timings = msgspec.json.decode(read_regular(path), type=Timings | list[Timing])
     except FileNotFoundError:
         return []
     except OSError as error:
         raise RecordingError(path, f"cannot be read ({error.strerror})") from None
     except (msgspec.DecodeError, UnicodeDecodeError) as error:
         raise RecordingError(path, f"holds no timings ({error})") from None
+    if isinstance(timings, Timings) and timings.recording == content_hash(recording_path):
+        return timings.plans
+    warn(f"warning: {path} is not known to belong to {recording_path}: plan times are unknown")
+    return []
 
 
 def measured(recording: Recording, timings: Sequence[Timing]) -> Sequence[Timing]:
-    """`timings`, unless the run was a real one: its own times are in its reports, and that file is of another run."""
+    """Return `timings`, unless the run was a real one: its own times are in its reports."""
     return () if recording.run.get("clock") == "wall" else timings
 
 
@@ -219,7 +252,7 @@ def compute_metrics(recording: Recording, timings: Sequence[Timing] = ()) -> Met
         makespan_s=makespan_s,
         makespan_ratio=_makespan_ratio(mission, makespan_s, _reached_m(columns, arrival)[living]),
         energy_propulsion_j=_propulsion_j(mission, columns, arrival, first),
-        energy_compute_j=compute_energy_j(float(columns.plan_ms.sum()) / 1e3, mission.head),
+        energy_compute_j=_compute_j(recording, columns),
         energy_straight_j=_straight_energy_j(mission),
         plan_ms=_quantiles(columns.plan_ms),
         fix_to_command_ms=_quantiles(columns.fix_to_command_ms),
@@ -245,7 +278,8 @@ def _columns(recording: Recording, tracks: Tracks, living: NDArray[np.bool_], ti
     mission, centre_m = recording.mission, tracks.centre_m
     target_m = np.array([(e.target_x_m, e.target_y_m) for e in mission.roster]).reshape(-1, 2)
     reports = [report for report in recording.reports if report.status in PLANNED]
-    planned: Sequence[Timing | Report] = measured(recording, timings) or reports
+    times: Sequence[Timing | Report] = measured(recording, timings) or reports
+    planned = [plan for plan in times if plan.plan_ms > 0]
     command_slot, fix_to_command_ms = _fix_to_command_ms(recording)
     return Columns(
         uavs=tracks.uavs,
@@ -356,6 +390,14 @@ def _propulsion_j(mission: Mission, columns: Columns, arrival: NDArray[np.int64]
     return float(np.sum((flying_j + hovering_j)[(slot >= first) & (slot <= arrival) & columns.alive]))
 
 
+def _compute_j(recording: Recording, columns: Columns) -> float | None:
+    """Energy of all plans; None where there is none, or one whose time was not measured."""
+    plans = sum(report.status in PLANNED for report in recording.reports)
+    if not plans or len(columns.plan_ms) < plans:
+        return None
+    return compute_energy_j(float(columns.plan_ms.sum()) / 1e3, recording.mission.head)
+
+
 def _straight_energy_j(mission: Mission) -> float:
     total_m = sum(entry.straight_m for entry in mission.roster)
     return propulsion_power_w(mission.v_max_mps, mission.energy) * total_m / mission.v_max_mps
@@ -369,21 +411,23 @@ def _quantiles(values: Floats) -> Quantiles:
 
 
 def _fix_to_command_ms(recording: Recording) -> tuple[NDArray[np.int64], Floats]:
-    """For each command its slot, and its send time minus that of its UAV's last fix of the slot before."""
-    sent: dict[tuple[str, int], int | list[int]] = {}
-    for cell, sent_ns in zip(map(_CELL, recording.fixes), map(_SENT, recording.fixes), strict=True):
-        if sent.setdefault(cell, sent_ns) is not sent_ns:
-            earlier = sent[cell]
-            sent[cell] = [*(earlier if isinstance(earlier, list) else [earlier]), sent_ns]
+    """For each command its slot, and its send time minus that of the fix that it says its head planned with.
+
+    Commands that do not say it (older recordings), or whose fix is not recorded, have no delay.
+    """
+    sent_ns = counted_ns(recording)
     slots, delays_ns = [], []
     for command in recording.commands:
-        fixes_ns = sent.get((command.uav, command.slot - 1), [])
-        if isinstance(fixes_ns, list):
-            fixes_ns = max((ns for ns in fixes_ns if ns <= command.sent_ns), default=-1)
-        if 0 <= fixes_ns <= command.sent_ns:
+        fix_ns = sent_ns.get((command.uav, command.slot - 1, command.fix_seq))
+        if fix_ns is not None and fix_ns <= command.sent_ns:
             slots.append(command.slot)
-            delays_ns.append(command.sent_ns - fixes_ns)
+            delays_ns.append(command.sent_ns - fix_ns)
     return np.array(slots, np.int64), np.array(delays_ns, np.float64) / 1e6
+
+
+def counted_ns(recording: Recording) -> dict[tuple[str, int, int], int]:
+    """When each fix was sent, by UAV, slot and number: what commands name."""
+    return dict(zip(map(_NUMBERED, recording.fixes), map(_SENT, recording.fixes), strict=True))
 
 
 def _slots_held(columns: Columns, at_target: NDArray[np.bool_], first: int | None, last: int) -> int:

@@ -33,6 +33,8 @@ ENDS = {
     "max_slots": "ran out of slots",
     "interrupted": "the mission was interrupted",
     "failed": "the mission was broken off",
+    "stalled": "stopped, since nothing could change any more",
+    "nobody-left": "nobody flew any more",
 }
 """Reason for a UAV that was still on its way, by the detail of the operator's event `end`."""
 

@@ -9,15 +9,19 @@ import msgspec
 from edc_swarm.metrics import OVERLOADED_PCT, Metrics, compute_metrics, load_timings
 from edc_swarm.node import PLANNER_FAILED
 from edc_swarm.recording import Recording, read_recording
-from processes.console import FAILED, note, print_json, stdout_console
+from processes.console import FAILED, NOT_JUDGED, note, print_json, stdout_console
 from processes.judging import judged
 from processes.summary import guarantees_status, print_guarantees, print_metrics
 
 
-def conclude(path: Path, *, as_json: bool) -> int:
-    """Print what the recording at `path` says; the exit status."""
+def conclude(path: Path, *, as_json: bool, last_slot: int = -1) -> int:
+    """Print what the recording at `path` says; the exit status.
+
+    `last_slot` is the newest slot that the operator saw: a recording that ends before it is not all of the run.
+    """
     recording = read_recording(path)
-    metrics, guarantees = compute_metrics(recording, load_timings(path)), judged(recording, show_progress=not as_json)
+    metrics = compute_metrics(recording, load_timings(path, note))
+    guarantees = judged(recording, show_progress=not as_json)
     if as_json:
         print_json({**msgspec.to_builtins(metrics), "guarantees": guarantees, "recording": str(path)})
     else:
@@ -26,7 +30,11 @@ def conclude(path: Path, *, as_json: bool) -> int:
         print_guarantees(guarantees, console, limit=3)
         print(path)
     _warn(recording, metrics)
-    return guarantees_status(guarantees) if metrics.completed else FAILED
+    recorded_slot = metrics.slots - 1
+    if recorded_slot < last_slot:
+        note(f"warning: the operator saw slot {last_slot}, the recording ends at slot {recorded_slot}")
+    status = guarantees_status(guarantees) if metrics.completed else FAILED
+    return status or (NOT_JUDGED if recorded_slot < last_slot else 0)
 
 
 def _warn(recording: Recording, metrics: Metrics) -> None:

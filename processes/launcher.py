@@ -71,7 +71,8 @@ MOST_NAMED = 10
 class RunReport:
     """How the processes did, beside what the recording says.
 
-    `flew`: there was a mission to record; `failed`: it was broken off for what the last of the `notes` says.
+    `flew`: there was a mission to record; `failed`: it was broken off for what the last of the `notes` says;
+    `last_slot`: the newest slot of which the operator heard a fix.
     """
 
     flew: bool
@@ -81,6 +82,7 @@ class RunReport:
     first_flown_slot: int
     interrupted: bool
     failed: bool
+    last_slot: int
     notes: list[str]
 
 
@@ -541,6 +543,11 @@ class Launcher:
             return not self._output.part.exists()
         return RECORDER not in self._children
 
+    def _last_slot(self) -> int:
+        """Return the newest slot of which the operator heard a fix, -1 where it heard none."""
+        monitor = self._operator.monitor if self._operator is not None else None
+        return monitor.slot if monitor is not None else -1
+
     def _report(self) -> RunReport:
         publishing = self._publishing_at_s
         return RunReport(
@@ -551,6 +558,7 @@ class Launcher:
             first_flown_slot=self._operator.first_flown_slot if self._operator is not None else -1,
             interrupted=self._loop.interrupted,
             failed=self._failed,
+            last_slot=self._last_slot(),
             notes=self._notes,
         )
 

@@ -42,7 +42,6 @@ def _rivals(evidence: Evidence) -> Iterator[Violation]:
 
 
 def _unbacked_plans(evidence: Evidence, granted: Granted) -> Iterator[Violation]:
-    lost = evidence.fixes_lost()
     for report in evidence.plans:
         grants = set(report.grants) & evidence.index.keys()
         if len(grants) < evidence.mission.quorum:
@@ -51,7 +50,7 @@ def _unbacked_plans(evidence: Evidence, granted: Granted) -> Iterator[Violation]
         missing = [
             uav
             for uav in report.grants
-            if uav not in lost and (uav, report.slot, report.term, report.head) not in granted
+            if not evidence.fix_lost(uav, report.slot) and (uav, report.slot, report.term, report.head) not in granted
         ]
         if missing:
             text = f"grants of term {report.term} that no recorded fix gives: {', '.join(missing)}"
@@ -62,13 +61,13 @@ def _unbacked_commands(evidence: Evidence, granted: Granted) -> Iterator[Violati
     """Commands to UAVs that were not heard, and plans without a quorum, whether a report accounts for them or not."""
     support = Counter((term, head, slot) for _, slot, term, head in granted)
     unsupported = set()
-    lost = evidence.fixes_lost()
     for c in evidence.recording.commands:
         plan = (c.term, c.head, c.slot - 1)
-        if c.uav not in lost and (c.uav, c.slot - 1, c.term, c.head) not in granted:
+        if not evidence.fix_lost(c.uav, c.slot - 1) and (c.uav, c.slot - 1, c.term, c.head) not in granted:
             text = f"{c.head} commands {c.uav}, whose fix of slot {c.slot - 1} does not grant term {c.term}"
             yield Violation("command-to-unheard", text, c.slot, [c.uav])
-        if support[plan] + len(lost) < evidence.mission.quorum:
+        unsaid = sum(evidence.fix_lost(uav, c.slot - 1) for uav in evidence.index)
+        if support[plan] + unsaid < evidence.mission.quorum:
             unsupported.add(plan)
     for term, head, slot in unsupported:
         text = f"commands of term {term} on {support[term, head, slot]} grants"

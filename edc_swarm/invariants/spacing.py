@@ -68,7 +68,7 @@ def _outside(evidence: Evidence) -> Iterator[Violation]:
     tracks = evidence.tracks
     offset_m = np.hypot(*np.moveaxis(tracks.true_to_m - tracks.centre_m[1:], 2, 0))
     body_m = np.array([entry.body_m for entry in evidence.mission.roster])
-    excess_m = offset_m - (_radius_m(evidence) - body_m)
+    excess_m = np.where(tracks.lost, np.nan, offset_m) - (_radius_m(evidence) - body_m)
     for k in np.flatnonzero((excess_m > BODY_TOLERANCE_M).any(axis=0)).tolist():
         slot = int(np.argmax(excess_m[:, k] > BODY_TOLERANCE_M))
         uav, off_m = tracks.uavs[k], float(np.nanmax(excess_m[:, k]))

@@ -3,15 +3,13 @@
 Ages are ages of information (S. Kaul, R. Yates, M. Gruteser, "Real-Time Status: How Often Should One
 Update?", IEEE INFOCOM 2012), in wall milliseconds, sampled at the start of every slot, for every UAV that flies:
 
-- of fixes: since the newest fix of that UAV that a plan has counted was sent;
+- of fixes: since the newest fix of that UAV that a command says its head has planned with was sent;
 - of commands: since the newest command that it has begun to fly was sent.
 
 Both count from the mission's epoch until there is one.
 """
 
 from __future__ import annotations
-
-from collections import defaultdict
 
 import msgspec
 import numpy as np
@@ -22,7 +20,7 @@ from edc_swarm.config import ARRIVED_M
 from edc_swarm.invariants import check
 from edc_swarm.links import DELAY_ERROR, DelayError
 from edc_swarm.messages import roster_index
-from edc_swarm.metrics import OVERLOADED_PCT, Columns, columns_of, compute_metrics
+from edc_swarm.metrics import OVERLOADED_PCT, Columns, columns_of, compute_metrics, counted_ns
 from edc_swarm.recording import Recording
 
 PROGRESS = "G7"
@@ -96,7 +94,7 @@ def sample_of(recording: Recording) -> Sample:
         not_judged=[result.guarantee for result in verdicts if not result.judged],
         fix_to_command_ms=metrics.fix_to_command_ms.p50,
         fix_to_command_p99_ms=metrics.fix_to_command_ms.p99,
-        fix_age_ms=_mean_age_ms(recording, _counted_ns(recording, columns), columns.alive, first),
+        fix_age_ms=_mean_fix_age_ms(recording, columns, first),
         command_age_ms=_mean_age_ms(recording, _flown_ns(recording, columns), columns.alive, first),
         held_pct=_held_pct(columns, first),
         extra_distance_pct=metrics.extra_distance_pct if done else None,
@@ -125,19 +123,21 @@ def _held_pct(columns: Columns, first: int) -> float | None:
 
 def _counted_ns(recording: Recording, columns: Columns) -> NDArray[np.int64]:
     """(S, K) when the newest fix that a plan had counted at the start of each slot was sent; 0 for none."""
-    sent_ns: dict[tuple[str, int], list[int]] = defaultdict(list)
-    for fix in recording.fixes:
-        sent_ns[fix.uav, fix.slot].append(fix.sent_ns)
+    sent_ns = counted_ns(recording)
     table = np.zeros(columns.executed.shape, np.int64)
     index = roster_index(recording.mission.roster)
-    for report in recording.reports:
-        slot = _next_slot(recording, report.sent_ns)
-        if not report.has_quorum or slot >= len(table):
-            continue
-        for uav in report.heard:
-            counted_ns = max((ns for ns in sent_ns[uav, report.slot] if ns <= report.sent_ns), default=0)
-            table[slot, index[uav]] = max(table[slot, index[uav]], counted_ns)
+    for command in recording.commands:
+        slot, k = _next_slot(recording, command.sent_ns), index[command.uav]
+        if slot < len(table):
+            table[slot, k] = max(table[slot, k], sent_ns.get((command.uav, command.slot - 1, command.fix_seq), 0))
     return table
+
+
+def _mean_fix_age_ms(recording: Recording, columns: Columns, first: int) -> float | None:
+    """None where commands do not say which fixes were counted, as in older recordings."""
+    if recording.commands and all(command.fix_seq < 0 for command in recording.commands):
+        return None
+    return _mean_age_ms(recording, _counted_ns(recording, columns), columns.alive, first)
 
 
 def _flown_ns(recording: Recording, columns: Columns) -> NDArray[np.int64]:

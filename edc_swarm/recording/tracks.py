@@ -36,11 +36,16 @@ Cell = tuple[int, int]
 
 @dataclass(frozen=True, slots=True)
 class Step:
-    """A step that was executed without a fix that says so, and the command that explains it."""
+    """A step that was executed without a fix that says so, and the commands that explain it: all order this motion."""
 
     uav: int
     slot: int
-    command: Command
+    commands: tuple[Command, ...]
+
+    @property
+    def command(self) -> Command:
+        """One of the commands."""
+        return self.commands[0]
 
 
 @dataclass(frozen=True, slots=True)
@@ -286,10 +291,13 @@ def _advanced(
 ) -> dict[Point, tuple[Step, ...]]:
     """Where the UAV can be a slot later; where it was when nothing explains what is recorded."""
     reached = {point: path for point, path in paths.items() if sightings.agrees(slot, point)}
+    motions: dict[tuple[Point, Point], list[Command]] = {}
     for command in sightings.commands.get(slot, []):
-        start, end = (command.start_x_m, command.start_y_m), (command.target_x_m, command.target_y_m)
+        motion = (command.start_x_m, command.start_y_m), (command.target_x_m, command.target_y_m)
+        motions.setdefault(motion, []).append(command)
+    for (start, end), commands in motions.items():
         if start in paths and sightings.agrees(slot, end):
-            reached.setdefault(end, (*paths[start], Step(k, slot, command)))
+            reached.setdefault(end, (*paths[start], Step(k, slot, tuple(commands))))
     return reached or paths
 
 

@@ -69,6 +69,7 @@ class RecordingWriter:
         self._copied: dict[Channel, int] = {}
         self._schemas: dict[str, int] = {}
         self._last_ns = 0
+        self._count = 0
         self._has_mission = False
         self._mcap.start(profile="", library=f"edc-swarm {FORMAT}")
         self._mcap.add_metadata("run", {**run, "format": FORMAT})
@@ -122,9 +123,12 @@ class RecordingWriter:
         self._mcap.flush()
 
     def finish(self, run_end: Mapping[str, str]) -> None:
-        """Write the metadata `run_end`, the summary and the footer; the stream stays open."""
+        """Write the metadata `run_end`, the summary and the footer; the stream stays open.
+
+        `messages` is the number of messages written, unless `run_end` says it.
+        """
         self._mcap.flush()
-        self._mcap.add_metadata("run_end", dict(run_end))
+        self._mcap.add_metadata("run_end", {"messages": str(self._count), **run_end})
         self._mcap.finish()
 
     def _channel(self, key: str, encoding: str, schema: int) -> int:
@@ -135,6 +139,7 @@ class RecordingWriter:
     def _add(self, channel: int, payload: bytes, log_ns: int, publish_ns: int | None, seq: int) -> None:
         self._last_ns = max(self._last_ns, log_ns)
         sent_ns = self._last_ns if publish_ns is None else publish_ns
+        self._count += 1
         self._mcap.add_message(channel, self._last_ns, payload, sent_ns, seq & _MAX_U32)
 
     def _json_channel(self, key: str) -> int:

@@ -15,7 +15,7 @@ from foxglove_schemas_protobuf.Log_pb2 import Log
 from foxglove_schemas_protobuf.SceneUpdate_pb2 import SceneUpdate
 from google.protobuf.descriptor_pb2 import FileDescriptorSet
 from google.protobuf.message import Message as Protobuf
-from msgspec import Struct
+from msgspec import UNSET, Struct, UnsetType
 
 from edc_swarm.messages import PREFIX
 from edc_swarm.recording.mcap_file import Channel
@@ -27,21 +27,24 @@ LOCATION, LOG, STATUS = "location", "log", "status"
 
 
 class Status(Struct, frozen=True, kw_only=True):
-    """Figures for plots, once per slot report; the `*_limit_*` are constant, to be drawn beside."""
+    """Figures for plots, once per slot report; the `*_limit_*` are constant, to be drawn beside.
+
+    What is not known (the plan time in a simulation, the gap of a lone UAV) is absent.
+    """
 
     slot: int
     term: int
     head: str
     status: str
-    plan_ms: float
+    plan_ms: float | UnsetType = UNSET
     plan_limit_ms: float
-    gap_m: float
+    gap_m: float | UnsetType = UNSET
     planned_gap_m: float
     gap_limit_m: float
     heard: int
     unheard: int
     arrived: int
-    least_energy_j: float
+    least_energy_j: float | UnsetType = UNSET
 
 
 _SCHEMAS: dict[str, type[Protobuf] | type[Struct]] = {

@@ -13,6 +13,7 @@ import msgspec
 from foxglove_schemas_protobuf.LocationFix_pb2 import LocationFix
 from foxglove_schemas_protobuf.Log_pb2 import Log
 from foxglove_schemas_protobuf.SceneEntity_pb2 import SceneEntity
+from msgspec import UNSET
 
 from edc_swarm.config import NS_PER_S, RosterEntry
 from edc_swarm.messages import Command, Event, Fix, Message, MissionMessage, Report, Truth
@@ -279,20 +280,21 @@ class Scenery:
         assert self._mission is not None
         mission, fixes = self._mission, [uav.fix for uav in self._uavs.values() if uav.fix is not None]
         centres = {name: self._centre(uav, now_ns) for name, uav in self._uavs.items()}
+        least_m = self._gaps(centres).least_m
         return Status(
             slot=report.slot,
             term=report.term,
             head=report.head,
             status=report.status,
-            plan_ms=report.plan_ms,
+            plan_ms=report.plan_ms or UNSET,
             plan_limit_ms=1e3 * (mission.dt_s - mission.tau_s) / mission.time_scale,
-            gap_m=self._gaps(centres).least_m or 0.0,
+            gap_m=UNSET if least_m is None else least_m,
             planned_gap_m=report.min_gap_m,
             gap_limit_m=0.0,
             heard=len(report.heard),
             unheard=len(report.unheard),
             arrived=sum(fix.arrived for fix in fixes),
-            least_energy_j=min((fix.energy_j for fix in fixes), default=0.0),
+            least_energy_j=min((fix.energy_j for fix in fixes), default=UNSET),
         )
 
 

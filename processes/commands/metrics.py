@@ -26,7 +26,7 @@ def metrics(recording: Path, /, *, json: bool = False) -> int:
         first = whole.garbage[0]
         what = f"{shown(first.topic)}: {shown(first.reason)}"
         note(f"warning: {whole.garbage_count} payloads are no messages and are left out; {what}")
-    found = compute_metrics(whole, load_timings(recording))
+    found = compute_metrics(whole, load_timings(recording, note))
     if json:
         print_json(found)
     else:

@@ -11,6 +11,7 @@ from cyclopts import Parameter
 from edc_swarm.metrics import compute_metrics, load_timings
 from edc_swarm.recording import read_recording
 from edc_swarm.report_page import Assets, Page, render
+from processes.console import note
 from processes.judging import judged
 from processes.output import SUFFIX, check_new, new_file
 
@@ -37,7 +38,7 @@ def report(
     """
     path = out or recording.with_name(recording.name.removesuffix(SUFFIX) + HTML)
     check_new(path, HTML, force=force)
-    whole, timings = read_recording(recording), load_timings(recording)
+    whole, timings = read_recording(recording), load_timings(recording, note)
     metrics = compute_metrics(whole, timings)
     page = Page.of(whole, metrics.heads, timings)
     document = render(page, metrics, judged(whole), whole.run, _assets())

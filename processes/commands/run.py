@@ -91,7 +91,7 @@ def run(
             missing = "; ".join(output.recover_part()) or "nothing is missing"
             note(f"the recorder died; recovered {output.path}: {missing}")
     _tell(report, len(mission.roster))
-    status = conclude(output.path, as_json=options.json) if report.flew else FAILED
+    status = conclude(output.path, as_json=options.json, last_slot=report.last_slot) if report.flew else FAILED
     launcher.leave()
     return FAILED if report.failed else status
 

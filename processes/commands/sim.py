@@ -11,7 +11,7 @@ from cyclopts import Parameter
 
 from edc_swarm.config import Mission
 from edc_swarm.messages import Message, MissionMessage, encode
-from edc_swarm.metrics import Timing
+from edc_swarm.metrics import Timing, Timings, content_hash
 from edc_swarm.planner import make_planner, warm_up
 from edc_swarm.planner.interface import Plan, Planner, PlanRequest, timeless
 from edc_swarm.recording import RecordingWriter
@@ -38,7 +38,7 @@ def sim(
     with Output(path, force=options.force) as output:
         timings = _simulate(mission, output, viz=not options.no_viz, show_progress=not options.json)
     with new_file(output.path.with_suffix(".timings.json")) as stream:
-        stream.write(msgspec.json.encode(timings))
+        stream.write(msgspec.json.encode(Timings(content_hash(output.path), timings)))
     return conclude(output.path, as_json=options.json)
 
 

@@ -632,3 +632,12 @@ def test_max_slots_too_few_for_a_verdict() -> None:
     verdict = verdict_on_progress(Flight(max_slots=5, **EDC))
     assert verdict.status == "not-judged"
     assert verdict.notes[0].startswith("stopped after 5 slots (max_slots = 5 was given)")
+
+
+def test_no_command_comes_sooner_after_its_fix_than_the_way_takes() -> None:
+    """Each says which fix its head planned with, so the delay of the link is in every time but the head's own."""
+    flight = Flight(link=[{"delay_ms": 100.0}], max_slots=8)
+    sent_ns = {(f.uav, f.slot, f.seq): f.sent_ns for f in flight.messages if isinstance(f, Fix)}
+    commands = [c for c in flight.messages if isinstance(c, Command) and c.uav != c.head]
+    assert commands
+    assert all(c.sent_ns - sent_ns[c.uav, c.slot - 1, c.fix_seq] >= 100_000_000 for c in commands)

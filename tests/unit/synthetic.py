@@ -120,6 +120,7 @@ def _command(k: int, path: Path, slot: int, began_ns: int, grant: tuple[int, str
         start_y_m=sy,
         target_x_m=tx,
         target_y_m=ty,
+        fix_seq=slot,
     )
 
 
@@ -158,7 +159,7 @@ def _closed(messages: Iterable[Message]) -> list[Event]:
                 tails.setdefault("", {})["mission"] = message.seq
     return [
         Event(
-            source=instance.replace("i", "u") or "operator",
+            source=instance.rstrip("b").replace("i", "u") or "operator",
             instance=instance,
             sent_ns=EPOCH_NS + 1000 * SLOT_NS,
             kind="closed",
@@ -166,6 +167,12 @@ def _closed(messages: Iterable[Message]) -> list[Event]:
         )
         for instance, keys in tails.items()
     ]
+
+
+def close(messages: list[Message]) -> None:
+    """Add the last word, as the messages stand, of every publisher that has not said one."""
+    said = {message.instance for message in messages if isinstance(message, Event) and message.kind == "closed"}
+    messages += [event for event in _closed(messages) if event.instance not in said]
 
 
 def change(messages: list[Message], match: dict[str, Any], kind: type, **fields: Any) -> int:

@@ -37,10 +37,10 @@ def test_a_bill(messages: list[Message]) -> None:
     assert (fallen.cruise_s, fallen.hover_s, fallen.left_j) == (2.0, 0.5, 5e4 - 280)
 
 
-def test_who_was_never_heard_has_its_battery(messages: list[Message]) -> None:
+def test_who_was_never_heard_has_an_unknown_battery(messages: list[Message]) -> None:
     """And spent nothing that is known."""
     *_, silent = energy_bills(recorded([m for m in messages if not (isinstance(m, Fix) and m.uav == "u2")]))
-    assert (silent.left_j, silent.total_j, silent.hover_s) == (5e4, 0.0, 0.0)
+    assert (silent.left_j, silent.total_j, silent.hover_s) == (None, 0.0, 0.0)
 
 
 def test_measured_times_replace_recorded_ones(messages: list[Message]) -> None:

@@ -7,7 +7,7 @@ from itertools import chain, pairwise
 import msgspec
 import numpy as np
 import pytest
-from synthetic import EPOCH_NS, OFFSET_M, SLOT_NS, at, change, flight, parallel, recorded, straight
+from synthetic import EPOCH_NS, OFFSET_M, SLOT_NS, at, change, close, flight, parallel, recorded, straight
 
 from edc_swarm.config import Link
 from edc_swarm.errors import RecordingError
@@ -36,7 +36,7 @@ def results(messages: list[Message]) -> dict[str, GuaranteeResult]:
 
 def broken(messages: list[Message]) -> set[str]:
     """Guarantees that are broken."""
-    return {guarantee for guarantee, result in results(messages).items() if not result.held}
+    return {guarantee for guarantee, result in results(messages).items() if result.broken}
 
 
 def found(messages: list[Message], guarantee: str, kind: str) -> Violation:
@@ -59,9 +59,9 @@ def test_a_faultless_mission_holds_every_guarantee(messages: list[Message]) -> N
     assert all(not result.notes for result in results(messages).values())
 
 
-def test_an_empty_record_says_nothing_and_does_not_fail() -> None:
-    """A run that ended before its first fix has no slots to check."""
-    assert broken(flight(parallel())[:1]) == set()
+def test_an_empty_record_proves_nothing() -> None:
+    """Where nothing is recorded nothing is judged, and nobody is accused."""
+    assert {result.status for result in results(flight(parallel())[:1]).values()} == {"not-judged"}
 
 
 # --- G1 --------------------------------------------------------------------------------------
@@ -192,7 +192,8 @@ def test_g2_accepts_the_handover_slot() -> None:
     for k in range(3):
         change(messages, {"uav": f"u{k}", "slot": 3}, Fix, term=2, head="u1")
     drop(messages, Report, slot=3)
-    messages[:] = [m for m in messages if not (isinstance(m, Command) and m.slot == 4)]
+    messages[:] = [m for m in messages if not (isinstance(m, Command | Event) and m.slot in {-1, 4})]
+    close(messages)
     assert results(messages)["G2"].status == "held"
 
 
@@ -262,7 +263,7 @@ def test_of_two_commands_with_one_number_the_one_obeyed_is_judged(messages: list
     command = next(m for m in messages if isinstance(m, Command) and m.uav == "u1" and m.slot == 5)
     rival = msgspec.structs.replace(command, instance="i0b", target_y_m=command.start_y_m)
     messages.insert(messages.index(command), rival)
-    assert results(messages)["G2"].held
+    assert not results(messages)["G2"].broken
 
 
 # --- a hole in the record ---------------------------------------------------------------------
@@ -300,7 +301,8 @@ def test_a_jump_is_found_where_nothing_was_lost() -> None:
     """Silence without a hole in the numbers is the UAV's own."""
     messages = detour_with_a_hole()
     for slot in range(7, 10):
-        change(messages, {"uav": "u0", "slot": slot}, Fix, seq=slot - 5)
+        for kind in (Fix, Truth):
+            change(messages, {"uav": "u0", "slot": slot}, kind, seq=slot - 5)
     assert {"G3", "G4"} <= broken(messages)
 
 
@@ -328,7 +330,14 @@ def died_in_slot_4() -> list[Message]:
         change(messages, {"uav": "u2", "slot": slot}, Fix, executing=False, command_term=-1, command_seq=-1, **instance)
         change(messages, {"uav": "u2", "slot": slot}, Truth, **instance)
     drop(messages, Event, instance="i2")
+    close_successor(messages)
     return messages
+
+
+def close_successor(messages: list[Message]) -> None:
+    """Let the process that followed u2's first one say its last word; the first one never did."""
+    close(messages)
+    drop(messages, Event, instance="i2")
 
 
 def test_a_step_accepted_in_silence_is_found_in_the_commands() -> None:
@@ -382,9 +391,12 @@ def test_the_truth_tells_of_a_last_step() -> None:
     for slot in range(5, 20):
         drop(messages, Truth, uav="u2", slot=slot)
     command = next(m for m in messages if isinstance(m, Command) and m.uav == "u2" and m.slot == 4)
-    messages.insert(1, msgspec.structs.replace(command, target_y_m=6.5, instance="i0b"))
+    messages.insert(1, msgspec.structs.replace(command, target_y_m=6.5, head="u1", instance="i1", seq=0))
+    drop(messages, Event)
+    close(messages)
     verdicts = results(messages)
-    assert verdicts["G2"].status == verdicts["G4"].status == "held"
+    assert not verdicts["G2"].broken
+    assert verdicts["G4"].status == "held"
     drop(messages, Command, uav="u2", slot=4)
     assert found(messages, "G4", "truth-moved").slot == 4
 
@@ -404,6 +416,7 @@ def forgot_after_slot_4(back: int) -> list[Message]:
         change(messages, {"uav": "u2", "slot": slot}, Fix, **NOTHING_FLOWN, **instance, voter=False, term=0, head="")
         change(messages, {"uav": "u2", "slot": slot}, Truth, **here, **instance)
     drop(messages, Event, instance="i2")
+    close_successor(messages)
     messages[:] = [m for m in messages if not (isinstance(m, Command) and m.uav == "u2" and m.slot > 5)]
     return messages
 
@@ -430,8 +443,11 @@ def test_two_truths_of_one_slot_are_one_motion(messages: list[Message]) -> None:
     truth = next(m for m in messages if isinstance(m, Truth) and m.uav == "u2" and m.slot == 8)
     held = {"from_x_m": truth.to_x_m, "from_y_m": truth.to_y_m, "instance": "i2b", "seq": 0}
     messages.append(msgspec.structs.replace(truth, **held))
+    close(messages)
     assert results(messages)["G2"].held
     assert results(messages)["G4"].held
+    drop(messages, Truth, instance="i2b")
+    messages.append(truth)
     messages[-1] = msgspec.structs.replace(truth, **{**held, "to_x_m": truth.to_x_m + 0.5})
     assert found(messages, "G2", "truth-differs").value_m == pytest.approx(0.5)
 
@@ -441,6 +457,8 @@ def test_a_truth_that_was_still_to_be_said_is_no_lie(messages: list[Message]) ->
     truth = next(m for m in messages if isinstance(m, Truth) and m.uav == "u2" and m.slot == 8)
     there = {"from_x_m": truth.to_x_m, "from_y_m": truth.to_y_m, "instance": "i2b", "seq": 0}
     messages[messages.index(truth)] = msgspec.structs.replace(truth, **there)
+    drop(messages, Event, instance="i2")
+    close_successor(messages)
     assert results(messages)["G2"].held
     assert results(messages)["G4"].held
     elsewhere = {"from_x_m": truth.to_x_m + 0.5, "to_x_m": truth.to_x_m + 0.5}
@@ -507,6 +525,8 @@ def test_g3_covers_the_dead_where_they_are() -> None:
     for slot in range(2, 30):
         drop(messages, Fix, uav="u1", slot=slot)
         drop(messages, Truth, uav="u1", slot=slot)
+    drop(messages, Event)
+    close(messages)
     assert found(messages, "G3", "overlap").slot == 6
 
 
@@ -571,6 +591,7 @@ def test_g4_trusts_no_waypoint_of_a_uav_without_memory(messages: list[Message]) 
         last, instance="i2b", seq=0, slot=9, voter=False, executing=False, waypoint_x_m=0.0, waypoint_y_m=0.0
     )
     messages.append(lost)
+    close(messages)
     verdicts = results(messages)
     assert verdicts["G3"].held
     assert verdicts["G4"].held
@@ -611,18 +632,24 @@ def test_g5_finds_a_duplicate(messages: list[Message]) -> None:
 
 
 def test_g5_names_unknown_tails(messages: list[Message]) -> None:
-    """A publisher that never closed may have said more: a note, no violation."""
+    """A publisher that never closed may have said more: no violation, and no proof unless it was killed."""
     drop(messages, Event, instance="i2")
     result = results(messages)["G5"]
-    assert result.status == "held"
-    (note,) = result.notes
+    assert result.status == "not-judged"
+    assert result.notes[0] == "no last word of u2, and no recorded fault that ended it"
+    note = result.notes[1]
+    killed = Event(source="operator", sent_ns=EPOCH_NS + 9 * SLOT_NS, slot=9, kind="fault", detail="kill u2 @9", seq=0)
+    drop(messages, Event, instance="")
+    messages = [*messages, msgspec.structs.replace(killed, kind="closed", detail='{"mission":0}', seq=1)]
+    assert results([*messages, killed])["G5"].notes == [note]
+    assert results([*messages, killed])["G5"].held
     assert note.startswith("tail unknown: what was last said on uav/u2/fix and 1 more may be missing")
     assert note.endswith("of i2")
     drop(messages, Truth, uav="u2")
     drop(messages, Event, instance="")
     words = "tail unknown: what was last said on "
-    notes = [note.removeprefix(words).split(" may be missing")[0] for note in results(messages)["G5"].notes]
-    assert notes == ["mission", "uav/u2/fix"]
+    notes = [note.removeprefix(words).split(" may be missing")[0] for note in results(messages)["G5"].notes[1:]]
+    assert notes == ["mission", "uav/u2/fix", "the record ends at slot 8, without the end of the mission"]
 
 
 def test_g5_reports_what_cannot_be_read(messages: list[Message]) -> None:

@@ -50,22 +50,22 @@ def test_who_stays_where_it_is_is_not_held() -> None:
 
 
 def test_a_fix_that_no_plan_counts_ages() -> None:
-    """One UAV unheard in one of eight slots: its fix is a slot older there."""
+    """One UAV without a command in one of eight slots: its fix is a slot older there."""
     messages = flight(parallel())
-    assert change(messages, {"slot": 3}, Report, heard=["u0", "u2"]) == 1
+    messages = [m for m in messages if not (isinstance(m, Command) and (m.uav, m.slot) == ("u1", 4))]
     assert sample_of(recorded(messages)).fix_age_ms == pytest.approx(498.0 + 500.0 / (8 * 3))
 
 
-def test_only_what_a_plan_can_have_counted_is_counted() -> None:
-    """The newest fix before the plan, not one said again after it, and nothing by a head without a quorum."""
+def test_only_the_fix_that_a_command_names_is_counted() -> None:
+    """Not one said again that the head did not use; where no command names a fix, ages are unknown."""
     messages = flight(parallel())
     again = next(m for m in messages if isinstance(m, Fix) and (m.uav, m.slot) == ("u1", 3))
-    messages.append(msgspec.structs.replace(again, sent_ns=again.sent_ns + 100_000_000, seq=99))
+    messages.append(msgspec.structs.replace(again, sent_ns=again.sent_ns + 10_000_000, seq=98))
     assert sample_of(recorded(messages)).fix_age_ms == pytest.approx(498.0)
-    newer = [msgspec.structs.replace(again, sent_ns=again.sent_ns + 10_000_000, seq=98), *messages]
-    assert sample_of(recorded(newer)).fix_age_ms == pytest.approx(498.0 - 10.0 / (8 * 3))
-    assert change(messages, {"slot": 3}, Report, status="no-quorum", grants=[]) == 1
-    assert sample_of(recorded(messages)).fix_age_ms == pytest.approx(498.0 + 500.0 / 8)
+    assert change(messages, {"uav": "u1", "slot": 4}, Command, fix_seq=98) == 1
+    assert sample_of(recorded(messages)).fix_age_ms == pytest.approx(498.0 - 10.0 / (8 * 3))
+    change(messages, {}, Command, fix_seq=-1)
+    assert sample_of(recorded(messages)).fix_age_ms is None
 
 
 def test_the_dead_neither_hold_nor_age() -> None:

@@ -14,7 +14,17 @@ from edc_swarm.config import EnergyModel
 from edc_swarm.energy import propulsion_power_w
 from edc_swarm.errors import RecordingError
 from edc_swarm.messages import Command, Event, Fix, Message, Report, Truth
-from edc_swarm.metrics import HeadTerm, Metrics, Quantiles, Timing, columns_of, compute_metrics, load_timings
+from edc_swarm.metrics import (
+    HeadTerm,
+    Metrics,
+    Quantiles,
+    Timing,
+    Timings,
+    columns_of,
+    compute_metrics,
+    content_hash,
+    load_timings,
+)
 from edc_swarm.tables import metric_rows
 
 PROMISED = {
@@ -216,13 +226,15 @@ def test_slots_count_until_completion(messages: list[Message]) -> None:
     assert (metrics(rest).slots, metrics(rest).slots_missed) == (13, 0)
 
 
-def test_latency_is_counted_from_the_last_fix_before_the_command(messages: list[Message]) -> None:
-    """A fix that is sent again restarts the count, one sent after the command does not."""
+def test_latency_is_counted_from_the_fix_that_the_head_used(messages: list[Message]) -> None:
+    """Neither a fix that is sent again, nor one under way, restarts the count; a command that names none has none."""
     fix = next(m for m in messages if isinstance(m, Fix) and m.uav == "u1" and m.slot == 3)
-    messages += [msgspec.structs.replace(fix, sent_ns=fix.sent_ns + ns) for ns in (4_000_000, 11_000_000)]
-    delays_ms = columns_of(recorded(messages)).fix_to_command_ms
-    assert sorted(set(np.round(delays_ms, 6))) == [6.0, 10.0]
-    assert metrics(messages).fix_to_command_ms.max == pytest.approx(10.0)
+    messages.append(msgspec.structs.replace(fix, sent_ns=fix.sent_ns + 4_000_000, seq=77))
+    assert set(np.round(columns_of(recorded(messages)).fix_to_command_ms, 6)) == {10.0}
+    change(messages, {"uav": "u1", "slot": 4}, Command, fix_seq=77)
+    assert set(np.round(columns_of(recorded(messages)).fix_to_command_ms, 6)) == {6.0, 10.0}
+    older = [msgspec.structs.replace(m, fix_seq=-1) if isinstance(m, Command) else m for m in messages]
+    assert metrics(older).fix_to_command_ms == Quantiles(None, None, None)
 
 
 @pytest.mark.parametrize("again", [False, True])
@@ -275,13 +287,38 @@ def test_late_ticks_are_counted_per_life() -> None:
 
 def test_timings_replace_recorded_plan_times(tmp_path: Path, messages: list[Message]) -> None:
     """A simulated recording carries none of its own."""
-    path = tmp_path / "run.timings.json"
-    path.write_bytes(b'[{"slot":0,"plan_ms":4.0,"solve_ms":1.0},{"slot":1,"plan_ms":6.0}]')
+    (tmp_path / "run.mcap").write_bytes(b"a recording")
+    plans = [Timing(slot, 4.0 + 2 * (slot % 2), solve_ms=1.0) for slot in range(9)]
+    saved = Timings(content_hash(tmp_path / "run.mcap"), plans)
+    (tmp_path / "run.timings.json").write_bytes(msgspec.json.encode(saved))
     timings = load_timings(tmp_path / "run.mcap")
-    assert timings == [Timing(0, 4.0, 0.0, 0.0, 1.0), Timing(1, 6.0, 0.0, 0.0, 0.0)]
+    assert timings == plans
     m = compute_metrics(recorded(messages), timings)
-    assert (m.plan_ms.p50, m.plan_ms.max) == (5.0, 6.0)
-    assert m.energy_compute_j == pytest.approx(0.05)
+    assert (m.plan_ms.p50, m.plan_ms.max) == (4.0, 6.0)
+    assert m.energy_compute_j == pytest.approx(5.0 * 44.0 / 1e3)
+    assert compute_metrics(recorded(messages), timings[1:]).energy_compute_j is None
+
+
+@pytest.mark.parametrize(
+    "saved", [b'{"recording":"00","plans":[{"slot":0,"plan_ms":4.0}]}', b'[{"slot":0,"plan_ms":4.0}]']
+)
+def test_timings_of_another_recording_are_refused(tmp_path: Path, saved: bytes) -> None:
+    """The name alone ties no times to a recording."""
+    (tmp_path / "run.mcap").write_bytes(b"a recording")
+    (tmp_path / "run.timings.json").write_bytes(saved)
+    told: list[str] = []
+    assert load_timings(tmp_path / "run.mcap", told.append) == []
+    assert len(told) == 1
+    assert "plan times are unknown" in told[0]
+
+
+def test_plan_times_that_nobody_measured_are_unknown(messages: list[Message]) -> None:
+    """A simulated recording says 0 ms of every plan."""
+    change(messages, {}, Report, plan_ms=0.0)
+    recording = recorded(messages)
+    m = compute_metrics(recording)
+    assert (m.plan_ms, m.energy_compute_j) == (Quantiles(None, None, None), None)
+    assert [bill.compute_j for bill in energy_bills(recording)] == [None, 0.0, 0.0]
 
 
 def test_a_real_run_has_plan_times_of_its_own(messages: list[Message]) -> None:

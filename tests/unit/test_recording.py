@@ -61,7 +61,7 @@ def test_what_is_written_comes_back(tmp_path: Path, messages: list[Message]) -> 
     expected = Recording.from_messages(messages)
     assert recording.lists() == expected.lists()
     assert recording.run == {**RUN, "format": "1"}
-    assert recording.run_end == {"reason": "completed"}
+    assert recording.run_end == {"messages": str(len(messages)), "reason": "completed"}
     assert recording.message_count == len(messages)
     assert recording.problems == []
 
@@ -215,7 +215,7 @@ def test_recover_makes_a_whole_file(tmp_path: Path, messages: list[Message]) -> 
     recording = read_recording(saved(tmp_path / "a.mcap", stream.getvalue()))
     assert len(problems) == 1
     assert "torn" in problems[0]
-    assert recording.run_end == {"recovered": problems[0]}
+    assert recording.run_end == {"messages": str(recording.message_count), "recovered": problems[0]}
     assert recording.lists() == read_recording(torn, salvage=True).lists()
 
 

@@ -18,6 +18,7 @@ from google.protobuf.descriptor_pool import DescriptorPool
 from google.protobuf.message_factory import GetMessageClass
 from hypothesis import given
 from hypothesis import strategies as st
+from msgspec import UNSET
 from synthetic import EPOCH_NS, OFFSET_M, SLOT_NS, at, change, flight, mission_of, parallel
 
 from edc_swarm.config import NS_PER_S
@@ -223,6 +224,14 @@ def test_the_status_is_that_of_the_last_plan(messages: list[Message]) -> None:
     )
 
 
+def test_what_nobody_measured_is_absent_from_the_status(messages: list[Message]) -> None:
+    """A simulated report says 0 ms of every plan; the viewers' plot must not."""
+    change(messages, {}, Report, plan_ms=0.0)
+    said = [each for each in shown(messages, EPOCH_NS + 9 * SLOT_NS) if each.topic == "/viz/status"]
+    assert said
+    assert all("plan_ms" not in msgspec.json.decode(each.payload) for each in said)
+
+
 def test_targets_are_marked(messages: list[Message]) -> None:
     """Each with a ring about it."""
     rings = scene(messages, "area", 1)["targets"].lines
@@ -266,7 +275,7 @@ def test_the_last_words_of_a_mission_with_one_uav() -> None:
     messages = flight(parallel(uavs=1))
     said = shown([msgspec.structs.replace(messages[0], sent_ns=EPOCH_NS), *messages[1:]])
     status = msgspec.json.decode(next(s for s in said if s.topic == "/viz/status").payload, type=Status)
-    assert status.gap_m == 0.0
+    assert status.gap_m is UNSET
 
 
 def test_every_topic_is_described_by_a_schema_that_stands_alone(messages: list[Message]) -> None:
