@@ -107,6 +107,7 @@ class RecordingWriter:
             schema = self._schema(channel.schema_name, channel.schema_encoding, channel.schema_data)
             known = self._copied[channel] = self._mcap.register_channel(channel.topic, channel.encoding, schema)
         self._mcap.add_message(known, log_time_ns, payload, publish_time_ns, seq)
+        self._count += 1
 
     def write_too_large(self, found: TooLarge, log_time_ns: int) -> None:
         """Record what is kept of a payload that was too large."""

@@ -739,7 +739,7 @@ def test_g7_needs_a_record_that_is_long_enough() -> None:
         assert progress(unfinished(LIMIT, max_slots=max_slots)).status == "broken"
     bare = unfinished()
     drop(bare, Fix)
-    assert (progress(bare).status, progress(bare).notes) == ("not-judged", ["the record has no fixes"])
+    assert (progress(bare).status, progress(bare).notes[-1]) == ("not-judged", "the record has no fixes")
 
 
 @pytest.mark.parametrize(
