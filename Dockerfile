@@ -31,7 +31,7 @@ ENV PATH=/opt/edc-swarm/bin:$PATH PYTHONUNBUFFERED=1 \
     NUMBA_CPU_NAME=generic NUMBA_CACHE_DIR=/var/cache/edc-swarm MPLCONFIGDIR=/tmp/matplotlib
 USER edc
 WORKDIR /swarm
-RUN python -c "from edc_swarm.config import Mission; from processes.planning import warm_planner; warm_planner(Mission())" \
+RUN python -c "from edc_swarm.mission.configuration import Mission; from processes.uav.planner_loader import warm_planner; warm_planner(Mission())" \
     && chmod -R a+rwX /var/cache/edc-swarm/*
 ENTRYPOINT ["edc-swarm"]
 CMD ["--help"]

@@ -21,9 +21,10 @@ from pathlib import Path
 from rich.console import Console
 from rich.progress import track
 
-from edc_swarm.invariants import check
-from edc_swarm.metrics import Metrics, compute_metrics
-from edc_swarm.recording import Recording, read_recording
+from edc_swarm.analysis.guarantees.check import check
+from edc_swarm.analysis.metrics import Metrics, compute_metrics
+from edc_swarm.recording.model import Recording
+from edc_swarm.recording.reader import read_recording
 
 UAVS = 10
 SLOT_S = 0.5
@@ -141,7 +142,7 @@ def fly(scenario: Scenario, trial: int, trials: int, time_scale: float, folder: 
     """One mission with real processes."""
     path = folder / f"{scenario.name.replace(' ', '-').replace('|', '-')}-{trial}.mcap"
     faults = [word for fault in scenario.faults(trial / trials) for word in ("--fault", fault)]
-    command = [sys.executable, "-m", "processes.cli", "run", "--uavs", str(UAVS), "--slot", str(SLOT_S), "--json"]
+    command = [sys.executable, "-m", "processes.cli.main", "run", "--uavs", str(UAVS), "--slot", str(SLOT_S), "--json"]
     extra = ["--seed", str(trial), "--time-scale", str(time_scale), "--out", str(path), "--force"]
     done = subprocess.run([*command, *extra, *faults], capture_output=True, text=True, check=False, timeout=900)
     if not path.exists():

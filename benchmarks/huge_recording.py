@@ -13,7 +13,8 @@ import subprocess
 import sys
 from pathlib import Path
 
-from edc_swarm.recording import McapFile, RecordingWriter
+from edc_swarm.recording.mcap_file import McapFile
+from edc_swarm.recording.writer import RecordingWriter
 
 GOLDEN = Path(__file__).parent.parent / "recordings" / "golden.mcap"
 PAYLOAD_BYTES = 8 << 20
@@ -37,5 +38,5 @@ if __name__ == "__main__":
     write(path, (int(sys.argv[2]) if len(sys.argv) > 2 else 1000) * 1_000_000)
     print(f"{path.stat().st_size / 1e6:.0f} MB")
     for command in ("check", "metrics"):
-        subprocess.run([sys.executable, "-m", "processes.cli", command, str(path)], check=False)
+        subprocess.run([sys.executable, "-m", "processes.cli.main", command, str(path)], check=False)
         print(f"{command}: at most {resource.getrusage(resource.RUSAGE_CHILDREN).ru_maxrss / 1e3:.0f} MB of memory")

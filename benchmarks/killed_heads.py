@@ -29,17 +29,17 @@ import numpy as np
 from rich.console import Console
 from rich.progress import track
 
-from edc_swarm.config import ARRIVED_M, Mission, mission_from_dict
-from edc_swarm.fuzzing import overlaps
+from edc_swarm.analysis.living import living_at_end
+from edc_swarm.analysis.tracks import tracks_of
+from edc_swarm.experiments.fuzzing import overlaps
 from edc_swarm.geometry import capsule_distance_m
-from edc_swarm.messages import Message, MissionMessage, Report
-from edc_swarm.planner import make_planner, warm_up
+from edc_swarm.mission.configuration import ARRIVED_M, Mission, mission_from_dict
+from edc_swarm.mission.roster import complete_mission
+from edc_swarm.planner.registry import make_planner, warm_up
 from edc_swarm.planner.ways import hindrance
-from edc_swarm.recording import Recording
-from edc_swarm.recording.living import living_at_end
-from edc_swarm.recording.tracks import tracks_of
-from edc_swarm.roster import complete_mission
-from edc_swarm.simulation import Simulation, mission_message
+from edc_swarm.protocol.messages import Message, MissionMessage, Report, mission_message
+from edc_swarm.recording.model import Recording
+from edc_swarm.simulation.simulator import Simulation
 from edc_swarm.solver.slot_qp import Obstacles
 
 UAVS = 10

@@ -1,8 +1,8 @@
 """The bus measured on real processes: `python benchmarks/latency.py [--trials 3] [--uavs 10] [--json]`.
 
 Each trial measures, one after the other, the floor (bare Zenoh processes with the same fan-in and fan-out
-through the same router, `processes.floor`), the swarm's fix-to-command latency with planner `straight`,
-and the same with delayed links, from which comes the emulation's own delay error. Status 1 when the
+through the same router, `processes.experiments.zenoh_baseline`), the swarm's fix-to-command latency with planner
+`straight`, and the same with delayed links, from which comes the emulation's own delay error. Status 1 when the
 swarm's median is above twice the floor's, or the median delay error above 1 ms.
 """
 
@@ -19,10 +19,10 @@ from pathlib import Path
 from rich.console import Console
 from rich.progress import track
 
-from edc_swarm.latency.measures import Sample, sample_of
-from edc_swarm.metrics import OVERLOADED_PCT
-from edc_swarm.recording import read_recording
-from processes.floor import measure_floor
+from edc_swarm.analysis.latency_sample import Sample, sample_of
+from edc_swarm.analysis.metrics import OVERLOADED_PCT
+from edc_swarm.recording.reader import read_recording
+from processes.experiments.zenoh_baseline import measure_floor
 
 SLOT_S, SLOTS = 0.5, 40
 MOST_TIMES_FLOOR = 2.0
@@ -33,7 +33,7 @@ DELAYED = ("--delay-ms", "50", "--jitter-ms", "20")
 def fly(uavs: int, seed: int, folder: Path, *extra: str) -> Sample:
     """One mission with real processes and planner `straight`."""
     path = folder / "run.mcap"
-    command = [sys.executable, "-m", "processes.cli", "run", "--uavs", str(uavs), "--slot", str(SLOT_S), "--json"]
+    command = [sys.executable, "-m", "processes.cli.main", "run", "--uavs", str(uavs), "--slot", str(SLOT_S), "--json"]
     options = ["--planner", "straight", "--no-viz", "--seed", str(seed), "--out", str(path), "--force"]
     done = subprocess.run([*command, *options, *extra], capture_output=True, text=True, check=False, timeout=600)
     if not path.exists():

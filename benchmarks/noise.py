@@ -25,13 +25,15 @@ from random import Random
 import msgspec
 import zenoh
 
+from edc_swarm.analysis.guarantees.check import check
 from edc_swarm.errors import MessageError
-from edc_swarm.invariants import check
-from edc_swarm.messages import MAX_MESSAGE_BYTES, Keys, Message, MissionMessage, decode, encode
-from edc_swarm.recording import read_recording
-from processes.address import free_endpoint
-from processes.bus import hand_over, open_client
-from processes.inbox import Inbox
+from edc_swarm.protocol.codec import MAX_MESSAGE_BYTES, decode, encode
+from edc_swarm.protocol.keys import Keys
+from edc_swarm.protocol.messages import Message, MissionMessage
+from edc_swarm.recording.reader import read_recording
+from processes.bus.address import free_endpoint
+from processes.bus.session import hand_over, open_client
+from processes.runtime.inbox import Inbox
 
 KEPT = 400
 """Real messages of which the next is taken to be changed."""
@@ -179,7 +181,7 @@ def measure(options: argparse.Namespace) -> int:
     endpoint = free_endpoint()
     with tempfile.TemporaryDirectory() as folder:
         out = Path(folder) / "noise.mcap"
-        command = [sys.executable, "-m", "processes.cli", "run", "--json", "--listen", endpoint, "--out", str(out)]
+        command = [sys.executable, "-m", "processes.cli.main", "run", "--json", "--listen", endpoint, "--out", str(out)]
         run = subprocess.Popen(
             [*command, "--area", str(options.area), "--seed", str(options.seed)], stdout=subprocess.PIPE
         )

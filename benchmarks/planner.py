@@ -30,11 +30,12 @@ from rich.console import Console
 from rich.progress import track
 from rich.table import Table
 
-from edc_swarm.config import ARRIVED_M, Mission
-from edc_swarm.energy import propulsion_powers_w
+from edc_swarm.emulation.energy import propulsion_powers_w
 from edc_swarm.geometry import Floats, closest_approach_m, length_m, near_pairs
-from edc_swarm.planner import PlanRequest, make_planner, warm_up
-from edc_swarm.roster import complete_mission
+from edc_swarm.mission.configuration import ARRIVED_M, Mission
+from edc_swarm.mission.roster import complete_mission
+from edc_swarm.planner.interface import PlanRequest
+from edc_swarm.planner.registry import make_planner, warm_up
 from edc_swarm.solver import slot_qp, solution
 
 FIRST_SEED = 1000

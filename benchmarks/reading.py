@@ -15,8 +15,9 @@ import time
 from collections.abc import Callable
 from pathlib import Path
 
-from edc_swarm.metrics import compute_metrics, load_timings
-from edc_swarm.recording import McapFile, read_recording
+from edc_swarm.analysis.metrics import compute_metrics, load_timings
+from edc_swarm.recording.mcap_file import McapFile
+from edc_swarm.recording.reader import read_recording
 
 REPEATS = 3
 

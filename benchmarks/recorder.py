@@ -21,14 +21,16 @@ from pathlib import Path
 
 import msgspec
 
-from edc_swarm.config import mission_from_dict
-from edc_swarm.messages import Command, Event, Fix, Keys, Report, Truth, encode
-from edc_swarm.recording import find_gaps, read_recording
-from edc_swarm.roster import complete_mission
-from edc_swarm.simulation import mission_message
-from processes.address import free_endpoint
-from processes.bus import open_client, put
-from processes.recorder import RecorderSettings
+from edc_swarm.mission.configuration import mission_from_dict
+from edc_swarm.mission.roster import complete_mission
+from edc_swarm.protocol.codec import encode
+from edc_swarm.protocol.keys import Keys
+from edc_swarm.protocol.messages import Command, Event, Fix, Report, Truth, mission_message
+from edc_swarm.recording.reader import read_recording
+from edc_swarm.recording.sequences import find_gaps
+from processes.bus.address import free_endpoint
+from processes.bus.session import open_client, put
+from processes.services.recorder import RecorderSettings
 
 MISSION = "bench"
 SESSIONS = 10
@@ -80,10 +82,10 @@ def main() -> None:
 def measure(options: argparse.Namespace, folder: Path, mission: object, everyone: list[str]) -> None:
     endpoint, part, out = free_endpoint(), folder / "run.mcap.part", folder / "run.mcap"
     part.touch()
-    router = subprocess.Popen([sys.executable, "-m", "processes.router", endpoint], stdout=subprocess.PIPE)
+    router = subprocess.Popen([sys.executable, "-m", "processes.services.router", endpoint], stdout=subprocess.PIPE)
     router.stdout.readline()
     settings = RecorderSettings(endpoint=endpoint, mission=MISSION, part=str(part), out=str(out), run={})
-    recorder = subprocess.Popen([sys.executable, "-m", "processes.recorder"], stdin=subprocess.PIPE)
+    recorder = subprocess.Popen([sys.executable, "-m", "processes.services.recorder"], stdin=subprocess.PIPE)
     recorder.stdin.write(msgspec.json.encode(settings))
     recorder.stdin.close()
     operator = open_client(endpoint)

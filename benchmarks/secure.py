@@ -17,7 +17,7 @@ from pathlib import Path
 
 def fly(uavs: int, seed: int, secure: bool, out: Path) -> dict[str, float]:
     area_m2 = 1000 * uavs
-    command = [sys.executable, "-m", "processes.cli", "run", "--json", "--out", str(out), "--force"]
+    command = [sys.executable, "-m", "processes.cli.main", "run", "--json", "--out", str(out), "--force"]
     command += ["--uavs", str(uavs), "--area", str(area_m2), "--seed", str(seed), *(["--secure"] if secure else [])]
     said = subprocess.run(command, capture_output=True, text=True, check=True)
     metrics = json.loads(said.stdout)

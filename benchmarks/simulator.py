@@ -10,10 +10,11 @@ import argparse
 import statistics
 import time
 
-from edc_swarm.config import Mission, with_options
-from edc_swarm.planner import make_planner
-from edc_swarm.roster import complete_mission
-from edc_swarm.simulation import Simulation, mission_message
+from edc_swarm.mission.configuration import Mission, with_options
+from edc_swarm.mission.roster import complete_mission
+from edc_swarm.planner.registry import make_planner
+from edc_swarm.protocol.messages import mission_message
+from edc_swarm.simulation.simulator import Simulation
 
 CASES = ((10, 10_000.0), (50, 40_000.0))
 

@@ -12,12 +12,12 @@ from tempfile import TemporaryDirectory
 
 from matplotlib import pyplot as plt
 
-from edc_swarm.bills import energy_bills
-from edc_swarm.energy import propulsion_power_w
-from edc_swarm.frames import frame_of
-from edc_swarm.metrics import columns_of, compute_metrics, load_timings
-from edc_swarm.recording import read_recording
-from processes.cli import main
+from edc_swarm.analysis.energy_bill import energy_bills
+from edc_swarm.analysis.frames import frame_of
+from edc_swarm.analysis.metrics import columns_of, compute_metrics, load_timings
+from edc_swarm.emulation.energy import propulsion_power_w
+from edc_swarm.recording.reader import read_recording
+from processes.cli.main import main
 
 # %% Fly twenty UAVs, and read the recording back. Any other recording will do.
 with TemporaryDirectory() as folder:

@@ -11,8 +11,8 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from edc_swarm.config import Mission
-from edc_swarm.planner import Plan, PlanRequest, Stopwatch
+from edc_swarm.mission.configuration import Mission
+from edc_swarm.planner.interface import Plan, PlanRequest, Stopwatch
 from edc_swarm.planner.request import checked_arrays
 from edc_swarm.planner.safe import SafeSteps
 

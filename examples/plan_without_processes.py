@@ -11,8 +11,9 @@ from __future__ import annotations
 
 import math
 
-from edc_swarm.config import Mission
-from edc_swarm.planner import Hull, PlanRequest, make_planner
+from edc_swarm.mission.configuration import Mission
+from edc_swarm.planner.interface import Hull, PlanRequest
+from edc_swarm.planner.registry import make_planner
 
 RADIUS_M = 5.0
 UAVS = 8

@@ -29,8 +29,8 @@ from selenium.webdriver.chrome.service import Service
 from selenium.webdriver.common.actions.action_builder import ActionBuilder
 from selenium.webdriver.common.by import By
 
-from edc_swarm.recording import McapFile
-from edc_swarm.viz import LAYOUT_ATTACHMENT
+from edc_swarm.recording.mcap_file import McapFile
+from edc_swarm.viz.layout import LAYOUT_ATTACHMENT
 
 LOADED_S = 25.0
 DRAWN_S = 6.0

@@ -1,9 +1,7 @@
-"""Planners behind one small interface (`edc_swarm.planner.interface`).
+"""Planners behind one small interface.
 
->>> from edc_swarm.planner import make_planner
+This package decides where each UAV would like to go next. It imports `solver`, `emulation.energy`, `mission` and
+`geometry`; it never sees a message. Open `interface` first; a planner of your own implements `interface.Planner`.
+
+>>> from edc_swarm.planner.registry import make_planner
 """
-
-from edc_swarm.planner.interface import Hull, Plan, Planner, PlanRequest, Stopwatch
-from edc_swarm.planner.registry import check_planner, make_planner, warm_up
-
-__all__ = ["Hull", "Plan", "PlanRequest", "Planner", "Stopwatch", "check_planner", "make_planner", "warm_up"]

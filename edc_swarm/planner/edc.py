@@ -4,9 +4,9 @@ from __future__ import annotations
 
 import numpy as np
 
-from edc_swarm.config import Mission
-from edc_swarm.energy import propulsion_power_w
+from edc_swarm.emulation.energy import propulsion_power_w
 from edc_swarm.geometry import Floats, point_segment_distance_m
+from edc_swarm.mission.configuration import Mission
 from edc_swarm.planner import ways
 from edc_swarm.planner.guidance import Guidance, Scene, Tuning
 from edc_swarm.planner.interface import Plan, PlanRequest, Stopwatch

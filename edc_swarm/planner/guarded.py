@@ -14,8 +14,8 @@ from typing import get_args
 
 import numpy as np
 
-from edc_swarm.config import Mission
 from edc_swarm.geometry import Floats
+from edc_swarm.mission.configuration import Mission
 from edc_swarm.planner.interface import Plan, Planner, PlanRequest, PlanStatus, Stopwatch
 from edc_swarm.planner.straight import least_end_gap_m
 from edc_swarm.solver.certificate import limited_waypoints

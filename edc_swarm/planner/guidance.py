@@ -47,8 +47,8 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from edc_swarm.config import ARRIVED_M
 from edc_swarm.geometry import Floats, Indices, length_m
+from edc_swarm.mission.configuration import ARRIVED_M
 from edc_swarm.planner import guidance_kernel as kernel
 from edc_swarm.planner import ways
 from edc_swarm.solver.slot_qp import DELTA_M, Obstacles

@@ -11,7 +11,7 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Literal, Protocol
 
-from edc_swarm.config import Mission
+from edc_swarm.mission.configuration import Mission
 
 if TYPE_CHECKING:
     import numpy as np

@@ -6,8 +6,8 @@ import math
 
 import numpy as np
 
-from edc_swarm.config import Mission
 from edc_swarm.geometry import length_m
+from edc_swarm.mission.configuration import Mission
 from edc_swarm.planner.interface import Plan, PlanRequest, Stopwatch
 from edc_swarm.planner.request import checked_arrays
 from edc_swarm.solver.certificate import limited_waypoints

@@ -5,9 +5,9 @@ from __future__ import annotations
 from dataclasses import dataclass
 from operator import attrgetter
 
-from edc_swarm.config import OPERATOR
 from edc_swarm.errors import MissionError
-from edc_swarm.faults import parse_fault
+from edc_swarm.mission.configuration import OPERATOR
+from edc_swarm.mission.faults import parse_fault
 from edc_swarm.recording.model import Recording
 from edc_swarm.recording.sequences import CLOSED, KEY_FORMS
 

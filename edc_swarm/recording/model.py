@@ -6,7 +6,7 @@ from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field, replace
 from typing import Any
 
-from edc_swarm.messages import Command, Event, Fix, Message, MissionMessage, Report, Truth
+from edc_swarm.protocol.messages import Command, Event, Fix, Message, MissionMessage, Report, Truth
 
 MAX_GARBAGE = 10_000
 """Kinds of garbage (topic and reason) that are told apart; all others count as of one kind."""

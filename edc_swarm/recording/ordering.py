@@ -21,7 +21,7 @@ from typing import Any
 
 import msgspec
 
-from edc_swarm.messages import Event, MissionMessage
+from edc_swarm.protocol.messages import Event, MissionMessage
 from edc_swarm.recording.model import Recording
 from edc_swarm.recording.sequences import KEY_FORMS
 

@@ -13,7 +13,9 @@ import msgspec
 from msgspec import Struct
 
 from edc_swarm.errors import MessageError, RecordingError
-from edc_swarm.messages import MAX_MESSAGE_BYTES, Command, Fix, Message, MissionMessage, Truth, decode, kind_of
+from edc_swarm.protocol.codec import MAX_MESSAGE_BYTES, decode
+from edc_swarm.protocol.keys import kind_of
+from edc_swarm.protocol.messages import Command, Fix, Message, MissionMessage, Truth
 from edc_swarm.recording.mcap_file import Channel, McapFile
 from edc_swarm.recording.model import Bin, Garbage, Recording
 from edc_swarm.recording.ordering import put_in_order
@@ -145,7 +147,7 @@ def _sink(channel: Channel, lists: dict[type, list[Any]]) -> Sink:
 
 
 def _decoder(topic: str, kind: type[Struct]) -> Decode:
-    """`messages.decode` for one topic, without what it looks up and lists anew for every message.
+    """`codec.decode` for one topic, without what it looks up and lists anew for every message.
 
     The messages of which there are many have a way of their own here; a test holds the two equal.
     """

@@ -9,7 +9,7 @@ from operator import attrgetter
 
 import msgspec
 
-from edc_swarm.messages import Command, Event, Fix, MissionMessage, Report, Truth
+from edc_swarm.protocol.messages import Command, Event, Fix, MissionMessage, Report, Truth
 from edc_swarm.recording.model import Recording
 
 CLOSED = "closed"

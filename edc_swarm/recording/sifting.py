@@ -10,8 +10,8 @@ from collections.abc import Callable
 from operator import attrgetter
 from typing import Any
 
-from edc_swarm.config import ROLES
-from edc_swarm.messages import Event, MissionMessage
+from edc_swarm.mission.configuration import ROLES
+from edc_swarm.protocol.messages import Event, MissionMessage
 from edc_swarm.recording.model import Bin, Garbage, Recording
 from edc_swarm.recording.sequences import KEY_FORMS
 

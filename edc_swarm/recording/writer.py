@@ -14,7 +14,9 @@ from mcap.writer import CompressionType, Writer
 from msgspec import Struct
 
 from edc_swarm.errors import MessageError
-from edc_swarm.messages import Instance, MissionMessage, Ns, Seq, decode, kind_of
+from edc_swarm.protocol.codec import decode
+from edc_swarm.protocol.keys import kind_of
+from edc_swarm.protocol.messages import Instance, MissionMessage, Ns, Seq
 from edc_swarm.recording.mcap_file import Channel
 from edc_swarm.recording.schemas import json_schema
 

@@ -10,11 +10,11 @@ import numpy as np
 from msgspec import Struct
 from numpy.typing import NDArray
 
-from edc_swarm.messages import MissionMessage
-from edc_swarm.metrics import Columns, HeadTerm, Timing, columns_of
-from edc_swarm.recording import Recording
-from edc_swarm.recording.living import FAULT
-from edc_swarm.separation import least_gaps_m
+from edc_swarm.analysis.living import FAULT
+from edc_swarm.analysis.metrics import Columns, HeadTerm, Timing, columns_of
+from edc_swarm.analysis.separation import least_gaps_m
+from edc_swarm.protocol.messages import MissionMessage
+from edc_swarm.recording.model import Recording
 
 MAX_CELLS = 1_000_000
 """Most UAV-slots that are animated; of a longer mission only every so many slots are."""

@@ -10,11 +10,11 @@ from string import Template
 
 import msgspec
 
-from edc_swarm.foreign import MAX_LINE, shown
-from edc_swarm.invariants import GuaranteeResult, headline
-from edc_swarm.metrics import Metrics
+from edc_swarm.analysis.guarantees.verdict import GuaranteeResult, headline
+from edc_swarm.analysis.metrics import Metrics
+from edc_swarm.analysis.tables import metric_rows
+from edc_swarm.foreign_text import MAX_LINE, shown
 from edc_swarm.report_page.data import Page
-from edc_swarm.tables import metric_rows
 
 MAX_WHERE = 20
 MAX_FACT = 300

@@ -17,7 +17,7 @@ from google.protobuf.descriptor_pb2 import FileDescriptorSet
 from google.protobuf.message import Message as Protobuf
 from msgspec import UNSET, Struct, UnsetType
 
-from edc_swarm.messages import PREFIX
+from edc_swarm.protocol.keys import PREFIX
 from edc_swarm.recording.mcap_file import Channel
 from edc_swarm.recording.schemas import json_schema
 

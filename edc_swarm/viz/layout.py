@@ -6,7 +6,7 @@ import math
 from typing import Any
 
 from edc_swarm.geodesy import to_wgs84
-from edc_swarm.messages import MissionMessage
+from edc_swarm.protocol.messages import MissionMessage
 from edc_swarm.viz import channels
 from edc_swarm.viz.channels import ROOT
 from edc_swarm.viz.scenery import extent_m

@@ -15,8 +15,8 @@ from foxglove_schemas_protobuf.Log_pb2 import Log
 from foxglove_schemas_protobuf.SceneEntity_pb2 import SceneEntity
 from msgspec import UNSET
 
-from edc_swarm.config import NS_PER_S, RosterEntry
-from edc_swarm.messages import Command, Event, Fix, Message, MissionMessage, Report, Truth
+from edc_swarm.mission.configuration import NS_PER_S, RosterEntry
+from edc_swarm.protocol.messages import Command, Event, Fix, Message, MissionMessage, Report, Truth
 from edc_swarm.viz import channels
 from edc_swarm.viz.channels import ROOT, Status
 from edc_swarm.viz.shapes import (

@@ -19,7 +19,7 @@ from foxglove_schemas_protobuf.TextPrimitive_pb2 import TextPrimitive
 from foxglove_schemas_protobuf.Vector3_pb2 import Vector3
 from google.protobuf.timestamp_pb2 import Timestamp
 
-from edc_swarm.config import NS_PER_S
+from edc_swarm.mission.configuration import NS_PER_S
 
 Point = tuple[float, float]
 Rgb = tuple[float, float, float]

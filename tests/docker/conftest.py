@@ -13,7 +13,8 @@ from pathlib import Path
 import pytest
 
 from edc_swarm.errors import RecordingError
-from edc_swarm.recording import Recording, read_recording
+from edc_swarm.recording.model import Recording
+from edc_swarm.recording.reader import read_recording
 from tests.processes.conftest import await_true
 
 TOP = Path(__file__).resolve().parents[2]

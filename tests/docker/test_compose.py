@@ -7,10 +7,10 @@ from collections.abc import Callable
 
 import pytest
 
-from edc_swarm.invariants import check
-from edc_swarm.metrics import compute_metrics
-from edc_swarm.recording import unknown_tails
-from processes.address import free_endpoint
+from edc_swarm.analysis.guarantees.check import check
+from edc_swarm.analysis.metrics import compute_metrics
+from edc_swarm.recording.sequences import unknown_tails
+from processes.bus.address import free_endpoint
 from tests.docker.conftest import USER, Swarm, logs, said
 
 Make = Callable[..., Swarm]
@@ -162,8 +162,8 @@ def test_each_service_has_its_own_key_alone(swarm: Make):
 def _gets_in(flown: Swarm, endpoint: str, credentials: str) -> bool:
     """Whether another container on the swarm's network can connect to its router."""
     script = (
-        "from pathlib import Path; from processes.bus import open_client;"
-        "from processes.credentials import Credentials;"
+        "from pathlib import Path; from processes.bus.session import open_client;"
+        "from processes.bus.credentials import Credentials;"
         f"open_client('{endpoint}', {credentials}, timeout_ms=3000).close()"
     )
     options = ["--rm", "--network", f"{flown.name}_default", "--volume", f"{flown.name}_certs-uavs:/swarm/certs:ro"]
@@ -211,7 +211,8 @@ def test_the_image(image: str):
     assert run("id -u").strip() == str(USER)
     assert run("find /opt /home /root /tmp /var /swarm -name '*.whl' 2>/dev/null || true") == ""
     hits = (
-        "from edc_swarm.config import Mission; from processes.planning import warm_planner; warm_planner(Mission());"
+        "from edc_swarm.mission.configuration import Mission;"
+        "from processes.uav.planner_loader import warm_planner; warm_planner(Mission());"
         "from edc_swarm.planner import guidance_kernel as kernel;"
         "found = [f.stats for f in vars(kernel).values() if hasattr(f, 'stats')];"
         "print(sum(sum(s.cache_hits.values()) for s in found), sum(sum(s.cache_misses.values()) for s in found))"

@@ -7,10 +7,11 @@ import math
 import numpy as np
 import pytest
 
-from edc_swarm.config import Mission
 from edc_swarm.geometry import closest_approach_m, length_m
-from edc_swarm.planner import PlanRequest, make_planner
+from edc_swarm.mission.configuration import Mission
+from edc_swarm.planner.interface import PlanRequest
 from edc_swarm.planner.paper import Paper, horizon_program, horizon_slots, solve_horizon
+from edc_swarm.planner.registry import make_planner
 
 U_MAX_M = 2.5
 

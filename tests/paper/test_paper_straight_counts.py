@@ -9,9 +9,9 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from edc_swarm.config import Mission
-from edc_swarm.roster import random_roster
-from edc_swarm.separation import encounters
+from edc_swarm.analysis.separation import encounters
+from edc_swarm.mission.configuration import Mission
+from edc_swarm.mission.roster import random_roster
 
 SEEDS = range(30)
 

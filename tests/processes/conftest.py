@@ -17,8 +17,10 @@ from typing import Any
 import pytest
 
 from edc_swarm.errors import RecordingError
-from edc_swarm.recording import Recording, find_gaps, read_recording
-from processes.address import free_endpoint
+from edc_swarm.recording.model import Recording
+from edc_swarm.recording.reader import read_recording
+from edc_swarm.recording.sequences import find_gaps
+from processes.bus.address import free_endpoint
 
 MARK = "EDC_SWARM_TEST"
 DEADLINE_S = 120.0
@@ -76,7 +78,7 @@ class Started:
 
     def uav_pids(self) -> list[int]:
         """Ids of the UAV processes: the children of the fork source."""
-        forked = self.pids("processes.fork_source")
+        forked = self.pids("processes.host.fork_source")
         return [pid for pid in forked if _parent(pid) in forked]
 
     def end(self) -> Ended:
@@ -125,7 +127,7 @@ def run(start: Fly) -> Callable[..., Ended]:
 def endpoint() -> Iterator[str]:
     """A router of its own process."""
     address = free_endpoint()
-    router = subprocess.Popen([sys.executable, "-m", "processes.router", address], stdout=subprocess.PIPE)
+    router = subprocess.Popen([sys.executable, "-m", "processes.services.router", address], stdout=subprocess.PIPE)
     assert router.stdout is not None
     assert router.stdout.readline() == b"ready\n"
     yield address
@@ -139,7 +141,7 @@ def start_command(*arguments: str, path: Path, prefix: tuple[str, ...] = ()) -> 
     mark = uuid.uuid4().hex
     out = ("--out", str(path)) if arguments[0] in {"run", "sim"} and "--out" not in arguments else ()
     process = subprocess.Popen(
-        [*prefix, sys.executable, "-m", "processes.cli", *arguments, *out],
+        [*prefix, sys.executable, "-m", "processes.cli.main", *arguments, *out],
         stdout=subprocess.PIPE,
         stderr=subprocess.PIPE,
         text=True,

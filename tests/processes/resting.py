@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from edc_swarm.config import Mission
+from edc_swarm.mission.configuration import Mission
 from edc_swarm.planner.interface import Plan, PlanRequest, Stopwatch
 
 

@@ -17,14 +17,16 @@ from typing import Any
 import msgspec
 import zenoh
 
-from edc_swarm.again import Ask, Span
-from edc_swarm.again import encode as encode_ask
-from edc_swarm.claims import Claim
-from edc_swarm.config import JOIN
-from edc_swarm.messages import Command, Event, Fix, Keys, Message, Report, Truth, encode
-from edc_swarm.recording import read_recording
-from processes.bus import hand_over, open_client, put
-from processes.credentials import Credentials
+from edc_swarm.mission.configuration import JOIN
+from edc_swarm.protocol.claims import Claim
+from edc_swarm.protocol.codec import encode
+from edc_swarm.protocol.keys import Keys
+from edc_swarm.protocol.messages import Command, Event, Fix, Message, Report, Truth
+from edc_swarm.protocol.retransmission import Ask, Span
+from edc_swarm.protocol.retransmission import encode as encode_ask
+from edc_swarm.recording.reader import read_recording
+from processes.bus.credentials import Credentials
+from processes.bus.session import hand_over, open_client, put
 
 INSTANCE = "rogue"
 CLAIMANT = "0" * 16

@@ -12,21 +12,23 @@ import msgspec
 import pytest
 import zenoh
 
-from edc_swarm import again
-from edc_swarm.again import OVERHEAD_BYTES, Answer, Ask, Kept
-from edc_swarm.config import Mission
-from edc_swarm.invariants import check
-from edc_swarm.messages import Event, Fix, Keys, encode
-from edc_swarm.metrics import compute_metrics
-from edc_swarm.recording import McapFile, find_gaps, read_recording
-from edc_swarm.recording.mcap_file import Raw
-from edc_swarm.roster import complete_mission
-from edc_swarm.simulation import mission_message
-from processes import outbox
-from processes.bus import hand_over, open_client
-from processes.inbox import Inbox
-from processes.outbox import Outbox
-from processes.recorder import MAX_FOREIGN_KEYS, RecorderSettings
+from edc_swarm.analysis.guarantees.check import check
+from edc_swarm.analysis.metrics import compute_metrics
+from edc_swarm.mission.configuration import Mission
+from edc_swarm.mission.roster import complete_mission
+from edc_swarm.protocol import retransmission
+from edc_swarm.protocol.codec import encode
+from edc_swarm.protocol.keys import Keys
+from edc_swarm.protocol.messages import Event, Fix, mission_message
+from edc_swarm.protocol.retransmission import OVERHEAD_BYTES, Answer, Ask, Kept
+from edc_swarm.recording.mcap_file import McapFile, Raw
+from edc_swarm.recording.reader import read_recording
+from edc_swarm.recording.sequences import find_gaps
+from processes.bus import outbox
+from processes.bus.outbox import Outbox
+from processes.bus.session import hand_over, open_client
+from processes.runtime.inbox import Inbox
+from processes.services.recorder import MAX_FOREIGN_KEYS, RecorderSettings
 from tests.processes.conftest import await_true
 
 KEYS = Keys("m")
@@ -46,7 +48,7 @@ class Bench:
         there = Inbox[str]()
         take = hand_over(lambda sample: there.put(str(sample.key_expr)))
         self._token = self.session.liveliness().declare_subscriber(KEYS.all_alive, take, history=True)
-        self.recorder = subprocess.Popen([sys.executable, "-m", "processes.recorder"], stdin=subprocess.PIPE)
+        self.recorder = subprocess.Popen([sys.executable, "-m", "processes.services.recorder"], stdin=subprocess.PIPE)
         assert self.recorder.stdin is not None
         with self.recorder.stdin as orders:
             orders.write(msgspec.json.encode(settings))
@@ -249,14 +251,18 @@ def test_an_answer_is_taken_for_what_was_asked_and_nothing_else(bench: Bench) ->
     wrong = msgspec.structs.replace(msgspec.json.decode(right, type=Fix), instance="p-2")
     lies = [Kept(FIX, 1, encode(wrong)), Kept(FIX, 1, fix(7)), Kept(FIX, 0, fix(0)), Kept(FIX, 9, fix(9))]
     lies += [Kept(KEYS.fix("u002"), 1, right), Kept(FIX, 1, b"noise")]
-    answers = [b"noise", again.encode(Answer(lies, [])), again.encode(Answer([Kept(FIX, 1, right)], []))]
+    answers = [
+        b"noise",
+        retransmission.encode(Answer(lies, [])),
+        retransmission.encode(Answer([Kept(FIX, 1, right)], [])),
+    ]
     for seq in (0, 2):
         bench.put(FIX, fix(seq))
     asked: list[Ask] = []
 
     def all_answered() -> bool:
         for query in inbox.wait(0.05):
-            asked.append(again.decode_ask(query.payload.to_bytes()))  # type: ignore[union-attr]
+            asked.append(retransmission.decode_ask(query.payload.to_bytes()))  # type: ignore[union-attr]
             query.reply(str(query.key_expr), answers[min(len(asked) - 1, 2)])
             query.drop()
         return len(asked) == 3

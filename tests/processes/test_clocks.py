@@ -9,11 +9,11 @@ from pathlib import Path
 
 import pytest
 
-from edc_swarm.config import Mission
 from edc_swarm.errors import SwarmError
-from edc_swarm.roster import complete_mission
-from edc_swarm.simulation import mission_message
-from processes.clock import JUMP, MOST_JUMPS_TOLD, MissionClock
+from edc_swarm.mission.configuration import Mission
+from edc_swarm.mission.roster import complete_mission
+from edc_swarm.protocol.messages import mission_message
+from processes.runtime.clock import JUMP, MOST_JUMPS_TOLD, MissionClock
 from tests.processes.conftest import Fly
 
 S = 10**9

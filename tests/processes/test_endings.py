@@ -13,13 +13,14 @@ from pathlib import Path
 import pytest
 from mcap.reader import make_reader
 
-from edc_swarm.config import Mission
+from edc_swarm.analysis.guarantees.check import check
 from edc_swarm.errors import InputError
-from edc_swarm.invariants import check
-from edc_swarm.recording import find_gaps, read_recording
-from edc_swarm.roster import complete_mission
-from processes.output import salvage_parts
-from processes.state import create_state
+from edc_swarm.mission.configuration import Mission
+from edc_swarm.mission.roster import complete_mission
+from edc_swarm.recording.reader import read_recording
+from edc_swarm.recording.sequences import find_gaps
+from processes.runtime.output import salvage_parts
+from processes.uav.state import create_state
 from tests.processes.conftest import await_true
 
 
@@ -39,7 +40,7 @@ def test_ctrl_c_in_flight_leaves_a_whole_recording(start):
 def test_ctrl_c_at_the_start(start):
     """Before anything is connected there is nothing to close, but all must end."""
     command = start("run")
-    command.await_file(lambda: bool(command.pids("processes.fork_source")))
+    command.await_file(lambda: bool(command.pids("processes.host.fork_source")))
     command.process.send_signal(signal.SIGINT)
     ended = command.end()
     assert ended.status in {1, 2}
@@ -73,7 +74,7 @@ def test_a_recorder_killed_by_hand_ends_the_run_and_what_it_flushed_is_recovered
     command = start("run", "--json")
     command.await_flight(10)
     flushed = read_recording(command.path.with_name(command.path.name + ".part"), salvage=True).message_count
-    os.kill(command.pids("processes.recorder")[0], signal.SIGKILL)
+    os.kill(command.pids("processes.services.recorder")[0], signal.SIGKILL)
     ended = command.end()
     assert ended.status == 1
     assert "recorder was ended by SIGKILL" in ended.stderr
@@ -115,7 +116,7 @@ def test_an_existing_recording_is_kept_until_the_new_one_is_whole(start, tmp_pat
     kept.write_bytes(b"old")
     assert start("run").end().status == 2
     command = start("run", "--force", "--uavs", "3")
-    command.await_file(lambda: bool(command.pids("processes.recorder")))
+    command.await_file(lambda: bool(command.pids("processes.services.recorder")))
     command.process.kill()
     await_true(lambda: not command.pids())
     assert kept.read_bytes() == b"old"

@@ -6,10 +6,11 @@ import subprocess
 import sys
 from pathlib import Path
 
-from edc_swarm.messages import Event
-from edc_swarm.recording import RecordingWriter, read_recording
+from edc_swarm.protocol.messages import Event
 from edc_swarm.recording.mcap_file import McapFile
-from processes.address import free_endpoint
+from edc_swarm.recording.reader import read_recording
+from edc_swarm.recording.writer import RecordingWriter
+from processes.bus.address import free_endpoint
 from tests.processes.conftest import Fly, Started
 
 NOISE = Path(__file__).parents[2] / "benchmarks" / "noise.py"
@@ -30,7 +31,7 @@ def test_neither_replays_nor_fuzzed_bytes_disturb_a_mission(start: Fly, tmp_path
     rewritten = tmp_path / "rewritten.mcap"
     _rewrite(old, rewritten, _mission(flown))
     for path in (old, rewritten):
-        _run("-m", "processes.cli", "replay", str(path), "--connect", endpoint, "--speed", "50")
+        _run("-m", "processes.cli.main", "replay", str(path), "--connect", endpoint, "--speed", "50")
     _run(str(NOISE), "--connect", endpoint, "--messages", str(MESSAGES), "--rate", "400")
     assert flown.process.poll() is None, "the mission was still being flown"
     ended = flown.end()

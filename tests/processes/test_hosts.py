@@ -11,9 +11,9 @@ from pathlib import Path
 import pytest
 
 from edc_swarm.errors import RecordingError
-from edc_swarm.recording import read_recording
-from edc_swarm.roster import uav_ids
-from processes.certificates import write_certificates
+from edc_swarm.mission.roster import uav_ids
+from edc_swarm.recording.reader import read_recording
+from processes.host.certificates import write_certificates
 from tests.processes.conftest import Started
 
 HOME, NEAR, FAR = (f"edc{os.getpid()}-{name}" for name in ("home", "near", "far"))

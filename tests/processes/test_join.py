@@ -12,17 +12,19 @@ from pathlib import Path
 import msgspec
 import pytest
 
-from edc_swarm.claims import Claim, Issued
-from edc_swarm.config import JOIN, OPERATOR
-from edc_swarm.messages import PREFIX, Keys
-from edc_swarm.recording import Recording, find_gaps, read_recording, unknown_tails
-from processes.address import free_endpoint
-from processes.bus import open_client, put
-from processes.certificates import write_certificates
-from processes.credentials import Credentials
-from processes.giving_up import WORD
-from processes.operators import Operators
-from processes.orders import asked, await_found
+from edc_swarm.mission.configuration import JOIN, OPERATOR
+from edc_swarm.protocol.claims import Claim, Issued
+from edc_swarm.protocol.keys import PREFIX, Keys
+from edc_swarm.recording.model import Recording
+from edc_swarm.recording.reader import read_recording
+from edc_swarm.recording.sequences import find_gaps, unknown_tails
+from processes.bus.abort_notice import WORD
+from processes.bus.address import free_endpoint
+from processes.bus.credentials import Credentials
+from processes.bus.operator_presence import Operators
+from processes.bus.session import open_client, put
+from processes.host.certificates import write_certificates
+from processes.services.orders import asked, await_found
 from tests.processes.conftest import Ended, Started, await_true
 
 SAFE = {"G1", "G2", "G3", "G4", "G7"}
@@ -104,7 +106,7 @@ def test_a_fork_source_killed_by_hand_fails_the_joiner(start, hosted):
     joined = start("join", address, "--uavs", "2")
     joined.await_file(lambda: len(joined.uav_pids()) == 2)
     run.await_flight(3)
-    (source,) = set(joined.pids("processes.fork_source")) - set(joined.uav_pids())
+    (source,) = set(joined.pids("processes.host.fork_source")) - set(joined.uav_pids())
     os.kill(source, signal.SIGKILL)
     left = joined.end()
     assert left.status == 1
@@ -249,7 +251,7 @@ class Parts:
         self.folder = folder
         self._own = ["--certs", str(certs)] if certs is not None else []
         self.address = free_endpoint("tls" if certs is not None else "tcp")
-        self.parts = {name: self._run(name, self.address, *self._own) for name in ("recorder", "viz")}
+        self.parts = {name: self._run(name, self.address, *self._own) for name in ("recorder", "visualiser")}
         self.start_router()
 
     def start_router(self) -> None:
@@ -257,7 +259,7 @@ class Parts:
         self.parts["router"] = self._run("router", self.address, "mission", *self._own[1:])
 
     def _run(self, module: str, *arguments: str) -> subprocess.Popen[bytes]:
-        command = [sys.executable, "-m", f"processes.{module}", *arguments]
+        command = [sys.executable, "-m", f"processes.services.{module}", *arguments]
         return subprocess.Popen(command, stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL)
 
     def operate(self, *arguments: str, **options: str) -> Started:
@@ -363,7 +365,7 @@ def test_an_operator_that_gives_up_ends_everything(parts: Parts):
         ended = joined.end()
         assert ended.status == 2
         assert f"there is no mission at {parts.address}: its operator has ended" in ended.stderr
-    assert [parts.parts[name].wait(30) for name in ("recorder", "viz")] == [2, 2]
+    assert [parts.parts[name].wait(30) for name in ("recorder", "visualiser")] == [2, 2]
     parts.parts["router"].terminate()
     assert parts.parts["router"].wait(30) == 0
 
@@ -391,7 +393,7 @@ def test_a_router_that_has_just_begun_to_listen_hears_the_word(start):
     given_up = start("run", *FAST, "--operate", address, "--planner", "nonsense")
     assert given_up.process.stderr.readline().startswith("error: planner = ")
     slowly = "router._route_one_mission = lambda *told: time.sleep(1) or route(*told)"
-    script = f"import sys, time; from processes import router; route = router._route_one_mission; {slowly}"
+    script = f"import sys, time; from processes.services import router; route = router._route_one_mission; {slowly}"
     command = [sys.executable, "-c", f"{script}; sys.exit(router.main())", address, "mission"]
     with subprocess.Popen(command, stdout=subprocess.DEVNULL) as router:
         await_there(address, f"{WORD}/*")
@@ -405,7 +407,7 @@ def test_a_router_that_has_just_begun_to_listen_hears_the_word(start):
 def test_a_router_waits_for_an_operator_only_so_long(start):
     """One that was killed before it could say anything: everybody is told, in one line."""
     address = free_endpoint()
-    script = "import sys; from processes import router; router.PATIENCE_S = 0.5; sys.exit(router.main())"
+    script = "import sys; from processes.services import router; router.PATIENCE_S = 0.5; sys.exit(router.main())"
     command = [sys.executable, "-c", script, address, "mission"]
     with subprocess.Popen(command, stderr=subprocess.PIPE, stdout=subprocess.DEVNULL, text=True) as router:
         joined = start("join", address).end()
@@ -423,7 +425,12 @@ def test_told_to_stop_all_at_once_the_record_has_every_last_word(parts: Parts):
     operator = parts.operate("--speed-max", "1")
     part = operator.path.with_name("run.mcap.part")
     operator.await_file(lambda: part.exists() and operator._has_fixes())
-    for process in (parts.parts["recorder"], operator.process, *(each.process for each in joined), parts.parts["viz"]):
+    for process in (
+        parts.parts["recorder"],
+        operator.process,
+        *(each.process for each in joined),
+        parts.parts["visualiser"],
+    ):
         process.terminate()
     ended = operator.end()
     assert ended.status == 1

@@ -15,9 +15,9 @@ from typing import Any
 import msgspec
 import pytest
 
-from edc_swarm.latency.measures import Sample, sample_of
-from edc_swarm.recording import read_recording
-from processes.cli import main
+from edc_swarm.analysis.latency_sample import Sample, sample_of
+from edc_swarm.recording.reader import read_recording
+from processes.cli.main import main
 from tests.processes.conftest import Ended, Fly
 
 SWEEP = """
@@ -74,7 +74,7 @@ def test_a_simulated_sweep(tmp_path: Path, capfd: pytest.CaptureFixture[str], mo
     lines = made(out)
     assert len(lines) == 4 * 2
     fly_again(lines[3], tmp_path / "again.mcap")
-    monkeypatch.setattr("processes.commands.latency.QUANTITIES", ())
+    monkeypatch.setattr("processes.cli.commands.latency.QUANTITIES", ())
     assert main(["latency", str(file), "--jobs", "1", "--out", str(out)]) == 0
     assert made(out) == lines
     assert report["findings"][0]["text"] in capfd.readouterr().out
@@ -83,7 +83,7 @@ def test_a_simulated_sweep(tmp_path: Path, capfd: pytest.CaptureFixture[str], mo
 def fly_again(line: dict[str, Any], path: Path) -> None:
     """The command in a line of the results gives the sample in that line."""
     words = shlex.split(line["command"])
-    command = [sys.executable, "-m", "processes.cli", *words[1:], "--out", str(path), "--no-viz", "--json"]
+    command = [sys.executable, "-m", "processes.cli.main", *words[1:], "--out", str(path), "--no-viz", "--json"]
     subprocess.run(command, capture_output=True, check=False)
     assert msgspec.convert(line["result"], Sample) == sample_of(read_recording(path))
 

@@ -4,18 +4,19 @@ from __future__ import annotations
 
 import pytest
 
-from edc_swarm.config import OPERATOR
 from edc_swarm.errors import InputError
-from edc_swarm.messages import MAX_MESSAGE_BYTES, Keys
-from processes.bus import hand_over, open_client, put
-from processes.ears import Heard, heard_from
-from processes.operators import Operators
+from edc_swarm.mission.configuration import OPERATOR
+from edc_swarm.protocol.codec import MAX_MESSAGE_BYTES
+from edc_swarm.protocol.keys import Keys
+from processes.bus.operator_presence import Operators
+from processes.bus.session import hand_over, open_client, put
+from processes.bus.subscriptions import Heard, heard_from
 from tests.processes.conftest import await_true
 
 
 def test_operators_are_remembered_up_to_a_limit(endpoint: str, monkeypatch: pytest.MonkeyPatch):
     """The first few; when they have gone there is room again."""
-    monkeypatch.setattr("processes.operators.MAX_OPERATORS", 3)
+    monkeypatch.setattr("processes.bus.operator_presence.MAX_OPERATORS", 3)
     with open_client(endpoint) as crowd, open_client(endpoint) as session:
         tokens = [crowd.liveliness().declare_token(Keys(f"m{number}").alive(OPERATOR, "1")) for number in range(8)]
         operators = Operators(session)

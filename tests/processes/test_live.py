@@ -9,7 +9,7 @@ from pathlib import Path
 import pytest
 from foxglove_schemas_protobuf.SceneUpdate_pb2 import SceneUpdate
 
-from processes.cli import main
+from processes.cli.main import main
 
 websocket = pytest.importorskip("websocket", reason="no WebSocket client (pip install edc-swarm[dev])")
 pytest.importorskip("foxglove", reason="no live view (pip install edc-swarm[live])")

@@ -8,8 +8,8 @@ import signal
 import pytest
 
 from edc_swarm.errors import SwarmError
-from processes import loop
-from processes.loop import Interrupt, Interrupted, Loop
+from processes.runtime import loop
+from processes.runtime.loop import Interrupt, Interrupted, Loop
 
 
 def test_everything_goes_through_one_inbox() -> None:

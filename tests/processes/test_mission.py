@@ -8,7 +8,7 @@ import signal
 
 import pytest
 
-from processes.cli import main
+from processes.cli.main import main
 from tests.processes.conftest import start_command
 
 

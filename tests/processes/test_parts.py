@@ -10,25 +10,26 @@ from pathlib import Path
 import msgspec
 import pytest
 
-from edc_swarm.config import Link, Mission
+from edc_swarm.agent.node import GpsChanged, Tick
+from edc_swarm.agent.vehicle import Airframe, Promise
+from edc_swarm.emulation.links import DelayError, LinkEmulator, cut_pair
 from edc_swarm.errors import InputError, MessageError
-from edc_swarm.links import DelayError, LinkEmulator, cut_pair
-from edc_swarm.messages import Fix, Keys, Report, encode
-from edc_swarm.node import GpsChanged, Tick
+from edc_swarm.mission.configuration import Link, Mission
+from edc_swarm.mission.roster import complete_mission
 from edc_swarm.planner.interface import Plan, PlanRequest
-from edc_swarm.roster import complete_mission
-from edc_swarm.simulation import mission_message
-from edc_swarm.vehicle import Airframe, Promise
-from processes.address import SILENT, check_endpoint, connect_endpoint, free_endpoint, sought_router
-from processes.clock import MissionClock
-from processes.ears import MAX_TOKENS, Gate, Heard, Malformed, Postbox, Token
-from processes.faulty import Faulty
-from processes.giving_up import _router, _word_after
-from processes.inbox import Inbox
-from processes.output import Output, salvage_parts
-from processes.peers import CHECK_AFTER_NS, Peers
-from processes.planning import SlowPlanner
-from processes.state import UavState, create_state, promise_path
+from edc_swarm.protocol.codec import encode
+from edc_swarm.protocol.keys import Keys
+from edc_swarm.protocol.messages import Fix, Report, mission_message
+from processes.bus.abort_notice import _router, _word_after
+from processes.bus.address import SILENT, check_endpoint, connect_endpoint, free_endpoint, sought_router
+from processes.bus.peers import CHECK_AFTER_NS, Peers
+from processes.bus.subscriptions import MAX_TOKENS, Gate, Heard, Malformed, Postbox, Token
+from processes.runtime.clock import MissionClock
+from processes.runtime.inbox import Inbox
+from processes.runtime.output import Output, salvage_parts
+from processes.uav.local_faults import Faulty
+from processes.uav.planner_loader import SlowPlanner
+from processes.uav.state import UavState, create_state, promise_path
 
 MISSION = complete_mission(Mission(uavs=3))
 REPORT = Report(head="u002", slot=1, term=1, status="planned", quorum=2)
@@ -59,7 +60,7 @@ def test_inbox_is_bounded_in_bytes_too():
 def test_who_looks_on_lets_a_burst_gather(monkeypatch: pytest.MonkeyPatch):
     """What comes while it settles is taken together with the first; with nothing there it does not settle."""
     inbox: Inbox[int] = Inbox()
-    monkeypatch.setattr("processes.inbox.time.sleep", lambda _: inbox.put(2))
+    monkeypatch.setattr("processes.runtime.inbox.time.sleep", lambda _: inbox.put(2))
     assert inbox.wait(0, settle_s=0.01) == []
     inbox.put(1)
     assert inbox.wait(0) == [1]
@@ -216,8 +217,8 @@ def test_postbox_hands_out_both_copies_of_what_comes_twice():
 
 def test_postbox_is_bounded(monkeypatch: pytest.MonkeyPatch):
     """In what it holds back, and in what it remembers of that."""
-    monkeypatch.setattr("processes.ears.MAX_POSTPONED", 4)
-    monkeypatch.setattr("processes.ears.MAX_MEASURED", 2)
+    monkeypatch.setattr("processes.bus.subscriptions.MAX_POSTPONED", 4)
+    monkeypatch.setattr("processes.bus.subscriptions.MAX_MEASURED", 2)
     box = Postbox(LinkEmulator(msgspec.structs.replace(MISSION, link=[Link(delay_ms=1)]), "u001"))
     for _ in range(9):
         box.arrive(REPORT, 0, 0.0)

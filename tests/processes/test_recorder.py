@@ -10,15 +10,17 @@ from pathlib import Path
 import msgspec
 import zenoh
 
-from edc_swarm.config import Mission
-from edc_swarm.invariants import check
-from edc_swarm.messages import Event, Keys, encode
-from edc_swarm.recording import find_gaps, read_recording
-from edc_swarm.roster import complete_mission
-from edc_swarm.simulation import mission_message
-from processes.bus import hand_over, open_client
-from processes.inbox import Inbox
-from processes.recorder import MAX_FOREIGN_KEYS, RecorderSettings
+from edc_swarm.analysis.guarantees.check import check
+from edc_swarm.mission.configuration import Mission
+from edc_swarm.mission.roster import complete_mission
+from edc_swarm.protocol.codec import encode
+from edc_swarm.protocol.keys import Keys
+from edc_swarm.protocol.messages import Event, mission_message
+from edc_swarm.recording.reader import read_recording
+from edc_swarm.recording.sequences import find_gaps
+from processes.bus.session import hand_over, open_client
+from processes.runtime.inbox import Inbox
+from processes.services.recorder import MAX_FOREIGN_KEYS, RecorderSettings
 from tests.processes.conftest import await_true
 
 FOREIGN_KEYS = 1500
@@ -69,7 +71,7 @@ def test_keys_of_nobody_take_no_room_and_no_look_alike_ends_the_recording(endpoi
     take = hand_over(lambda sample: inbox.put(str(sample.key_expr)))
     session.liveliness().declare_subscriber(keys.all_alive, take, history=True)
     session.declare_subscriber(keys.event("recorder"), take)
-    recorder = subprocess.Popen([sys.executable, "-m", "processes.recorder"], stdin=subprocess.PIPE)
+    recorder = subprocess.Popen([sys.executable, "-m", "processes.services.recorder"], stdin=subprocess.PIPE)
     assert recorder.stdin is not None
     with recorder.stdin as orders:
         orders.write(msgspec.json.encode(settings))

@@ -6,8 +6,8 @@ import signal
 
 import pytest
 
-from processes.deeds import Restart, Send, asked_for, told
-from processes.remote import GIVE_UP_S, Remote
+from processes.operator.host_requests import Restart, Send, asked_for, told
+from processes.operator.remote_parts import GIVE_UP_S, Remote
 
 
 @pytest.mark.parametrize(

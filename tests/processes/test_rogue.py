@@ -16,21 +16,23 @@ from typing import Any
 import pytest
 import zenoh
 
-from edc_swarm.config import JOIN, OPERATOR
-from edc_swarm.invariants import check
-from edc_swarm.messages import Command, Fix, Keys, MissionMessage, Truth
-from edc_swarm.recording import Recording, read_recording
-from processes.address import free_endpoint
-from processes.bus import hand_over, open_client
-from processes.credentials import Credentials
+from edc_swarm.analysis.guarantees.check import check
+from edc_swarm.mission.configuration import JOIN, OPERATOR
+from edc_swarm.protocol.keys import Keys
+from edc_swarm.protocol.messages import Command, Fix, MissionMessage, Truth
+from edc_swarm.recording.model import Recording
+from edc_swarm.recording.reader import read_recording
+from processes.bus.address import free_endpoint
+from processes.bus.credentials import Credentials
+from processes.bus.session import hand_over, open_client
 from tests.processes.conftest import start_command
 from tests.processes.rogue import INSTANCE, TERM
 
 ROGUE = "u002"
 POSE = """
 import pathlib, sys
-from processes.bus import open_router
-from processes.credentials import Credentials
+from processes.bus.session import open_router
+from processes.bus.credentials import Credentials
 session = open_router(sys.argv[1], Credentials(pathlib.Path(sys.argv[2]), sys.argv[3]))
 print("ready", flush=True)
 sys.stdin.read()
@@ -150,7 +152,7 @@ def _speaker(message: Any) -> str:
 
 def _certs(folder: Path) -> Path:
     """Certificates for five UAVs, by the command that makes them."""
-    command = [sys.executable, "-m", "processes.cli", "certs", "--uavs", "5", "--out", str(folder)]
+    command = [sys.executable, "-m", "processes.cli.main", "certs", "--uavs", "5", "--out", str(folder)]
     subprocess.run(command, check=True, capture_output=True)
     return folder
 

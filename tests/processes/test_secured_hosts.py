@@ -9,10 +9,10 @@ from pathlib import Path
 
 import pytest
 
-from edc_swarm.config import JOIN
-from processes.address import free_endpoint
-from processes.certificates import write_certificates
-from processes.credentials import Credentials
+from edc_swarm.mission.configuration import JOIN
+from processes.bus.address import free_endpoint
+from processes.bus.credentials import Credentials
+from processes.host.certificates import write_certificates
 from tests.processes.conftest import Started
 from tests.processes.test_join import FAST, claimed
 

@@ -13,12 +13,12 @@ import pytest
 from cryptography import x509
 
 from edc_swarm.errors import InputError
-from processes.access import access_control
-from processes.address import check_endpoint, parse_endpoint
-from processes.certificates import write_certificates
-from processes.credentials import CERTIFIED
-from processes.router import RouterAccess
-from processes.security import check_security, secure
+from processes.bus.address import check_endpoint, parse_endpoint
+from processes.bus.credentials import CERTIFIED
+from processes.host.certificates import write_certificates
+from processes.host.security import check_security, secure
+from processes.services.access_rules import access_control
+from processes.services.router import RouterAccess
 
 UAVS = ["u001", "u002"]
 ANSWERING = [*UAVS, "operator", "viz"]
@@ -131,7 +131,7 @@ def test_a_given_folder_must_have_everybody(tmp_path: Path):
 def test_what_is_not_installed_is_named(monkeypatch: pytest.MonkeyPatch):
     """Before anything is started."""
     check_security("--secure")
-    monkeypatch.setattr("processes.security.importlib.util.find_spec", lambda _: None)
+    monkeypatch.setattr("processes.host.security.importlib.util.find_spec", lambda _: None)
     with pytest.raises(InputError, match=r"edc-swarm\[secure\]"):
         check_security("--secure")
 
@@ -162,7 +162,7 @@ def test_what_is_not_installed_is_named(monkeypatch: pytest.MonkeyPatch):
 )
 def test_bad_input_is_one_line(arguments: list[str], field: str, tmp_path: Path):
     """With the field, the value and what is allowed; status 2."""
-    command = [sys.executable, "-m", "processes.cli", *arguments]
+    command = [sys.executable, "-m", "processes.cli.main", *arguments]
     said = subprocess.run(command, capture_output=True, text=True, cwd=tmp_path, check=False)
     assert said.returncode == 2
     assert said.stderr.startswith(f"error: {field} = ")

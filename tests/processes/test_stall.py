@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import pytest
 
-from edc_swarm.progress import STALL_SLOTS
+from edc_swarm.protocol.completion import STALL_SLOTS
 
 RESTING = "tests.processes.resting:Resting"
 CASES = {

@@ -21,13 +21,14 @@ import msgspec
 import pytest
 
 import edc_swarm
-from edc_swarm.config import Mission
 from edc_swarm.errors import InputError
-from edc_swarm.figures import catalogue
-from edc_swarm.sweeps import Run
-from processes.cli import main
-from processes.sweep import (
+from edc_swarm.experiments.figures import catalogue
+from edc_swarm.experiments.sweeps import Run
+from edc_swarm.mission.configuration import Mission
+from processes.cli.main import main
+from processes.experiments.ledger import (
     DECIDE_NO_RESULT,
+    MEASURING,
     RUNS_FILE,
     Ledger,
     Local,
@@ -39,13 +40,13 @@ from processes.sweep import (
     sweep,
 )
 
-RUNS = [Run("processes.trials:fly", Mission(uavs=3, seed=seed)) for seed in range(8)]
+RUNS = [Run("processes.experiments.measures:fly", Mission(uavs=3, seed=seed)) for seed in range(8)]
 SWEEP = """
 import sys
 sys.path.insert(0, {tests!r})
 from pathlib import Path
 from test_sweep import RUNS
-from processes.sweep import Ledger, Local, sweep
+from processes.experiments.ledger import Ledger, Local, sweep
 if __name__ == "__main__":
     with Ledger(Path({folder!r})) as ledger:
         sweep(RUNS, ledger, Local({jobs}))
@@ -132,7 +133,7 @@ def test_printed_command_flies_the_run_again(tmp_path: Path, expected: dict[str,
     assert words[0] == "edc-swarm"
     out = tmp_path / "again.mcap"
     said = subprocess.run(
-        [sys.executable, "-m", "processes.cli", *words[1:], "--out", str(out), "--json"],
+        [sys.executable, "-m", "processes.cli.main", *words[1:], "--out", str(out), "--json"],
         capture_output=True,
         check=True,
     )
@@ -146,7 +147,7 @@ def test_results_of_other_code_are_made_again(tmp_path: Path, monkeypatch: pytes
     with Ledger(tmp_path) as ledger:
         sweep(RUNS[:1], ledger, Local(1))
         assert len(lines(tmp_path)) == 1
-    monkeypatch.setattr("processes.sweep.code_fingerprint", lambda: "other")
+    monkeypatch.setattr("processes.experiments.ledger.code_fingerprint", lambda: "other")
     with Ledger(tmp_path) as ledger:
         assert (ledger.results, ledger.outdated) == ({}, 1)
 
@@ -156,7 +157,7 @@ def test_results_of_a_planner_that_was_edited_are_made_again(tmp_path: Path, mon
     file = tmp_path / "edited_planner.py"
     file.write_text("from edc_swarm.planner.straight import Straight as Mine\n")
     monkeypatch.syspath_prepend(tmp_path)
-    run = Run("processes.trials:fly", Mission(uavs=3, planner="edited_planner:Mine"))
+    run = Run("processes.experiments.measures:fly", Mission(uavs=3, planner="edited_planner:Mine"))
     with Ledger(tmp_path / "sweep") as ledger:
         sweep([RUNS[0], run], ledger, Local(2))
     with Ledger(tmp_path / "sweep") as ledger:
@@ -169,13 +170,19 @@ def test_results_of_a_planner_that_was_edited_are_made_again(tmp_path: Path, mon
 
 def test_the_code_of_a_result_is_what_decides_it(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """The library but for what only judges results, each of which there is, and the measures."""
-    library, own = Path(edc_swarm.__file__).parent, tmp_path / "trials.py"
+    library = Path(edc_swarm.__file__).parent
     assert [name for name in DECIDE_NO_RESULT if not (library / name).exists()] == []
     monkeypatch.setattr(edc_swarm, "__file__", str(tmp_path / "library" / "__init__.py"))
-    monkeypatch.setattr("processes.sweep.__file__", str(tmp_path / "sweep.py"))
-    (tmp_path / "library" / "figures").mkdir(parents=True)
-    own.touch()
-    for name, decides in (("figures/closed_loop.py", True), (DECIDE_NO_RESULT[0], False), ("../trials.py", True)):
+    monkeypatch.setattr("processes.experiments.ledger.__file__", str(tmp_path / "ledger.py"))
+    for folder in ("simulation", "experiments"):
+        (tmp_path / "library" / folder).mkdir(parents=True)
+    for name in MEASURING:
+        (tmp_path / name).touch()
+    for name, decides in (
+        ("simulation/closed_loop.py", True),
+        (f"{DECIDE_NO_RESULT[0]}/sweeps.py", False),
+        *((f"../{name}", True) for name in MEASURING),
+    ):
         before = code_fingerprint.__wrapped__()
         (tmp_path / "library" / name).write_text("more", encoding="utf-8")
         assert (code_fingerprint.__wrapped__() != before) is decides
@@ -196,7 +203,7 @@ def test_a_worker_that_dies_ends_the_sweep_with_a_word() -> None:
 
 def test_failed_run_is_named_and_others_are_kept(tmp_path: Path) -> None:
     """A run that cannot be flown ends the sweep with its command; what was made stays."""
-    crowded = Run("processes.trials:fly", Mission(uavs=50, area_m2=100.0))
+    crowded = Run("processes.experiments.measures:fly", Mission(uavs=50, area_m2=100.0))
     with Ledger(tmp_path) as ledger, pytest.raises(SweepError, match="edc-swarm sim --uavs 50 --area 100"):
         sweep([RUNS[0], crowded], ledger, Local(1))
     assert len(lines(tmp_path)) == 1
@@ -244,7 +251,7 @@ def test_bad_input_is_one_line(
 ) -> None:
     """Status 2, one line that names the option, nothing on standard output, nothing flown."""
     monkeypatch.chdir(tmp_path)
-    monkeypatch.setattr("processes.sweep.CONNECT_S", 0.5)
+    monkeypatch.setattr("processes.experiments.ledger.CONNECT_S", 0.5)
     assert main(["figures", "--runs", "1", *words] if "--runs" not in words else ["figures", *words]) == 2
     said = capfd.readouterr()
     assert said.out == ""
@@ -318,7 +325,18 @@ def check_tables(folder: Path, rows: list[dict[str, Any]]) -> None:
 @pytest.mark.parametrize("flown", [0, 1])
 def test_interrupt_ends_the_workers(tmp_path: Path, flown: int) -> None:
     """Ctrl-C, which a terminal sends to all, ends command and workers at once, starting or flying, without a word."""
-    command = [sys.executable, "-m", "processes.cli", "figures", "--only", "4b", "--jobs", "2", "--out", str(tmp_path)]
+    command = [
+        sys.executable,
+        "-m",
+        "processes.cli.main",
+        "figures",
+        "--only",
+        "4b",
+        "--jobs",
+        "2",
+        "--out",
+        str(tmp_path),
+    ]
     said = tmp_path.with_name("said")
     with said.open("wb") as stream:
         process = subprocess.Popen(command, stderr=stream, start_new_session=True)

@@ -11,16 +11,17 @@ import msgspec
 import pytest
 import zenoh
 
-from edc_swarm import again
-from edc_swarm.again import Answer, Ask, Span
-from edc_swarm.config import Mission
-from edc_swarm.messages import Event, Fix, Keys, Report, decode, encode
-from edc_swarm.roster import complete_mission
-from edc_swarm.simulation import mission_message
-from processes.bus import hand_over, open_client
-from processes.clock import MissionClock
-from processes.inbox import Inbox
-from processes.state import create_state
+from edc_swarm.mission.configuration import Mission
+from edc_swarm.mission.roster import complete_mission
+from edc_swarm.protocol import retransmission
+from edc_swarm.protocol.codec import decode, encode
+from edc_swarm.protocol.keys import Keys
+from edc_swarm.protocol.messages import Event, Fix, Report, mission_message
+from edc_swarm.protocol.retransmission import Answer, Ask, Span
+from processes.bus.session import hand_over, open_client
+from processes.runtime.clock import MissionClock
+from processes.runtime.inbox import Inbox
+from processes.uav.state import create_state
 from tests.processes.conftest import await_true
 
 
@@ -44,7 +45,9 @@ class Bench:
             self.keys.all_alive, hand_over(lambda sample: self.inbox.put((str(sample.key_expr), b"")))
         )
         arguments = ["--endpoint", endpoint, "--mission", "bench", "--uav", self.last, "--state", str(folder)]
-        self.process = subprocess.Popen([sys.executable, "-m", "processes.uav", *arguments], stderr=subprocess.PIPE)
+        self.process = subprocess.Popen(
+            [sys.executable, "-m", "processes.uav.process", *arguments], stderr=subprocess.PIPE
+        )
 
     def _listen(self, key: str) -> None:
         take = hand_over(lambda sample: self.inbox.put((str(sample.key_expr), sample.payload.to_bytes())))
@@ -87,8 +90,8 @@ class Bench:
     def ask_again(self, *spans: Span) -> list[Answer]:
         """Ask the UAV for messages once more, as the recorder does."""
         key = self.keys.again(self.last, self.heard[0].instance)
-        replies = self.session.get(key, payload=again.encode(Ask(list(spans))), timeout=30)
-        return [again.decode_answer(reply.ok.payload.to_bytes()) for reply in replies if reply.ok is not None]
+        replies = self.session.get(key, payload=retransmission.encode(Ask(list(spans))), timeout=30)
+        return [retransmission.decode_answer(reply.ok.payload.to_bytes()) for reply in replies if reply.ok is not None]
 
     def close(self) -> None:
         """End the mission; the UAV must go in peace."""

@@ -14,18 +14,20 @@ import pytest
 import zenoh
 from mcap.reader import make_reader
 
-from edc_swarm.config import Mission
-from edc_swarm.messages import Keys, encode
-from edc_swarm.metrics import compute_metrics
-from edc_swarm.recording import McapFile, RecordingWriter, read_recording
-from edc_swarm.recording.mcap_file import Channel
-from edc_swarm.roster import complete_mission
-from edc_swarm.simulation import mission_message
-from processes.address import free_endpoint
-from processes.bus import open_client, open_router
-from processes.cli import main
-from processes.live import HOST, PORT, live_port
-from processes.run_facts import run_facts
+from edc_swarm.analysis.metrics import compute_metrics
+from edc_swarm.mission.configuration import Mission
+from edc_swarm.mission.roster import complete_mission
+from edc_swarm.protocol.codec import encode
+from edc_swarm.protocol.keys import Keys
+from edc_swarm.protocol.messages import mission_message
+from edc_swarm.recording.mcap_file import Channel, McapFile
+from edc_swarm.recording.reader import read_recording
+from edc_swarm.recording.writer import RecordingWriter
+from processes.bus.address import free_endpoint
+from processes.bus.session import open_client, open_router
+from processes.cli.main import main
+from processes.runtime.run_facts import run_facts
+from processes.services.live import HOST, PORT, live_port
 
 MISSION_MESSAGE = mission_message(complete_mission(Mission(uavs=2)))
 GOLDEN = Path(__file__).parents[2] / "recordings" / "golden.mcap"
@@ -223,7 +225,7 @@ def test_replay_names_a_bad_option(
     arguments: list[str], field: str, simulated: Path, capsys: pytest.CaptureFixture[str], monkeypatch
 ) -> None:
     """One line with the option, its value and what is allowed."""
-    monkeypatch.setattr("processes.commands.replay.CONNECT_TIMEOUT_MS", 100)
+    monkeypatch.setattr("processes.cli.commands.replay.CONNECT_TIMEOUT_MS", 100)
     assert main(["replay", str(simulated), *arguments]) == 2
     said = capsys.readouterr().err
     assert said.startswith(f"error: {field} = ")

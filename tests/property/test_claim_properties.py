@@ -5,7 +5,7 @@ from __future__ import annotations
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from edc_swarm.claims import Claim, Claims, instance_name
+from edc_swarm.protocol.claims import Claim, Claims, instance_name
 
 UAVS = [f"u{number}" for number in range(6)]
 CLAIMANTS = [digit * 16 for digit in "0123"]

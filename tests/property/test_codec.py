@@ -9,22 +9,11 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from edc_swarm.config import MOST, MOST_M, RosterEntry
 from edc_swarm.errors import MessageError
-from edc_swarm.messages import (
-    MAX_MESSAGE_BYTES,
-    Command,
-    Event,
-    Fix,
-    Keys,
-    Message,
-    MissionMessage,
-    Report,
-    Truth,
-    decode,
-    encode,
-    kind_of,
-)
+from edc_swarm.mission.configuration import MOST, MOST_M, RosterEntry
+from edc_swarm.protocol.codec import MAX_MESSAGE_BYTES, decode, encode
+from edc_swarm.protocol.keys import Keys, kind_of
+from edc_swarm.protocol.messages import Command, Event, Fix, Message, MissionMessage, Report, Truth
 
 KEYS = Keys("m1")
 ids = st.from_regex(r"\A[A-Za-z0-9_-]{1,32}\Z")

@@ -7,7 +7,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from edc_swarm.errors import MissionError
-from edc_swarm.faults import Fault, parse_fault
+from edc_swarm.mission.faults import Fault, parse_fault
 
 WORDS = [
     "kill",

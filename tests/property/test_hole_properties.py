@@ -5,9 +5,9 @@ from __future__ import annotations
 from hypothesis import given
 from hypothesis import strategies as st
 
-from edc_swarm.again import OVERHEAD_BYTES, Ask, Kept, Ring
-from edc_swarm.messages import Keys
-from edc_swarm.recording.holes import GATHER_S, MAX_TRIES, WAITS_S, Holes
+from edc_swarm.protocol.gap_repair import GATHER_S, MAX_TRIES, WAITS_S, Holes
+from edc_swarm.protocol.keys import Keys
+from edc_swarm.protocol.retransmission import OVERHEAD_BYTES, Ask, Kept, Ring
 
 KEYS = Keys("m")
 STREAMS = (KEYS.fix("a"), KEYS.truth("a"), KEYS.event("a"))

@@ -9,13 +9,15 @@ import msgspec
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from edc_swarm.admission import Admission
-from edc_swarm.config import RosterEntry
+from edc_swarm.agent.node import PeerGone, PlannerReady, Publish, Received, Tick, UavNode
+from edc_swarm.agent.vehicle import first_airframe, first_promise
 from edc_swarm.errors import MessageError
-from edc_swarm.messages import Command, Event, Fix, Keys, Message, MissionMessage, Report, Truth, decode, encode
-from edc_swarm.node import PeerGone, PlannerReady, Publish, Received, Tick, UavNode
-from edc_swarm.planner import make_planner
-from edc_swarm.vehicle import first_airframe, first_promise
+from edc_swarm.mission.configuration import RosterEntry
+from edc_swarm.planner.registry import make_planner
+from edc_swarm.protocol.admission import Admission
+from edc_swarm.protocol.codec import decode, encode
+from edc_swarm.protocol.keys import Keys
+from edc_swarm.protocol.messages import Command, Event, Fix, Message, MissionMessage, Report, Truth
 from tests.property.test_node_properties import North
 
 SLOT_NS = 500_000_000

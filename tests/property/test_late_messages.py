@@ -11,16 +11,20 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from edc_swarm.config import mission_from_dict
-from edc_swarm.invariants import check
-from edc_swarm.messages import Keys, Message, encode
-from edc_swarm.metrics import compute_metrics
-from edc_swarm.planner import make_planner
-from edc_swarm.recording import Recording, RecordingWriter, read_recording
-from edc_swarm.replanning import replan
+from edc_swarm.analysis.guarantees.check import check
+from edc_swarm.analysis.metrics import compute_metrics
+from edc_swarm.analysis.replanning import replan
+from edc_swarm.mission.configuration import mission_from_dict
+from edc_swarm.mission.roster import complete_mission
+from edc_swarm.planner.registry import make_planner
+from edc_swarm.protocol.codec import encode
+from edc_swarm.protocol.keys import Keys
+from edc_swarm.protocol.messages import Message, mission_message
+from edc_swarm.recording.model import Recording
+from edc_swarm.recording.reader import read_recording
+from edc_swarm.recording.writer import RecordingWriter
 from edc_swarm.report_page.data import Page
-from edc_swarm.roster import complete_mission
-from edc_swarm.simulation import Simulation, mission_message
+from edc_swarm.simulation.simulator import Simulation
 
 FAULTS = ["kill head @4", "restart u002 @6", "link *>* loss 0.2 @2 for 6"]
 Read = tuple[dict[str, Any], list[Any], Any, Page]

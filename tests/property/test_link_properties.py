@@ -11,8 +11,8 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from edc_swarm.config import Link, Mission
-from edc_swarm.links import LinkEmulator
+from edc_swarm.emulation.links import LinkEmulator
+from edc_swarm.mission.configuration import Link, Mission
 
 MESSAGES = 20_000
 MS = 1e6

@@ -8,9 +8,7 @@ import msgspec
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from edc_swarm.config import Criterion, RosterEntry
-from edc_swarm.messages import Command, Event, Fix, Keys, MissionMessage, Report, decode, encode
-from edc_swarm.node import (
+from edc_swarm.agent.node import (
     Effect,
     GpsChanged,
     NodeEvent,
@@ -22,8 +20,12 @@ from edc_swarm.node import (
     Tick,
     UavNode,
 )
+from edc_swarm.agent.vehicle import Promise, first_airframe, first_promise
+from edc_swarm.mission.configuration import Criterion, RosterEntry
 from edc_swarm.planner.interface import Plan, PlanRequest
-from edc_swarm.vehicle import Promise, first_airframe, first_promise
+from edc_swarm.protocol.codec import decode, encode
+from edc_swarm.protocol.keys import Keys
+from edc_swarm.protocol.messages import Command, Event, Fix, MissionMessage, Report
 
 SLOT_NS = 500_000_000
 EPOCH_NS = 1_000 * SLOT_NS

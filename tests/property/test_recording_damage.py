@@ -10,11 +10,14 @@ from pathlib import Path
 from hypothesis import given
 from hypothesis import strategies as st
 
-from edc_swarm.config import Mission
 from edc_swarm.errors import RecordingError
-from edc_swarm.messages import Fix, Keys, Message, MissionMessage, encode
-from edc_swarm.recording import RecordingWriter, read_recording, recover
-from edc_swarm.roster import complete_mission
+from edc_swarm.mission.configuration import Mission
+from edc_swarm.mission.roster import complete_mission
+from edc_swarm.protocol.codec import encode
+from edc_swarm.protocol.keys import Keys
+from edc_swarm.protocol.messages import Fix, Message, MissionMessage
+from edc_swarm.recording.reader import read_recording, recover
+from edc_swarm.recording.writer import RecordingWriter
 
 KEYS = Keys("mission")
 

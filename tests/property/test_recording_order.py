@@ -13,11 +13,13 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from mcap.writer import CompressionType, IndexType, Writer
 
-from edc_swarm.invariants import check
-from edc_swarm.messages import Keys, encode
-from edc_swarm.metrics import compute_metrics
-from edc_swarm.recording import McapFile, RecordingWriter, read_recording, recover
-from edc_swarm.recording.mcap_file import Raw
+from edc_swarm.analysis.guarantees.check import check
+from edc_swarm.analysis.metrics import compute_metrics
+from edc_swarm.protocol.codec import encode
+from edc_swarm.protocol.keys import Keys
+from edc_swarm.recording.mcap_file import McapFile, Raw
+from edc_swarm.recording.reader import read_recording, recover
+from edc_swarm.recording.writer import RecordingWriter
 from tests.property.test_late_messages import fly
 
 

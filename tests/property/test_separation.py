@@ -10,7 +10,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from edc_swarm.separation import Encounters, closest_moment, encounters, least_gap_m, swept_encounters
+from edc_swarm.analysis.separation import Encounters, closest_moment, encounters, least_gap_m, swept_encounters
 
 
 @st.composite

@@ -14,11 +14,11 @@ from typing import Any
 import msgspec
 import pytest
 
-from edc_swarm.config import mission_from_dict
-from edc_swarm.messages import Event, Fix, Message, Report
+from edc_swarm.mission.configuration import mission_from_dict
+from edc_swarm.mission.roster import complete_mission
 from edc_swarm.planner.registry import make_planner
-from edc_swarm.roster import complete_mission
-from edc_swarm.simulation import Simulation, mission_message
+from edc_swarm.protocol.messages import Event, Fix, Message, Report, mission_message
+from edc_swarm.simulation.simulator import Simulation
 
 HERE = Path(__file__).parent
 SCENARIOS = sorted(HERE.glob("*.txt"))

@@ -9,15 +9,15 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from edc_swarm.bills import energy_bills, exhausted
-from edc_swarm.config import EnergyModel, Mission
-from edc_swarm.figures.catalogue import FIGURES, LONG_MISSION, Figure
-from edc_swarm.figures.closed_loop import AS_PRINTED, closed_loop
-from edc_swarm.figures.table import rows_of
-from edc_swarm.metrics import columns_of
-from edc_swarm.planner import make_planner
-from edc_swarm.roster import complete_mission
-from processes.trials import fly, fly_long, fly_plan, simulate, time_forms, time_plans
+from edc_swarm.analysis.energy_bill import energy_bills, exhausted
+from edc_swarm.analysis.metrics import columns_of
+from edc_swarm.experiments.figures.catalogue import FIGURES, LONG_MISSION, Figure
+from edc_swarm.experiments.figures.table import rows_of
+from edc_swarm.mission.configuration import EnergyModel, Mission
+from edc_swarm.mission.roster import complete_mission
+from edc_swarm.planner.registry import make_planner
+from edc_swarm.simulation.closed_loop import AS_PRINTED, closed_loop
+from processes.experiments.measures import fly, fly_long, fly_plan, simulate, time_forms, time_plans
 
 sys.path.insert(0, str(Path(__file__).parents[1] / "paper"))
 from test_paper_straight_counts import BY_UAVS, overlapping_pairs

@@ -7,9 +7,9 @@ from pathlib import Path
 import msgspec
 import pytest
 
-from edc_swarm import fuzzing
-from edc_swarm.config import mission_from_dict
-from edc_swarm.fuzzing import Finding, fly, scenario, search, smallest
+from edc_swarm.experiments import fuzzing
+from edc_swarm.experiments.fuzzing import Finding, fly, scenario, search, smallest
+from edc_swarm.mission.configuration import mission_from_dict
 
 ONCE_BROKEN = {
     "126": "a step accepted, never said, and then forgotten with the promise",

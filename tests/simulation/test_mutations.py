@@ -16,17 +16,18 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from edc_swarm import fuzzing, node, vehicle
-from edc_swarm.config import Mission, mission_from_dict
-from edc_swarm.election import Election
+from edc_swarm.agent import node, vehicle
+from edc_swarm.agent.election import Election
+from edc_swarm.agent.head import Head, Office
+from edc_swarm.agent.knowledge import Knowledge
+from edc_swarm.agent.node import Effect, Persist, UavNode
+from edc_swarm.experiments import fuzzing
 from edc_swarm.geometry import Floats
-from edc_swarm.head import Head, Office
-from edc_swarm.knowledge import Knowledge
-from edc_swarm.messages import Command, Fix, Report
-from edc_swarm.node import Effect, Persist, UavNode
+from edc_swarm.mission.configuration import Mission, mission_from_dict
 from edc_swarm.planner.edc import Edc
 from edc_swarm.planner.guidance import Guidance, Scene
 from edc_swarm.planner.request import Arrays
+from edc_swarm.protocol.messages import Command, Fix, Report
 from edc_swarm.solver import certificate, slot_qp
 
 Patch = pytest.MonkeyPatch

@@ -10,15 +10,17 @@ from typing import Any
 import msgspec
 import pytest
 
-from edc_swarm.config import Mission, RosterEntry, mission_from_dict
-from edc_swarm.invariants import GuaranteeResult, check
-from edc_swarm.messages import Command, Event, Fix, Message, MissionMessage, Report, encode
+from edc_swarm.analysis.guarantees.check import check
+from edc_swarm.analysis.guarantees.verdict import GuaranteeResult
+from edc_swarm.mission.configuration import Mission, RosterEntry, mission_from_dict
+from edc_swarm.mission.roster import complete_mission
 from edc_swarm.planner.interface import Plan, PlanRequest
 from edc_swarm.planner.registry import make_planner
-from edc_swarm.progress import STALL_SLOTS
-from edc_swarm.recording import Recording
-from edc_swarm.roster import complete_mission
-from edc_swarm.simulation import EPOCH_NS, Simulation, SimulationEnd, mission_message
+from edc_swarm.protocol.codec import encode
+from edc_swarm.protocol.completion import STALL_SLOTS
+from edc_swarm.protocol.messages import EPOCH_NS, Command, Event, Fix, Message, MissionMessage, Report, mission_message
+from edc_swarm.recording.model import Recording
+from edc_swarm.simulation.simulator import Simulation, SimulationEnd
 
 EDC: dict[str, Any] = {"planner_name": "edc", "area_m2": 10_000.0}
 """Fields of a mission that the project's own planner flies to its end."""

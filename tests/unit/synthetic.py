@@ -8,9 +8,9 @@ from typing import Any
 
 import msgspec
 
-from edc_swarm.config import RosterEntry
-from edc_swarm.messages import Command, Event, Fix, Message, MissionMessage, Report, Truth
-from edc_swarm.recording import Recording
+from edc_swarm.mission.configuration import RosterEntry
+from edc_swarm.protocol.messages import Command, Event, Fix, Message, MissionMessage, Report, Truth
+from edc_swarm.recording.model import Recording
 
 EPOCH_NS = 1_800_000_000_000_000_000
 SLOT_NS = 500_000_000

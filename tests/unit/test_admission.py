@@ -7,9 +7,9 @@ from typing import Any
 import msgspec
 import pytest
 
-from edc_swarm.admission import Admission
 from edc_swarm.errors import MessageError
-from edc_swarm.messages import Command, Event, Fix, Message, Report, Truth
+from edc_swarm.protocol.admission import Admission
+from edc_swarm.protocol.messages import Command, Event, Fix, Message, Report, Truth
 from tests.unit.synthetic import EPOCH_NS, SLOT_NS, flight, mission_of, parallel
 
 MISSION = mission_of(parallel(5), max_slots=50, sent_ns=EPOCH_NS - 1)

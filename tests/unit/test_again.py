@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import pytest
 
-from edc_swarm.again import (
+from edc_swarm.protocol.retransmission import (
     OVERHEAD_BYTES,
     TURN_BYTES,
     TURN_NUMBERS,

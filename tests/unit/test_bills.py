@@ -5,11 +5,11 @@ from __future__ import annotations
 import pytest
 from synthetic import flight, parallel, recorded
 
-from edc_swarm.bills import EnergyBill, Exhausted, energy_bills, exhausted
-from edc_swarm.config import EnergyModel
-from edc_swarm.energy import propulsion_power_w
-from edc_swarm.messages import Event, Fix, Message, Report, Truth
-from edc_swarm.metrics import Timing
+from edc_swarm.analysis.energy_bill import EnergyBill, Exhausted, energy_bills, exhausted
+from edc_swarm.analysis.metrics import Timing
+from edc_swarm.emulation.energy import propulsion_power_w
+from edc_swarm.mission.configuration import EnergyModel
+from edc_swarm.protocol.messages import Event, Fix, Message, Report, Truth
 
 MODEL = EnergyModel(radio_j_per_message=0.25)
 HOVER_W = propulsion_power_w(0.0, MODEL)

@@ -5,7 +5,7 @@ from __future__ import annotations
 import msgspec
 import pytest
 
-from edc_swarm.claims import MAX_CLAIMANTS, Claim, Claims, claimant_of, instance_name
+from edc_swarm.protocol.claims import MAX_CLAIMANTS, Claim, Claims, claimant_of, instance_name
 
 ANNE, BERT, CARL = (letter * 16 for letter in "abc")
 

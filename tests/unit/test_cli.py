@@ -11,11 +11,11 @@ from pathlib import Path
 
 import pytest
 
-from edc_swarm.config import Link
-from edc_swarm.node import PLANNER_FAILED
-from edc_swarm.recording import read_recording
-from processes.cli import app, main
-from processes.options import MissionOptions
+from edc_swarm.agent.node import PLANNER_FAILED
+from edc_swarm.mission.configuration import Link
+from edc_swarm.recording.reader import read_recording
+from processes.cli.main import app, main
+from processes.cli.options import MissionOptions
 
 COMMANDS = [name for name in app if not name.startswith("-")]
 
@@ -225,7 +225,7 @@ def test_json_stands_alone_and_equals_metrics(capsys, tmp_path: Path):
 
 
 PLANNER = """
-from edc_swarm.planner import Plan
+from edc_swarm.planner.interface import Plan
 
 class Tiring:
     def __init__(self, mission, stopwatch):
@@ -276,8 +276,8 @@ def test_ctrl_c_ends_what_gives_up(monkeypatch: pytest.MonkeyPatch, capsys: pyte
     def interrupted(*_: object) -> None:
         raise KeyboardInterrupt
 
-    monkeypatch.setattr("processes.bus.try_client", interrupted)
-    monkeypatch.setattr("processes.giving_up.signal.signal", lambda *_: None)
+    monkeypatch.setattr("processes.bus.session.try_client", interrupted)
+    monkeypatch.setattr("processes.bus.abort_notice.signal.signal", lambda *_: None)
     assert main(["run", "--operate", "tcp/localhost:7447", "--planner", "nonsense"]) == 2
     assert capsys.readouterr().err.startswith("error: --planner = 'nonsense'")
 

@@ -8,7 +8,8 @@ from typing import Any
 
 import pytest
 
-from edc_swarm.config import (
+from edc_swarm.errors import MissionError
+from edc_swarm.mission.configuration import (
     MAX_MISSION_BYTES,
     Mission,
     default_tau_s,
@@ -16,7 +17,6 @@ from edc_swarm.config import (
     mission_from_dict,
     with_options,
 )
-from edc_swarm.errors import MissionError
 
 
 def entry(uav: str = "a", **fields: Any) -> dict[str, Any]:

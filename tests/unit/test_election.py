@@ -7,10 +7,10 @@ from typing import Any
 import msgspec
 import pytest
 
-from edc_swarm.config import Mission, RosterEntry
-from edc_swarm.election import HANDOVER_SLOTS, Claim, Election
-from edc_swarm.knowledge import Grant, Knowledge
-from edc_swarm.messages import Fix, Report
+from edc_swarm.agent.election import HANDOVER_SLOTS, Claim, Election
+from edc_swarm.agent.knowledge import Grant, Knowledge
+from edc_swarm.mission.configuration import Mission, RosterEntry
+from edc_swarm.protocol.messages import Fix, Report
 
 IDS = ("a", "b", "c", "d", "e")
 MISSION = Mission(

@@ -6,8 +6,8 @@ import sys
 import numpy as np
 import pytest
 
-from edc_swarm.config import EnergyModel, HeadModel
-from edc_swarm.energy import compute_energy_j, propulsion_power_w, propulsion_powers_w
+from edc_swarm.emulation.energy import compute_energy_j, propulsion_power_w, propulsion_powers_w
+from edc_swarm.mission.configuration import EnergyModel, HeadModel
 
 MODEL = EnergyModel()
 
@@ -26,6 +26,6 @@ def test_computation_is_paid_by_the_second() -> None:
 
 def test_what_every_uav_imports_stays_free_of_numpy() -> None:
     """A UAV process pays for numpy only when it may have to plan."""
-    modules = "energy geodesy gps recording"
+    modules = "emulation.energy geodesy emulation.gps recording.reader recording.writer protocol.gap_repair"
     code = f'import sys; [__import__(f"edc_swarm.{{m}}") for m in {modules.split()}]; sys.exit("numpy" in sys.modules)'
     assert subprocess.run([sys.executable, "-c", code], check=False).returncode == 0

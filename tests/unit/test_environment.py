@@ -13,17 +13,18 @@ from pathlib import Path
 import pytest
 from cyclopts import App
 
-from edc_swarm.config import mission_from_dict
-from edc_swarm.energy import check_batteries, stranded
+from edc_swarm.analysis.metrics import compute_metrics
+from edc_swarm.emulation.energy import check_batteries, stranded
 from edc_swarm.errors import MissionError, SwarmError
-from edc_swarm.metrics import compute_metrics
-from edc_swarm.planner import make_planner, registry
-from edc_swarm.recording import read_recording
-from edc_swarm.roster import complete_mission
-from processes.cli import app, main
-from processes.compiled_code import VARIABLE, find_a_place
+from edc_swarm.mission.configuration import mission_from_dict
+from edc_swarm.mission.roster import complete_mission
+from edc_swarm.planner import registry
+from edc_swarm.planner.registry import make_planner
+from edc_swarm.recording.reader import read_recording
+from processes.cli.compiled_code import VARIABLE, find_a_place
+from processes.cli.main import app, main
 
-MAIN = "import sys; from processes.cli import main; sys.exit(main())"
+MAIN = "import sys; from processes.cli.main import main; sys.exit(main())"
 WITHIN_S = 60
 READERS = ["metrics", "check", "report", "recover", "visualise", "replay", "replay --verify"]
 MISSION_READERS = ["sim", "run", "certs", "latency", "latency --mission"]
@@ -181,7 +182,7 @@ def test_a_working_folder_that_was_removed(tmp_path: Path, recording: Path, word
 
 def test_a_recording_is_read_from_a_folder_that_was_removed(tmp_path: Path, recording: Path) -> None:
     """It is named by its whole path."""
-    code = "import os, sys; os.rmdir(os.getcwd()); from processes.cli import main; sys.exit(main())"
+    code = "import os, sys; os.rmdir(os.getcwd()); from processes.cli.main import main; sys.exit(main())"
     gone = tmp_path / "gone"
     gone.mkdir()
     ended = subprocess.run(

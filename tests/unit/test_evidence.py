@@ -7,8 +7,8 @@ from collections.abc import Callable
 import pytest
 from synthetic import change, close, flight, parallel, recorded
 
-from edc_swarm.invariants import check
-from edc_swarm.messages import Command, Event, Fix, Message, MissionMessage, Report, Truth
+from edc_swarm.analysis.guarantees.check import check
+from edc_swarm.protocol.messages import Command, Event, Fix, Message, MissionMessage, Report, Truth
 
 Keep = Callable[[Message], bool]
 

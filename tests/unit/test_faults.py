@@ -6,10 +6,10 @@ import math
 
 import pytest
 
-from edc_swarm import faults
-from edc_swarm.config import Mission, RosterEntry
 from edc_swarm.errors import MissionError
-from edc_swarm.faults import FORMS, USAGE, WORDS, Fault, parse_fault, parse_faults, resolve
+from edc_swarm.mission import faults
+from edc_swarm.mission.configuration import Mission, RosterEntry
+from edc_swarm.mission.faults import FORMS, USAGE, WORDS, Fault, parse_fault, parse_faults, resolve
 
 ROSTER = ("u001", "u002", "u003", "u004", "u005")
 

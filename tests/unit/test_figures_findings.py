@@ -6,9 +6,9 @@ from collections.abc import Callable
 
 import pytest
 
-from edc_swarm.figures.catalogue import FIGURES
-from edc_swarm.figures.findings import Finding, finding, grows, trend
-from edc_swarm.figures.table import Row, line
+from edc_swarm.experiments.figures.catalogue import FIGURES
+from edc_swarm.experiments.figures.findings import Finding, finding, grows, trend
+from edc_swarm.experiments.figures.table import Row, line
 
 CLAIMS = {figure.name: figure.claim for figure in FIGURES}
 

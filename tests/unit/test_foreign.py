@@ -4,9 +4,9 @@ from __future__ import annotations
 
 import pytest
 
-from edc_swarm.foreign import MAX_LINE, shown
-from edc_swarm.invariants.report import Violation, not_judged, verdict
-from processes.console import note
+from edc_swarm.analysis.guarantees.verdict import Violation, not_judged, verdict
+from edc_swarm.foreign_text import MAX_LINE, shown
+from processes.runtime.console import note
 
 
 def test_control_characters_are_escaped() -> None:

@@ -6,9 +6,9 @@ import numpy as np
 import pytest
 from synthetic import flight, parallel, recorded
 
+from edc_swarm.analysis.frames import LIBRARIES, frame_of
+from edc_swarm.analysis.metrics import columns_of
 from edc_swarm.errors import InputError
-from edc_swarm.frames import LIBRARIES, frame_of
-from edc_swarm.metrics import columns_of
 
 
 @pytest.mark.parametrize("library", LIBRARIES)

@@ -7,14 +7,16 @@ from pathlib import Path
 
 import pytest
 
-from edc_swarm.config import Mission
-from edc_swarm.invariants import check
-from edc_swarm.metrics import compute_metrics
-from edc_swarm.recording import McapFile, Recording, read_recording
-from edc_swarm.roster import complete_mission
-from edc_swarm.simulation import mission_message
-from edc_swarm.viz import channel_of
-from processes.view import layout_bytes
+from edc_swarm.analysis.guarantees.check import check
+from edc_swarm.analysis.metrics import compute_metrics
+from edc_swarm.mission.configuration import Mission
+from edc_swarm.mission.roster import complete_mission
+from edc_swarm.protocol.messages import mission_message
+from edc_swarm.recording.mcap_file import McapFile
+from edc_swarm.recording.model import Recording
+from edc_swarm.recording.reader import read_recording
+from edc_swarm.viz.channels import channel_of
+from processes.services.recorded_view import layout_bytes
 
 FOLDER = Path(__file__).parents[2] / "recordings"
 GOLDEN = FOLDER / "golden.mcap"

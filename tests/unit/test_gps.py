@@ -7,8 +7,8 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from edc_swarm.config import GpsModel
-from edc_swarm.gps import CORRELATION_S, GpsReceiver
+from edc_swarm.emulation.gps import CORRELATION_S, GpsReceiver
+from edc_swarm.mission.configuration import GpsModel
 
 MODELS = get_args(GpsModel)
 

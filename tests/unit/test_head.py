@@ -7,11 +7,11 @@ from typing import Any
 
 import pytest
 
-from edc_swarm.config import Mission, RosterEntry
-from edc_swarm.head import ABSENT_SLOTS, Head
-from edc_swarm.knowledge import Knowledge, Stadium
-from edc_swarm.messages import Fix
+from edc_swarm.agent.head import ABSENT_SLOTS, Head
+from edc_swarm.agent.knowledge import Knowledge, Stadium
+from edc_swarm.mission.configuration import Mission, RosterEntry
 from edc_swarm.planner.interface import Plan, PlanRequest
+from edc_swarm.protocol.messages import Fix
 
 IDS = ("a", "b", "c", "d")
 MISSION = Mission(

@@ -7,10 +7,10 @@ from itertools import pairwise
 
 import pytest
 
-from edc_swarm.again import Answer, Ask, Kept, Span
-from edc_swarm.messages import Keys
-from edc_swarm.recording import holes
-from edc_swarm.recording.holes import GATHER_S, MAX_AT_ONCE, MAX_HOLE, MAX_TRIES, WAITS_S, Holes, source_of
+from edc_swarm.protocol import gap_repair
+from edc_swarm.protocol.gap_repair import GATHER_S, MAX_AT_ONCE, MAX_HOLE, MAX_TRIES, WAITS_S, Holes, source_of
+from edc_swarm.protocol.keys import Keys
+from edc_swarm.protocol.retransmission import Answer, Ask, Kept, Span
 
 KEYS = Keys("m")
 FIX, TRUTH, EVENT = KEYS.fix("a"), KEYS.truth("a"), KEYS.event("a")
@@ -248,7 +248,7 @@ def test_who_is_not_asked_yet_takes_nobodys_turn(watch: Watch):
 
 def test_holes_are_bounded(watch: Watch, monkeypatch: pytest.MonkeyPatch):
     """What is beyond the bound stays a gap."""
-    monkeypatch.setattr(holes, "MAX_HOLES", 2)
+    monkeypatch.setattr(gap_repair, "MAX_HOLES", 2)
     watch.hear(1, 3, 5)
     ((_, ask),) = watch.asks(GATHER_S)
     assert ask.wanted == [Span(FIX, 0, 0), Span(FIX, 2, 2)]

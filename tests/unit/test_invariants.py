@@ -9,14 +9,15 @@ import numpy as np
 import pytest
 from synthetic import EPOCH_NS, OFFSET_M, SLOT_NS, at, change, close, flight, parallel, recorded, straight
 
-from edc_swarm.config import Link
+from edc_swarm.analysis import tracks
+from edc_swarm.analysis.guarantees.check import check
+from edc_swarm.analysis.guarantees.completeness import MAX_GARBAGE_NOTES, check_no_loss
+from edc_swarm.analysis.guarantees.evidence import gather
+from edc_swarm.analysis.guarantees.verdict import GuaranteeResult, Violation
+from edc_swarm.analysis.metrics import compute_metrics
 from edc_swarm.errors import RecordingError
-from edc_swarm.invariants import GuaranteeResult, Violation, check
-from edc_swarm.invariants.completeness import MAX_GARBAGE_NOTES, check_no_loss
-from edc_swarm.invariants.evidence import gather
-from edc_swarm.messages import Command, Event, Fix, Message, MissionMessage, Report, Truth
-from edc_swarm.metrics import compute_metrics
-from edc_swarm.recording import tracks
+from edc_swarm.mission.configuration import Link
+from edc_swarm.protocol.messages import Command, Event, Fix, Message, MissionMessage, Report, Truth
 from edc_swarm.recording.model import Garbage
 
 NOTHING_FLOWN = {"executing": False, "command_term": -1, "command_seq": -1}

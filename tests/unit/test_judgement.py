@@ -7,10 +7,10 @@ from typing import Any
 
 import pytest
 
-from edc_swarm.config import Link, Mission, RosterEntry
-from edc_swarm.faults import parse_faults
-from edc_swarm.judgement import SLACK_SLOTS, default_max_slots, prospect_of, settled_slot
-from edc_swarm.roster import complete_mission
+from edc_swarm.mission.configuration import Link, Mission, RosterEntry
+from edc_swarm.mission.faults import parse_faults
+from edc_swarm.mission.prospect import SLACK_SLOTS, default_max_slots, prospect_of, settled_slot
+from edc_swarm.mission.roster import complete_mission
 
 LIMIT = 20 * 20 + 200
 

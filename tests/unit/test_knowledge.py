@@ -6,9 +6,9 @@ from typing import Any
 
 import pytest
 
-from edc_swarm.config import RosterEntry
-from edc_swarm.knowledge import HullRules, Knowledge, Stadium
-from edc_swarm.messages import Command, Fix, Report
+from edc_swarm.agent.knowledge import HullRules, Knowledge, Stadium
+from edc_swarm.mission.configuration import RosterEntry
+from edc_swarm.protocol.messages import Command, Fix, Report
 
 ROSTER = [
     RosterEntry(uav=uav, start_x_m=x_m, start_y_m=0, target_x_m=0, target_y_m=9, r_m=5, body_m=1, energy_j=1)

@@ -5,16 +5,16 @@ from __future__ import annotations
 import msgspec
 import pytest
 
-from edc_swarm.config import Link, Mission
-from edc_swarm.invariants import check
-from edc_swarm.latency.declared import sweep_of
-from edc_swarm.latency.findings import NAMED, findings, is_judged, is_safe, named
-from edc_swarm.latency.measures import Sample, sample_of
-from edc_swarm.latency.table import CellRow, flat, row_of
-from edc_swarm.links import DELAY_ERROR, DelayError
-from edc_swarm.messages import Command, Event, Fix, Report, Truth
-from edc_swarm.metrics import compute_metrics
-from processes.trials import simulate
+from edc_swarm.analysis.guarantees.check import check
+from edc_swarm.analysis.latency_sample import Sample, sample_of
+from edc_swarm.analysis.metrics import compute_metrics
+from edc_swarm.emulation.links import DELAY_ERROR, DelayError
+from edc_swarm.experiments.latency.declared import sweep_of
+from edc_swarm.experiments.latency.findings import NAMED, findings, is_judged, is_safe, named
+from edc_swarm.experiments.latency.table import CellRow, flat, row_of
+from edc_swarm.mission.configuration import Link, Mission
+from edc_swarm.protocol.messages import Command, Event, Fix, Report, Truth
+from processes.experiments.measures import simulate
 from tests.unit.synthetic import change, flight, parallel, recorded, straight
 
 SWEEP = sweep_of({"delays_ms": [0, 300], "jitters_ms": [0], "losses": [0], "uavs": [3], "repeats": 2})

@@ -20,7 +20,7 @@ def test_import_contracts_are_kept():
 def test_a_uav_imports_no_numpy():
     """Nor anything else that only planning needs."""
     heavy = "{'numpy', 'scipy', 'osqp', 'numba', 'rich', 'cyclopts'} & set(sys.modules)"
-    code = f"import sys, processes.uav; print(sorted({heavy}))"
+    code = f"import sys, processes.uav.process; print(sorted({heavy}))"
     said = subprocess.run([sys.executable, "-c", code], cwd=ROOT, capture_output=True, text=True, check=True)
     assert said.stdout.strip() == "[]"
 

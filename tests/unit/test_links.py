@@ -6,8 +6,8 @@ from typing import Any
 
 import pytest
 
-from edc_swarm.config import Link, Mission, RosterEntry
-from edc_swarm.links import MAX_CHANGES, Cut, LinkEmulator, cut_pair, fading_loss, have_range, mission_s
+from edc_swarm.emulation.links import MAX_CHANGES, Cut, LinkEmulator, cut_pair, fading_loss, have_range, mission_s
+from edc_swarm.mission.configuration import Link, Mission, RosterEntry
 
 MS = 1_000_000
 

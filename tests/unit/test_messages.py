@@ -7,21 +7,11 @@ from typing import Any
 import msgspec
 import pytest
 
-from edc_swarm.config import RosterEntry
 from edc_swarm.errors import MessageError
-from edc_swarm.messages import (
-    Command,
-    Event,
-    Fix,
-    Keys,
-    MissionMessage,
-    Report,
-    Truth,
-    decode,
-    encode,
-    kind_of,
-    roster_index,
-)
+from edc_swarm.mission.configuration import RosterEntry
+from edc_swarm.protocol.codec import decode, encode
+from edc_swarm.protocol.keys import Keys, kind_of
+from edc_swarm.protocol.messages import Command, Event, Fix, MissionMessage, Report, Truth, roster_index
 
 KEYS = Keys("m1")
 

@@ -9,12 +9,8 @@ import numpy as np
 import pytest
 from synthetic import EPOCH_NS, SLOT_NS, change, flight, parallel, recorded, straight
 
-from edc_swarm.bills import energy_bills
-from edc_swarm.config import EnergyModel
-from edc_swarm.energy import propulsion_power_w
-from edc_swarm.errors import RecordingError
-from edc_swarm.messages import Command, Event, Fix, Message, Report, Truth
-from edc_swarm.metrics import (
+from edc_swarm.analysis.energy_bill import energy_bills
+from edc_swarm.analysis.metrics import (
     HeadTerm,
     Metrics,
     Quantiles,
@@ -25,7 +21,11 @@ from edc_swarm.metrics import (
     content_hash,
     load_timings,
 )
-from edc_swarm.tables import metric_rows
+from edc_swarm.analysis.tables import metric_rows
+from edc_swarm.emulation.energy import propulsion_power_w
+from edc_swarm.errors import RecordingError
+from edc_swarm.mission.configuration import EnergyModel
+from edc_swarm.protocol.messages import Command, Event, Fix, Message, Report, Truth
 
 PROMISED = {
     "heads",

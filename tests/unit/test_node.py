@@ -7,10 +7,7 @@ from typing import Any
 import msgspec
 import pytest
 
-from edc_swarm.config import RosterEntry
-from edc_swarm.geodesy import to_wgs84
-from edc_swarm.messages import Command, Event, Fix, Message, MissionMessage, Report, Truth
-from edc_swarm.node import (
+from edc_swarm.agent.node import (
     MAX_PENDING,
     Effect,
     Listen,
@@ -24,8 +21,11 @@ from edc_swarm.node import (
     UavNode,
     WantPlanner,
 )
+from edc_swarm.agent.vehicle import Airframe, Promise
+from edc_swarm.geodesy import to_wgs84
+from edc_swarm.mission.configuration import RosterEntry
 from edc_swarm.planner.interface import Plan, PlanRequest
-from edc_swarm.vehicle import Airframe, Promise
+from edc_swarm.protocol.messages import Command, Event, Fix, Message, MissionMessage, Report, Truth
 
 SLOT_NS = 500_000_000
 EPOCH_NS = 1_000 * SLOT_NS

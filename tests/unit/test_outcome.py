@@ -8,10 +8,10 @@ import msgspec
 import pytest
 from synthetic import change, flight, parallel, recorded
 
-from edc_swarm.messages import Command, Event, Fix, Message, MissionMessage, Report, Truth
-from edc_swarm.metrics import Metrics, compute_metrics
-from edc_swarm.outcome import STUCK_SLOTS, NotHome
-from edc_swarm.tables import MAX_NAMED, metric_rows
+from edc_swarm.analysis.metrics import Metrics, compute_metrics
+from edc_swarm.analysis.outcome import STUCK_SLOTS, NotHome
+from edc_swarm.analysis.tables import MAX_NAMED, metric_rows
+from edc_swarm.protocol.messages import Command, Event, Fix, Message, MissionMessage, Report, Truth
 
 
 def mission_in(messages: list[Message]) -> MissionMessage:

@@ -8,12 +8,13 @@ from collections.abc import Iterator
 import numpy as np
 import pytest
 
-from edc_swarm.config import Mission
 from edc_swarm.errors import InputError
 from edc_swarm.geometry import closest_approach_m, length_m, point_segment_distance_m
-from edc_swarm.planner import Hull, Plan, PlanRequest, make_planner
+from edc_swarm.mission.configuration import Mission
+from edc_swarm.mission.roster import complete_mission
 from edc_swarm.planner.edc import weights
-from edc_swarm.roster import complete_mission
+from edc_swarm.planner.interface import Hull, Plan, PlanRequest
+from edc_swarm.planner.registry import make_planner
 
 R_M = 5.0
 

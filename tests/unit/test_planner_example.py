@@ -7,10 +7,10 @@ from pathlib import Path
 
 import pytest
 
-from edc_swarm.config import Mission
-from edc_swarm.metrics import compute_metrics
-from edc_swarm.node import PLANNER_FAILED
-from processes.trials import simulate
+from edc_swarm.agent.node import PLANNER_FAILED
+from edc_swarm.analysis.metrics import compute_metrics
+from edc_swarm.mission.configuration import Mission
+from processes.experiments.measures import simulate
 
 EXAMPLES = Path(__file__).parents[2] / "examples"
 

@@ -12,9 +12,10 @@ from typing import Any
 import numpy as np
 import pytest
 
-from edc_swarm.config import Mission
 from edc_swarm.errors import MissionError
-from edc_swarm.planner import Plan, PlanRequest, Stopwatch, check_planner, make_planner, warm_up
+from edc_swarm.mission.configuration import Mission
+from edc_swarm.planner.interface import Plan, PlanRequest, Stopwatch
+from edc_swarm.planner.registry import check_planner, make_planner, warm_up
 
 
 class Lazy:

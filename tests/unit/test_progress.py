@@ -5,9 +5,9 @@ from __future__ import annotations
 import msgspec
 import pytest
 
-from edc_swarm.config import Mission, RosterEntry
-from edc_swarm.messages import Command, Fix, Report
-from edc_swarm.progress import STALL_SLOTS, MissionMonitor
+from edc_swarm.mission.configuration import Mission, RosterEntry
+from edc_swarm.protocol.completion import STALL_SLOTS, MissionMonitor
+from edc_swarm.protocol.messages import Command, Fix, Report
 
 ROSTER = [
     RosterEntry(uav=uav, start_x_m=x, start_y_m=0, target_x_m=x, target_y_m=90, r_m=5, body_m=1, energy_j=1)

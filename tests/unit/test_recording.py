@@ -16,13 +16,16 @@ import pytest
 from mcap.reader import make_reader
 from synthetic import flight, parallel
 
+from edc_swarm.analysis.guarantees.check import check
 from edc_swarm.errors import RecordingError
-from edc_swarm.invariants import check
-from edc_swarm.messages import Command, Event, Fix, Keys, Message, MissionMessage, Report, Truth, encode
-from edc_swarm.recording import Recording, RecordingWriter, read_recording, recover
+from edc_swarm.protocol.codec import encode
+from edc_swarm.protocol.keys import Keys
+from edc_swarm.protocol.messages import Command, Event, Fix, Message, MissionMessage, Report, Truth
 from edc_swarm.recording.mcap_file import MAGIC, Channel
+from edc_swarm.recording.model import Recording
+from edc_swarm.recording.reader import read_recording, recover
 from edc_swarm.recording.schemas import json_schema
-from edc_swarm.recording.writer import TooLarge
+from edc_swarm.recording.writer import RecordingWriter, TooLarge
 
 KEYS = Keys("mission")
 SCENE = Channel("swarm/mission/viz/scene", "protobuf", "foxglove.SceneUpdate", "protobuf", b"\x01")
@@ -370,7 +373,7 @@ def test_a_file_of_huge_payloads_is_read_in_bounded_memory(tmp_path: Path, messa
             writer.write(KEYS.event("u0"), random.Random(number).randbytes(4 << 20), number)
         writer.finish({})
     code = (
-        "import resource, sys; from edc_swarm.recording import read_recording;"
+        "import resource, sys; from edc_swarm.recording.reader import read_recording;"
         "before = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss;"
         "count = read_recording(sys.argv[1]).garbage_count;"
         "print(count, resource.getrusage(resource.RUSAGE_SELF).ru_maxrss - before)"

@@ -5,13 +5,13 @@ from __future__ import annotations
 import msgspec
 import pytest
 
-from edc_swarm.config import mission_from_dict
-from edc_swarm.messages import Command, Message
-from edc_swarm.planner import make_planner
-from edc_swarm.recording import Recording
-from edc_swarm.replanning import Replanned, replan
-from edc_swarm.roster import complete_mission
-from edc_swarm.simulation import Simulation, mission_message
+from edc_swarm.analysis.replanning import Replanned, replan
+from edc_swarm.mission.configuration import mission_from_dict
+from edc_swarm.mission.roster import complete_mission
+from edc_swarm.planner.registry import make_planner
+from edc_swarm.protocol.messages import Command, Message, mission_message
+from edc_swarm.recording.model import Recording
+from edc_swarm.simulation.simulator import Simulation
 
 
 @pytest.fixture(scope="module")

@@ -12,15 +12,15 @@ import numpy as np
 import pytest
 from synthetic import EPOCH_NS, change, flight, parallel, recorded, straight
 
-from edc_swarm.invariants import GuaranteeResult, Violation, check, headline
-from edc_swarm.invariants.report import Status
-from edc_swarm.messages import Event, Fix, Message, Report
-from edc_swarm.metrics import compute_metrics
-from edc_swarm.recording import Recording
-from edc_swarm.report_page import Assets, Page, render
+from edc_swarm.analysis.guarantees.check import check
+from edc_swarm.analysis.guarantees.verdict import GuaranteeResult, Status, Violation, headline
+from edc_swarm.analysis.metrics import compute_metrics
+from edc_swarm.analysis.tables import metric_rows
+from edc_swarm.protocol.messages import Event, Fix, Message, Report
+from edc_swarm.recording.model import Recording
 from edc_swarm.report_page import data as page_data
-from edc_swarm.report_page.render import MAX_WHERE, _guarantee
-from edc_swarm.tables import metric_rows
+from edc_swarm.report_page.data import Page
+from edc_swarm.report_page.render import MAX_WHERE, Assets, _guarantee, render
 
 
 @pytest.fixture

@@ -10,14 +10,14 @@ import msgspec
 import pytest
 from synthetic import flight, parallel, recorded
 
-from edc_swarm.config import Mission
-from edc_swarm.messages import Event
-from edc_swarm.metrics import compute_metrics
-from edc_swarm.recording import Recording
-from edc_swarm.resimulation import MAX_SLOTS, check_same_bytes, judge
-from processes.cli import main
-from processes.run_facts import CODE, code_digest, run_facts, simulated_otherwise
-from processes.trials import simulate
+from edc_swarm.analysis.metrics import compute_metrics
+from edc_swarm.experiments.resimulation import MAX_SLOTS, check_same_bytes, judge
+from edc_swarm.mission.configuration import Mission
+from edc_swarm.protocol.messages import Event
+from edc_swarm.recording.model import Recording
+from processes.cli.main import main
+from processes.experiments.measures import simulate
+from processes.runtime.run_facts import CODE, code_digest, run_facts, simulated_otherwise
 
 MISSION = Mission(uavs=3, area_m2=1000.0, planner="straight", fault=["kill u002 @4"])
 RESTLESS = """

@@ -6,9 +6,9 @@ from itertools import combinations
 import numpy as np
 import pytest
 
-from edc_swarm.config import EnergyModel, Link, Mission, RosterEntry
 from edc_swarm.errors import MissionError, PlacementError
-from edc_swarm.roster import complete_mission, random_roster
+from edc_swarm.mission.configuration import EnergyModel, Link, Mission, RosterEntry
+from edc_swarm.mission.roster import complete_mission, random_roster
 
 
 def entry(uav: str, x_m: float) -> RosterEntry:
@@ -55,7 +55,7 @@ def test_charge_does_not_move_anyone() -> None:
 
 def test_an_unplaceable_density_is_a_clear_error(monkeypatch: pytest.MonkeyPatch) -> None:
     """The error names the field, the value and what would fit."""
-    monkeypatch.setattr("edc_swarm.roster.TRIES", 200)
+    monkeypatch.setattr("edc_swarm.mission.roster.TRIES", 200)
     with pytest.raises(PlacementError, match=r"uavs = 200: must be few enough for area_m2 = 10000 and r_m = 5"):
         complete_mission(Mission(uavs=200))
 

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 import scipy.stats
 
-from edc_swarm.statistics import estimate, power_law
+from edc_swarm.experiments.statistics import estimate, power_law
 
 
 @pytest.mark.parametrize("count", [2, 5, 30])

@@ -8,8 +8,8 @@ import numpy as np
 import pytest
 from synthetic import change, flight, parallel, recorded
 
-from edc_swarm.messages import Command, Fix, Message, Truth
-from edc_swarm.recording.tracks import Tracks, tracks_of
+from edc_swarm.analysis.tracks import Tracks, tracks_of
+from edc_swarm.protocol.messages import Command, Fix, Message, Truth
 
 
 def without(first: int, last: int, *kinds: type, **fields: Any) -> Tracks:

@@ -9,10 +9,10 @@ from typing import Any
 import msgspec
 import pytest
 
-from edc_swarm.config import Mission, RosterEntry
-from edc_swarm.energy import propulsion_power_w
-from edc_swarm.messages import Command
-from edc_swarm.vehicle import Promise, Situation, Vehicle, first_airframe, first_promise, refusal
+from edc_swarm.agent.vehicle import Promise, Situation, Vehicle, first_airframe, first_promise, refusal
+from edc_swarm.emulation.energy import propulsion_power_w
+from edc_swarm.mission.configuration import Mission, RosterEntry
+from edc_swarm.protocol.messages import Command
 
 COMMAND = Command(head="h", uav="a", slot=7, term=3, start_x_m=0.1, start_y_m=0.2, target_x_m=3.1, target_y_m=4.2)
 NOW = Situation(

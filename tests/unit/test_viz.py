@@ -21,13 +21,12 @@ from hypothesis import strategies as st
 from msgspec import UNSET
 from synthetic import EPOCH_NS, OFFSET_M, SLOT_NS, at, change, flight, mission_of, parallel
 
-from edc_swarm.config import NS_PER_S
 from edc_swarm.geodesy import to_wgs84
-from edc_swarm.messages import Command, Event, Fix, Message, MissionMessage, Report, Truth
-from edc_swarm.viz import Scenery, Shown, channel_of, layout, topic_of
-from edc_swarm.viz.channels import Status
-from edc_swarm.viz.layout import MAP_PX, TILE_MPP
-from edc_swarm.viz.scenery import extent_m, gaps
+from edc_swarm.mission.configuration import NS_PER_S
+from edc_swarm.protocol.messages import Command, Event, Fix, Message, MissionMessage, Report, Truth
+from edc_swarm.viz.channels import Status, channel_of, topic_of
+from edc_swarm.viz.layout import MAP_PX, TILE_MPP, layout
+from edc_swarm.viz.scenery import Scenery, Shown, extent_m, gaps
 from edc_swarm.viz.shapes import RED, VERTICES, colour_of, stadium
 
 

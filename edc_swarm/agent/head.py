@@ -1,0 +1,219 @@
+"""What the cluster head does in one term: collect fixes, count the quorum, plan, command, report.
+
+Rules kept here (named as in ARCHITECTURE.md):
+
+- *quorum*: counted afresh in every slot, among the UAVs heard in that very slot, the head included;
+- *heard*: only a UAV heard in slot t is commanded for t + 1;
+- *once*: one plan per (term, slot); a restarted process never plans in a term on its disk;
+- *hull*: every UAV not heard is kept clear of, wherever it can be; remembered per term.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Collection, Sequence
+from dataclasses import dataclass, field
+
+from edc_swarm.agent.knowledge import Grant, HullRules, Knowledge, Stadium
+from edc_swarm.mission.configuration import Mission, RosterEntry
+from edc_swarm.planner.interface import Hull, Plan, Planner, PlanRequest
+from edc_swarm.protocol.messages import Command, Fix, Report
+
+ABSENT_SLOTS = 3
+"""A UAV unheard for this many slots is not waited for."""
+
+
+@dataclass(slots=True)
+class Office:
+    """One term of one head: what is remembered here is forgotten with the term."""
+
+    grant: Grant
+    t0: int = -1
+    planned_slot: int = -1
+    sent: dict[str, Command] = field(default_factory=dict)
+
+
+@dataclass(frozen=True, slots=True)
+class Outcome:
+    """What planning one slot gives: commands for the heard, the data of the report, and what went wrong."""
+
+    commands: list[Command]
+    report: Report
+    problem: str
+
+
+class Head:
+    """The head's work for one UAV, whether or not it is head just now.
+
+    Parameters
+    ----------
+    mission
+        The mission as run.
+    uav
+        The own id.
+    barred_term
+        No plan is made in this term or an older one (the term on disk when the process started).
+    knowledge
+        Newest fixes and relayed hulls.
+    """
+
+    def __init__(self, mission: Mission, uav: str, barred_term: int, knowledge: Knowledge) -> None:
+        self._mission = mission
+        self._uav = uav
+        self._barred_term = barred_term
+        self._knowledge = knowledge
+        self._quorum = mission.quorum
+        self._rules = HullRules(mission.u_max_m, mission.lag_slots)
+        self._roster = {entry.uav: entry for entry in mission.roster}
+        self._index = {entry.uav: index for index, entry in enumerate(mission.roster)}
+        self.office = Office((0, ""))
+
+    def take_office(self, grant: Grant) -> None:
+        """Begin a term: nothing of an older one is remembered."""
+        if grant != self.office.grant:
+            self.office = Office(grant)
+
+    def may_plan(self, slot: int) -> bool:
+        """Whether a plan from the fixes of `slot` is still to be made in this term, by this process."""
+        return self.office.grant[0] > self._barred_term and self.office.planned_slot < slot
+
+    def heard(self, slot: int) -> list[str]:
+        """Ids of the UAVs heard in `slot`, in roster order."""
+        return self._knowledge.heard(slot, self.office.grant)
+
+    def has_quorum(self, slot: int) -> bool:
+        """Whether more than half of the roster is heard in `slot`, this UAV among them."""
+        own = self._knowledge.newest.get(self._uav)
+        return (
+            own is not None
+            and own.slot == slot
+            and (own.term, own.head) == self.office.grant
+            and self._knowledge.count_heard(slot, self.office.grant) >= self._quorum
+        )
+
+    def complete(self, slot: int, gone: Collection[str]) -> bool:
+        """Whether everyone worth waiting for is heard; those in `gone` have left the bus."""
+        waited_for = {uav for uav in self._roster if slot - self._knowledge.last_slot(uav) <= ABSENT_SLOTS}
+        return waited_for - set(gone) <= set(self.heard(slot))
+
+    def plan(self, slot: int, planner: Planner) -> Outcome:
+        """Plan slot + 1 from the fixes of `slot`; the caller has seen to quorum and `may_plan`."""
+        assert self.has_quorum(slot), "a head plans with a quorum"
+        assert self.may_plan(slot), "a head plans once per slot"
+        office = self.office
+        office.planned_slot = slot
+        office.t0 = slot if office.t0 < 0 else office.t0
+        fixes = [self._knowledge.newest[uav] for uav in self.heard(slot)]
+        hulls = self.hulls(slot)
+        plan = planner.plan(self._request(slot, fixes, hulls))
+        commands = [self._command(slot, fix, to_m) for fix, to_m in zip(fixes, plan.waypoint_m, strict=True)]
+        office.sent.update({command.uav: command for command in commands})
+        return Outcome(commands, self._report(slot, fixes, hulls, plan), plan.problem)
+
+    def hulls(self, slot: int) -> dict[str, Stadium]:
+        """Where every UAV not heard in `slot` can be, in roster order."""
+        heard = set(self.heard(slot))
+        return {uav: self._hull(uav) for uav in self._roster if uav not in heard}
+
+    def _hull(self, uav: str) -> Stadium:
+        office = self.office
+        return self._knowledge.hull(uav, office.grant, office.t0, office.sent, self._rules)
+
+    def powerless(self, slot: int) -> Report:
+        """Report of a slot that ended without a quorum."""
+        heard = self.heard(slot)
+        return Report(
+            head=self._uav,
+            slot=slot,
+            term=self.office.grant[0],
+            planner=self._mission.planner,
+            status="no-quorum",
+            heard=heard,
+            unheard=[uav for uav in self._roster if uav not in set(heard)],
+            grants=heard,
+            quorum=self._quorum,
+        )
+
+    def _request(self, slot: int, fixes: Sequence[Fix], hulls: dict[str, Stadium]) -> PlanRequest:
+        entries = [self._roster[fix.uav] for fix in fixes]
+        return PlanRequest(
+            slot=slot + 1,
+            uav=[self._index[fix.uav] for fix in fixes],
+            position_m=[(fix.waypoint_x_m, fix.waypoint_y_m) for fix in fixes],
+            target_m=[(entry.target_x_m, entry.target_y_m) for entry in entries],
+            r_m=[entry.r_m for entry in entries],
+            hulls=[self._obstacle(uav, hull) for uav, hull in hulls.items()],
+            previous_m=[(fix.from_x_m, fix.from_y_m) for fix in fixes] if self._mission.lag_slots else None,
+        )
+
+    def _obstacle(self, uav: str, hull: Stadium) -> Hull:
+        return Hull(
+            uav=self._index[uav],
+            ax_m=hull.ax_m,
+            ay_m=hull.ay_m,
+            bx_m=hull.bx_m,
+            by_m=hull.by_m,
+            radius_m=hull.radius_m,
+            r_m=self._roster[uav].r_m,
+        )
+
+    def _command(self, slot: int, fix: Fix, to_m: tuple[float, float]) -> Command:
+        """The command to `fix.uav`, with the paper's action V_k, theta_k, alpha_k (eq. 10, 11).
+
+        Eq. 11 is taken with atan2; eq. 12, V = V_x / cos(alpha), holds only without deviation and
+        is not used.
+        """
+        flown_s = self._mission.dt_s - 2 * self._mission.guard_s
+        vx_mps, vy_mps = (to_m[0] - fix.waypoint_x_m) / flown_s, (to_m[1] - fix.waypoint_y_m) / flown_s
+        heading_rad = math.atan2(vy_mps, vx_mps)
+        return Command(
+            head=self._uav,
+            uav=fix.uav,
+            slot=slot + 1,
+            term=self.office.grant[0],
+            start_x_m=fix.waypoint_x_m,
+            start_y_m=fix.waypoint_y_m,
+            target_x_m=to_m[0],
+            target_y_m=to_m[1],
+            vx_mps=vx_mps,
+            vy_mps=vy_mps,
+            speed_mps=math.hypot(vx_mps, vy_mps),
+            heading_rad=heading_rad,
+            deviation_rad=_deviation_rad(self._roster[fix.uav], fix, heading_rad, (vx_mps, vy_mps)),
+            fix_seq=fix.seq,
+        )
+
+    def _report(self, slot: int, fixes: Sequence[Fix], hulls: dict[str, Stadium], plan: Plan) -> Report:
+        heard = [fix.uav for fix in fixes]
+        listed = {**hulls, self._uav: self._hull(self._uav)}
+        return Report(
+            head=self._uav,
+            slot=slot,
+            term=self.office.grant[0],
+            planner=self._mission.planner,
+            status=plan.status,
+            heard=heard,
+            unheard=list(hulls),
+            grants=heard,
+            quorum=self._quorum,
+            plan_ms=plan.guidance_ms + plan.assemble_ms + plan.solve_ms,
+            guidance_ms=plan.guidance_ms,
+            assemble_ms=plan.assemble_ms,
+            solve_ms=plan.solve_ms,
+            iterations=plan.iterations,
+            min_gap_m=plan.min_gap_m,
+            hull_uav=list(listed),
+            hull_ax_m=[hull.ax_m for hull in listed.values()],
+            hull_ay_m=[hull.ay_m for hull in listed.values()],
+            hull_bx_m=[hull.bx_m for hull in listed.values()],
+            hull_by_m=[hull.by_m for hull in listed.values()],
+            hull_r_m=[hull.radius_m for hull in listed.values()],
+        )
+
+
+def _deviation_rad(entry: RosterEntry, fix: Fix, heading_rad: float, v_mps: tuple[float, float]) -> float:
+    """Signed angle from the bearing to the target to the velocity, in (-pi, pi]; 0 when holding."""
+    if v_mps == (0.0, 0.0):
+        return 0.0
+    bearing_rad = math.atan2(entry.target_y_m - fix.waypoint_y_m, entry.target_x_m - fix.waypoint_x_m)
+    return math.remainder(heading_rad - bearing_rad, math.tau)

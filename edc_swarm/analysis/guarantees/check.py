@@ -1,0 +1,46 @@
+"""The guarantees, checked on a recording alone: real and simulated missions alike.
+
+G1 one head per term, G2 fencing, G3 separation, G4 hold on silence, G5 no loss in the record,
+G7 progress. (G6, same seed same bytes, takes a second simulation: `edc_swarm.experiments.resimulation`.) What a
+guarantee needs in order to be judged is a table in `evidence`: what is broken for certain stays broken, and nothing
+holds on missing evidence.
+"""
+
+from __future__ import annotations
+
+from edc_swarm.analysis.guarantees.completeness import check_no_loss
+from edc_swarm.analysis.guarantees.evidence import Evidence, gather
+from edc_swarm.analysis.guarantees.fencing import check_fencing
+from edc_swarm.analysis.guarantees.heads import check_one_head
+from edc_swarm.analysis.guarantees.holding import check_hold_on_silence
+from edc_swarm.analysis.guarantees.progress import check_progress
+from edc_swarm.analysis.guarantees.spacing import check_separation
+from edc_swarm.analysis.guarantees.verdict import GuaranteeResult, Violation, headline, not_judged
+from edc_swarm.recording.model import Recording
+
+CHECKERS = (
+    check_one_head,
+    check_fencing,
+    check_separation,
+    check_hold_on_silence,
+    check_no_loss,
+    check_progress,
+)
+
+
+def check(recording: Recording) -> list[GuaranteeResult]:
+    """The verdict on every guarantee, in order."""
+    evidence = gather(recording)
+    return [_on_evidence(evidence, checker(evidence)) for checker in CHECKERS]
+
+
+def _on_evidence(evidence: Evidence, result: GuaranteeResult) -> GuaranteeResult:
+    """Return `result`, unless it says that nothing is broken where the evidence for that is missing."""
+    lacking = evidence.lacking(result.guarantee)
+    if result.broken or not lacking:
+        return result
+    notes = [] if result.status == "not-applicable" else result.notes
+    return not_judged(result.guarantee, result.title, "; ".join(lacking), notes)
+
+
+__all__ = ["GuaranteeResult", "Violation", "check", "headline"]

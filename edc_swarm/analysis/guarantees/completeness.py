@@ -1,0 +1,121 @@
+"""G5: nothing published is missing from the record, and what is missing is named."""
+
+from __future__ import annotations
+
+from collections import Counter
+from collections.abc import Iterator
+
+from edc_swarm.analysis.guarantees.evidence import Evidence
+from edc_swarm.analysis.guarantees.verdict import GuaranteeResult, Violation, not_judged, verdict
+from edc_swarm.foreign_text import shown
+from edc_swarm.mission.configuration import OPERATOR
+from edc_swarm.recording.model import Recording
+from edc_swarm.recording.sequences import CLOSED, Gap, sequence_numbers, unknown_tails
+
+_G5 = ("G5", "No loss in the record")
+MAX_GARBAGE_NOTES = 20
+MESSAGES = "messages"
+"""Fact of `run_end`: how many messages were written."""
+MAX_DIGITS = 18
+END = "end"
+"""Kind of the operator's event that ends the mission."""
+VIEWERS = "/viz/"
+MAX_TOPICS = 5
+MAX_TOPIC = 60
+"""Characters of a topic that are told."""
+
+
+def check_no_loss(evidence: Evidence) -> GuaranteeResult:
+    """G5. The tail of a publisher that a fault ended is unknown: a note. Of any other it leaves G5 not judged.
+
+    What the recorder had to drop is a loss too, unless the numbers prove that it has had all of it again;
+    so is what it counted and the file does not hold.
+    """
+    recording = evidence.recording
+    found = [_lost(gap) for gap in evidence.gaps]
+    found += _uncounted(recording)
+    found += [Violation("unreadable", problem) for problem in recording.problems]
+    notes = list(_unknown_tails(recording))
+    dropped = (recording.run_end or {}).get("dropped", "0")
+    if dropped != "0" and not (evidence.gaps or notes):
+        notes.append(f"the recorder dropped {dropped} messages; all that were said are there all the same")
+    elif dropped != "0":
+        found.append(Violation("dropped", f"the recorder dropped {dropped} messages"))
+    notes += [*_unfinished(evidence), *_garbage(recording), *_unknown_topics(recording)]
+    if recording.duplicates:
+        notes.append(f"duplicates: {recording.duplicates} messages are in the file again, bit by bit; each counts once")
+    if not found and (why := _unproved(evidence)):
+        return not_judged(*_G5, why, notes)
+    return verdict(*_G5, found, notes)
+
+
+def _uncounted(recording: Recording) -> Iterator[Violation]:
+    """What the recorder says that it wrote, and the file does not hold."""
+    counted = (recording.run_end or {}).get(MESSAGES, "")
+    there = recording.message_count + recording.garbage_count + sum(recording.unknown.values()) + recording.duplicates
+    if counted.isdecimal() and len(counted) <= MAX_DIGITS and int(counted) > there:
+        yield Violation("count", f"{counted} messages were recorded, {there} are in the file")
+
+
+def _unproved(evidence: Evidence) -> str:
+    """Why the numbers prove nothing, "" where they do."""
+    recording = evidence.recording
+    if not sequence_numbers(recording):
+        return "no message carries a number"
+    closed = {(event.source, event.instance) for event in recording.events if event.kind == CLOSED}
+    if not closed:
+        return "no publisher said its last numbers"
+    speaking = sorted(evidence.ends.unended)
+    if speaking:
+        more = f" and {len(speaking) - 1} more" if len(speaking) > 1 else ""
+        return f"no last word of {speaking[0]}{more}, and no recorded fault that ended it"
+    return ""
+
+
+def _unfinished(evidence: Evidence) -> Iterator[str]:
+    """Say where a record ends that does not hold the end of its mission."""
+    recording = evidence.recording
+    said = {event.kind for event in recording.events if event.source == OPERATOR}
+    if not said & {END, CLOSED}:
+        slot = max((fix.slot for fix in recording.fixes), default=-1)
+        yield f"the record ends at slot {slot}, without the end of the mission" if slot >= 0 else "no slot is recorded"
+
+
+def _unknown_topics(recording: Recording) -> Iterator[str]:
+    """Name the topics of messages that nobody of the swarm defines; viewers' topics are known."""
+    strange = Counter({t: n for t, n in recording.unknown.items() if not t.startswith(VIEWERS)})
+    if strange:
+        named = ", ".join(f"{topic[:MAX_TOPIC]!r} ({count})" for topic, count in strange.most_common(MAX_TOPICS))
+        more = ", ..." if len(strange) > MAX_TOPICS else ""
+        yield f"unknown topics: {len(strange)} with {strange.total()} messages: {named}{more}"
+
+
+def _lost(gap: Gap) -> Violation:
+    publisher = f"{gap.key} of {gap.instance or 'unnamed'}"
+    if gap.duplicate:
+        return Violation("duplicate", f"{publisher}: message {gap.first} is recorded more than once")
+    return Violation("gap", f"{publisher}: messages {gap.first} to {gap.last} are missing ({gap.count})")
+
+
+def _unknown_tails(recording: Recording) -> Iterator[str]:
+    """One note per publisher that never said its last words."""
+    keys: dict[str, list[str]] = {}
+    for key, instance in unknown_tails(recording):
+        keys.setdefault(instance or "unnamed", []).append(key)
+    for instance, silent in keys.items():
+        more = f" and {len(silent) - 1} more" if len(silent) > 1 else ""
+        yield f"tail unknown: what was last said on {silent[0]}{more} may be missing, no last word of {instance}"
+
+
+def _garbage(recording: Recording) -> Iterator[str]:
+    """One note per topic and reason, however much of it there is."""
+    counts: Counter[tuple[str, str]] = Counter()
+    for garbage in sorted(recording.garbage, key=lambda garbage: (garbage.topic, garbage.reason)):
+        counts[garbage.topic, garbage.reason] += garbage.count
+    for (topic, reason), count in counts.most_common(MAX_GARBAGE_NOTES):
+        yield f"not a message: {shown(topic)} ({shown(reason)})" + (f", {count} times" if count > 1 else "")
+    left_out = (recording.run_end or {}).get("foreign_left_out", "0")
+    if left_out != "0":
+        yield f"left out: {left_out} messages on keys of nobody in the mission"
+    if len(counts) > MAX_GARBAGE_NOTES:
+        yield f"not messages: {recording.garbage_count} in all, {len(counts)} kinds of them"

@@ -1,0 +1,237 @@
+"""What several checkers need of a recording, gathered once, and what of it is missing.
+
+A guarantee holds only where what it says could be seen. Beside the numbers without holes, a stream is whole
+only when its publisher said its last word, or when a fault is known to have ended it. Each guarantee needs:
+
+========= ====================== ==========================================================
+Guarantee Needs                  Without it
+========= ====================== ==========================================================
+G1        fixes, commands,       grants and plans are unknown
+          reports
+G2        fixes, commands        what was executed, or who ordered it, is unknown
+G3        fixes, truths          without fixes the discs, without truths the bodies are unknown
+G4        fixes, truths          motion is unknown
+G5        numbers, last words    what is missing is unknown; `run_end` tells how many there were
+G7        fixes                  who has arrived is unknown
+========= ====================== ==========================================================
+"""
+
+from __future__ import annotations
+
+import re
+from collections import defaultdict
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass, replace
+from functools import cached_property
+from itertools import pairwise
+from operator import attrgetter
+
+import numpy as np
+from numpy.typing import NDArray
+
+from edc_swarm.analysis.tracks import Tracks, tracks_of
+from edc_swarm.protocol.messages import Command, Fix, MissionMessage, Report, Truth, roster_index
+from edc_swarm.recording.ends import Ends, ends_of
+from edc_swarm.recording.model import Recording
+from edc_swarm.recording.sequences import Gap, find_gaps
+
+PLANNED = frozenset({"planned", "no-qp-needed", "failed"})
+NEEDS: dict[str, tuple[str, ...]] = {
+    "G1": ("fix", "command", "report"),
+    "G2": ("fix", "command"),
+    "G3": ("fix", "truth"),
+    "G4": ("fix", "truth"),
+    "G7": ("fix",),
+}
+"""Kinds of messages without which a guarantee cannot be judged."""
+MOST_NAMED = 5
+_PLURAL = {"fix": "fixes", "truth": "truths", "command": "commands", "report": "reports"}
+_KEY = {
+    "fix": re.compile(r"uav/([^/]+)/fix").fullmatch,
+    "truth": re.compile(r"uav/([^/]+)/truth").fullmatch,
+    "command": re.compile(r"head/([^/]+)/command/[^/]+").fullmatch,
+    "report": re.compile(r"head/([^/]+)/report").fullmatch,
+}
+
+
+@dataclass(frozen=True)
+class Evidence:
+    """A recording with its tracks.
+
+    Attributes
+    ----------
+    index
+        Roster position by id.
+    fixes
+        By UAV, in the order of the record (roster UAVs only).
+    commands
+        By UAV and slot.
+    plans
+        Reports that say that a plan was made.
+    ends
+        How each publisher ended.
+    """
+
+    recording: Recording
+    mission: MissionMessage
+    index: dict[str, int]
+    tracks: Tracks
+    fixes: dict[str, list[Fix]]
+    commands: dict[tuple[str, int], list[Command]]
+    plans: list[Report]
+    gaps: list[Gap]
+    ends: Ends
+
+    def time_s(self, slot: int, share: float = 0.0) -> float:
+        """Mission time at a share of a slot."""
+        return (slot + share) * self.mission.dt_s
+
+    @cached_property
+    def _fixes_lost(self) -> frozenset[str]:
+        return frozenset(_lacking(self.gaps, self.ends, "fix") & self.index.keys())
+
+    def fixes_lost(self) -> frozenset[str]:
+        """UAVs of whose fixes some may be missing from the record: what they granted there is unknown."""
+        return self._fixes_lost
+
+    def fix_lost(self, uav: str, slot: int) -> bool:
+        """Whether the fix of `uav` in `slot` may be missing from the record."""
+        if uav in self._fixes_lost:
+            return True
+        if uav not in self.ends.without_last_word:
+            return False
+        return all(fix.slot < slot for fix in self.fixes.get(uav, []))
+
+    def start_lost(self, uav: str, slot: int) -> bool:
+        """Whether it is unknown where `uav` was as `slot` began: the fix of the slot before may be missing."""
+        return slot > 0 and uav in self._fixes_lost and not self.tracks.heard[slot - 1, self.index[uav]]
+
+    @cached_property
+    def _newest_command(self) -> dict[tuple[str, str], int]:
+        """Greatest number of the recorded commands of each head to each UAV."""
+        newest: dict[tuple[str, str], int] = {}
+        for command in self.recording.commands:
+            pair = command.head, command.uav
+            newest[pair] = max(command.seq, newest.get(pair, -1))
+        return newest
+
+    def command_lost(self, fix: Fix) -> bool:
+        """Whether the command that `fix` names may be missing from the record, as its number says."""
+        if any(
+            gap.key.endswith(f"/command/{fix.uav}") and gap.first <= fix.command_seq <= gap.last
+            for gap in self.gaps
+            if not gap.duplicate
+        ):
+            return True
+        heads = self.ends.without_last_word & self.index.keys()
+        return any(self._newest_command.get((head, fix.uav), -1) < fix.command_seq for head in heads)
+
+    def gap_notes(self) -> list[str]:
+        """A warning where what looks broken may only be missing from the record."""
+        return ["the record has gaps (see G5): what is missing here may have been said"] if self.gaps else []
+
+    def lacking(self, guarantee: str) -> list[str]:
+        """What is missing of the evidence that `guarantee` needs, one reason each; none when all is there."""
+        return [reason for kind in NEEDS.get(guarantee, ()) for reason in self._lacking(kind)]
+
+    def _lacking(self, kind: str) -> Iterator[str]:
+        name = _PLURAL[kind]
+        missing = sum(gap.count for gap in self.gaps if not gap.duplicate and _KEY[kind](gap.key))
+        if missing:
+            yield f"{missing} {name} are missing"
+        if unended := self.ends.unended & self.index.keys():
+            yield f"{name} of {_named(unended)} may be missing: no last word"
+        if kind in {"fix", "truth"}:
+            told = self.recording.fixes if kind == "fix" else self.recording.truths
+            silent = self.index.keys() - set(map(attrgetter("uav"), told)) - self.ends.ended_by_fault - unended
+            if silent:
+                yield f"no {name} of {_named(silent)}" + (": bodies cannot be judged" if kind == "truth" else "")
+
+
+def gather(recording: Recording) -> Evidence:
+    """Evidence of a recording."""
+    index = roster_index(recording.mission.roster)
+    fixes: dict[str, list[Fix]] = {uav: [] for uav in index}
+    for fix in recording.fixes:
+        if fix.uav in fixes:
+            fixes[fix.uav].append(fix)
+    commands: dict[tuple[str, int], list[Command]] = defaultdict(list)
+    for command in recording.commands:
+        commands[command.uav, command.slot].append(command)
+    gaps, ends = find_gaps(recording), ends_of(recording)
+    return Evidence(
+        recording=recording,
+        mission=recording.mission,
+        index=index,
+        tracks=_judgeable(recording, index, gaps, ends),
+        fixes=fixes,
+        commands=dict(commands),
+        plans=[report for report in recording.reports if report.status in PLANNED],
+        gaps=gaps,
+        ends=ends,
+    )
+
+
+def _lacking(gaps: list[Gap], ends: Ends, kind: str) -> set[str]:
+    """UAVs of whose messages of this kind some may be missing, unless a fault explains that they end."""
+    holed = {found[1] for gap in gaps if not gap.duplicate and (found := _KEY[kind](gap.key))}
+    return holed | ends.unended
+
+
+def _judgeable(recording: Recording, index: dict[str, int], gaps: list[Gap], ends: Ends) -> Tracks:
+    """Tracks in which all that only may be so, since fixes or truths may be missing, is lost or NaN.
+
+    A UAV whose fixes are whole rests where no fix tells otherwise; one whose fixes are not may be anywhere.
+    """
+    tracks = tracks_of(recording)
+    no_fix = _holes(recording.fixes, "fix", index, gaps, ends, tracks.heard.shape)
+    no_truth = _holes(recording.truths, "truth", index, gaps, ends, tracks.heard.shape)
+    lost = tracks.lost | (~tracks.heard & no_fix)
+    if not (lost.any() or no_truth.any()):
+        return tracks
+    told = np.zeros_like(tracks.heard)
+    for truth in recording.truths:
+        if truth.slot >= 0 and truth.uav in index:
+            told[truth.slot, index[truth.uav]] = True
+    unknown = (~told & (no_truth | lost))[..., None]
+    return replace(
+        tracks,
+        lost=lost,
+        true_from_m=np.where(unknown, np.nan, tracks.true_from_m),
+        true_to_m=np.where(unknown, np.nan, tracks.true_to_m),
+    )
+
+
+def _holes(
+    said: Sequence[Fix] | Sequence[Truth],
+    kind: str,
+    index: dict[str, int],
+    gaps: list[Gap],
+    ends: Ends,
+    shape: tuple[int, ...],
+) -> NDArray[np.bool_]:
+    """(S, K) slots of which a message of `kind` may be missing, as the numbers around them say."""
+    holes = np.zeros(shape, bool)
+    lacking = _lacking(gaps, ends, kind) & index.keys()
+    streams: dict[tuple[str, str], list[tuple[int, int]]] = {}
+    for message in said if lacking else ():
+        if message.uav in lacking:
+            streams.setdefault((message.uav, message.instance), []).append((message.seq, message.slot))
+    for uav in lacking - {uav for uav, _ in streams}:
+        holes[:, index[uav]] = True
+    tails = {(gap.key, gap.instance): gap.last for gap in gaps if not gap.duplicate}
+    for (uav, instance), numbers in streams.items():
+        numbers.sort()
+        for (before, slot), (seq, next_slot) in pairwise([(-1, -1), *numbers]):
+            if seq > before + 1:
+                holes[slot + 1 : next_slot, index[uav]] = True
+        newest, slot = numbers[-1]
+        if uav in ends.unended or tails.get((f"uav/{uav}/{kind}", instance), -1) > newest:
+            holes[slot + 1 :, index[uav]] = True
+    return holes
+
+
+def _named(uavs: set[str] | frozenset[str]) -> str:
+    names = sorted(uavs)
+    more = f" and {len(names) - MOST_NAMED} more" if len(names) > MOST_NAMED else ""
+    return ", ".join(names[:MOST_NAMED]) + more

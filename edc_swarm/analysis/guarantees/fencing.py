@@ -1,0 +1,163 @@
+"""G2: every executed step is one recorded command, valid at the tick of its slot."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator
+
+import numpy as np
+
+from edc_swarm.analysis.guarantees.evidence import Evidence
+from edc_swarm.analysis.guarantees.verdict import GuaranteeResult, Violation, not_judged, verdict
+from edc_swarm.analysis.tracks import Step
+from edc_swarm.mission.configuration import NS_PER_S
+from edc_swarm.protocol.messages import Command, Fix
+
+TRUTH_TOLERANCE_M = 1e-9
+LENGTH_TOLERANCE_M = 1e-9
+
+
+def check_fencing(evidence: Evidence) -> GuaranteeResult:
+    """G2."""
+    silent: dict[int, list[Step]] = {}
+    for step in evidence.tracks.silent:
+        silent.setdefault(step.uav, []).append(step)
+    found = [*_astray(evidence)]
+    for uav, fixes in evidence.fixes.items():
+        found += _executions(evidence, uav, fixes)
+        found += _silent_executions(evidence, uav, silent.get(evidence.index[uav], []))
+    if not found and (absent := sum(map(len, _absent(evidence).values()))):
+        why = f"{absent} executed steps name commands that may be missing from the record"
+        return not_judged("G2", "Fencing", why, evidence.gap_notes())
+    return verdict("G2", "Fencing", found, evidence.gap_notes())
+
+
+def _absent(evidence: Evidence) -> dict[str, set[int]]:
+    """Slots, by UAV, in which a command was executed that is not recorded and may have been published."""
+    return {
+        uav: {
+            fix.slot
+            for fix in fixes
+            if fix.executing and fix.voter and not _named(evidence, fix) and evidence.command_lost(fix)
+        }
+        for uav, fixes in evidence.fixes.items()
+    }
+
+
+def _executions(evidence: Evidence, uav: str, fixes: list[Fix]) -> Iterator[Violation]:
+    """Faults of the steps that fixes report; a fix that is sent again in its slot says nothing new."""
+    granted: set[tuple[int, str]] = set()
+    slot, judged, newest, before = -1, -1, 0, 0
+    for fix in fixes:
+        if fix.slot > slot:
+            slot, before = fix.slot, newest
+        if fix.voter:
+            granted.add((fix.term, fix.head))
+            newest = max(newest, fix.term)
+        if fix.executing and fix.slot > judged:
+            judged = fix.slot
+            yield from _judged(evidence, uav, fix, granted, before)
+
+
+def _judged(evidence: Evidence, uav: str, fix: Fix, granted: set[tuple[int, str]], before: int) -> Iterator[Violation]:
+    """Faults of one step. `before` is the newest term granted before the slot's tick."""
+    if not fix.voter:
+        yield Violation("without-memory", f"{uav} lost its memory and yet executes", fix.slot, [uav])
+        return
+    rivals = _named(evidence, fix)
+    if not rivals:
+        if not evidence.command_lost(fix):
+            yield Violation(*_unknown(evidence, fix), fix.slot, [uav])
+        return
+    explained = [list(_explained(evidence, fix, command, granted, before)) for command in rivals]
+    yield from min(explained, key=len)
+
+
+def _explained(
+    evidence: Evidence, fix: Fix, command: Command, granted: set[tuple[int, str]], before: int
+) -> Iterator[Violation]:
+    """Faults of the step that `fix` reports if `command` is what was executed."""
+    uav = fix.uav
+    target_m, waypoint_m = (command.target_x_m, command.target_y_m), (fix.waypoint_x_m, fix.waypoint_y_m)
+    if target_m != waypoint_m:
+        text = f"{uav} was sent to {target_m} and says {waypoint_m}"
+        yield Violation("other-target", text, fix.slot, [uav], value_m=math.dist(target_m, waypoint_m))
+    unsaid = uav in evidence.fixes_lost() and command.term >= before
+    if ((command.term, command.head) not in granted and not unsaid) or command.term < before:
+        text = f"{uav} executes term {command.term} of {command.head} while it grants term {max(before, fix.term)}"
+        yield Violation("not-granted", text, fix.slot, [uav])
+    yield from _invalid(evidence, uav, command)
+
+
+def _silent_executions(evidence: Evidence, uav: str, steps: list[Step]) -> Iterator[Violation]:
+    """Faults of steps that no fix reports: the grants are those said before the slot."""
+    for step in steps:
+        earlier = [(f.term, f.head) for f in evidence.fixes[uav] if f.slot < step.slot and f.voter]
+        granted = max(earlier, default=None)
+        explained = [list(_silently_explained(evidence, uav, command, granted)) for command in step.commands]
+        yield from min(explained, key=len)
+
+
+def _silently_explained(
+    evidence: Evidence, uav: str, command: Command, granted: tuple[int, str] | None
+) -> Iterator[Violation]:
+    """Faults of a step that no fix reports if `command` is what was executed."""
+    if (command.term, command.head) != granted and uav not in evidence.fixes_lost():
+        text = f"{uav} executed term {command.term} of {command.head}, which it did not grant"
+        yield Violation("not-granted", text, command.slot, [uav])
+    yield from _invalid(evidence, uav, command)
+
+
+def _invalid(evidence: Evidence, uav: str, command: Command) -> Iterator[Violation]:
+    """What makes a command invalid for its slot, whoever granted it."""
+    mission, slot = evidence.mission, command.slot
+    start_m = (command.start_x_m, command.start_y_m)
+    x_m, y_m = evidence.tracks.centre_m[slot, evidence.index[uav]].tolist()
+    if start_m != (x_m, y_m) and not evidence.start_lost(uav, slot):
+        text = f"{uav} is at {(x_m, y_m)} and executes a step from {start_m}"
+        yield Violation("other-start", text, slot, [uav], value_m=math.dist(start_m, (x_m, y_m)))
+    length_m = math.dist(start_m, (command.target_x_m, command.target_y_m))
+    if length_m > mission.u_max_m + LENGTH_TOLERANCE_M:
+        text = f"{uav} executes a step of {length_m:.3f} m, more than {mission.u_max_m:.3f} m"
+        yield Violation("too-long", text, slot, [uav], value_m=length_m)
+    late_s = (command.sent_ns - _latest_ns(evidence, slot)) / NS_PER_S
+    if late_s > 0:
+        text = f"{uav} executes a command that was sent {late_s * 1e3:.1f} ms after its slot began"
+        yield Violation("late", text, slot, [uav])
+
+
+def _latest_ns(evidence: Evidence, slot: int) -> int:
+    """When a command for `slot` may be stamped at the latest: the sender's clock and the receiver's
+    may each be off by the guard.
+    """
+    mission = evidence.mission
+    guard_ns = round(2 * mission.guard_s * NS_PER_S / mission.time_scale)
+    return mission.epoch_ns + slot * mission.slot_ns + guard_ns
+
+
+def _named(evidence: Evidence, fix: Fix) -> list[Command]:
+    """The commands that the fix may name: rival heads can give equal numbers."""
+    return [
+        command
+        for command in evidence.commands.get((fix.uav, fix.slot), [])
+        if (command.term, command.seq) == (fix.command_term, fix.command_seq)
+    ]
+
+
+def _unknown(evidence: Evidence, fix: Fix) -> tuple[str, str]:
+    named = f"{fix.uav} executes command {fix.command_seq} of term {fix.command_term}"
+    for command in evidence.recording.commands:
+        if (command.uav, command.term, command.seq) == (fix.uav, fix.command_term, fix.command_seq):
+            return "other-slot", f"{named}, which is for slot {command.slot}"
+    return "no-such-command", f"{named}, which nobody published"
+
+
+def _astray(evidence: Evidence) -> Iterator[Violation]:
+    """Executed steps whose true motion is another than the disc's."""
+    tracks = evidence.tracks
+    moved_m = np.diff(tracks.centre_m, axis=0)
+    apart_m = np.hypot(*np.moveaxis(tracks.true_to_m - tracks.true_from_m - moved_m, 2, 0))
+    for slot, k in np.argwhere((apart_m > TRUTH_TOLERANCE_M) & tracks.executed & ~tracks.lost).tolist():
+        uav, off_m = tracks.uavs[k], float(apart_m[slot, k])
+        text = f"{uav} truly moved otherwise than its disc, by {off_m:.3g} m"
+        yield Violation("truth-differs", text, slot, [uav], value_m=off_m)

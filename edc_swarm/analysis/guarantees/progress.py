@@ -1,0 +1,158 @@
+"""G7: every living UAV is at its target within a limit of the last healed fault.
+
+What the limit is, and of whom G7 promises it when a fault never ends: `edc_swarm.mission.prospect`. A mission that
+was stopped because nothing could change any more (`progress.STALLED`) is judged as it stands: whoever has not
+arrived by then never would.
+
+Excused, and named in the notes, is whoever a UAV that no longer flies keeps away: it covers the target or, by the
+last plan's hulls, may cover it; or it may be where the living UAV is, which then must hold (ARCHITECTURE.md, near a
+hull). An empty battery is no excuse but no proof either: it counts as "not judged" if it was empty within the limit,
+since a swarm that does nothing until all batteries are empty must not pass for one that had no time.
+"""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+from numpy.typing import NDArray
+
+from edc_swarm.analysis.guarantees.evidence import Evidence
+from edc_swarm.analysis.guarantees.verdict import GuaranteeResult, Violation, not_applicable, not_judged, verdict
+from edc_swarm.analysis.living import BATTERY_EMPTY, FAULT, living_at_end
+from edc_swarm.errors import MissionError
+from edc_swarm.geometry import Floats, capsule_distance_m
+from edc_swarm.mission.configuration import ARRIVED_M, OPERATOR
+from edc_swarm.mission.faults import WITHOUT_TARGET, Fault, parse_fault, parse_faults
+from edc_swarm.mission.prospect import END, STALLED, default_max_slots, prospect_of, settled_slot
+
+_G7 = ("G7", "Progress")
+
+
+def check_progress(evidence: Evidence) -> GuaranteeResult:
+    """G7. Not applicable without a living quorum, or after a fault for good that forbids any promise."""
+    tracks, mission = evidence.tracks, evidence.mission
+    if not tracks.heard.any():
+        return not_judged(*_G7, "the record has no fixes")
+    faults = _faults(evidence)
+    prospect = prospect_of(mission, [fault for fault in faults if fault.at_s < tracks.slots * mission.dt_s])
+    inside = np.array([uav in prospect.side for uav in tracks.uavs])
+    drained, living = _drained(evidence), living_at_end(evidence.recording, tracks)
+    bound = inside & living
+    due = bound | (inside & (drained >= 0))
+    if due.sum() < mission.quorum:
+        where = "" if inside.all() else " on the larger side of a partition that never heals"
+        return not_applicable(*_G7, f"{due.sum()} UAVs live at the end{where}, {mission.quorum} are a quorum")
+    excuses = {k: _excuse(evidence, k, bound) for k in _away(evidence, due)}
+    excuses |= dict.fromkeys(
+        _away(evidence, living & ~inside), "a partition that never heals cuts it off from the quorum"
+    )
+    notes = [f"{tracks.uavs[k]} need not arrive: {why}" for k, why in excuses.items() if why]
+    astray = [k for k, why in excuses.items() if not why]
+    if astray and prospect.obstacle:
+        return not_applicable(*_G7, prospect.obstacle)
+    needed = _settled_slot(evidence, faults) + prospect.limit_slots
+    lasting = due & ((drained < 0) | (drained >= needed))
+    missing = [k for k in astray if lasting[k]] if lasting.sum() >= mission.quorum else []
+    if missing and tracks.slots < needed and not _stalled(evidence):
+        return not_judged(*_G7, f"stopped after {tracks.slots} slots{_given(evidence)}, before slot {needed}", notes)
+    if astray and not missing:
+        names = ", ".join(tracks.uavs[k] for k in np.flatnonzero(due & ~lasting).tolist())
+        return not_judged(*_G7, f"empty batteries before slot {needed}: {names}", notes)
+    return verdict(*_G7, [_missing(evidence, k) for k in missing], notes)
+
+
+def _drained(evidence: Evidence) -> NDArray[np.int64]:
+    """(K,) slot in which the battery was empty of each UAV that could still be commanded, -1 for never."""
+    slots = np.full(len(evidence.tracks.uavs), -1)
+    forgetful = {fix.uav for fix in evidence.recording.fixes if not fix.voter}
+    for event in evidence.recording.events:
+        if event.kind == BATTERY_EMPTY and event.source in evidence.index.keys() - forgetful:
+            slots[evidence.index[event.source]] = event.slot
+    return slots
+
+
+def _away(evidence: Evidence, among: NDArray[np.bool_]) -> list[int]:
+    return [k for k in np.flatnonzero(among).tolist() if _away_m(evidence, k) > ARRIVED_M]
+
+
+def _away_m(evidence: Evidence, k: int) -> float:
+    entry = evidence.mission.roster[k]
+    x_m, y_m = evidence.tracks.centre_m[-1, k].tolist()
+    return math.hypot(entry.target_x_m - x_m, entry.target_y_m - y_m)
+
+
+def _excuse(evidence: Evidence, k: int, bound: NDArray[np.bool_]) -> str:
+    """Why UAV `k` need not arrive: where the UAVs that no longer fly are, or may be. "" if it must."""
+    uavs, roster = evidence.tracks.uavs, evidence.mission.roster
+    target_m, centre_m = np.array([roster[k].target_x_m, roster[k].target_y_m]), evidence.tracks.centre_m[-1, k]
+    covering, holding = [], []
+    for other in np.flatnonzero(~bound & (np.arange(len(uavs)) != k)).tolist():
+        if _clearance_m(evidence, target_m, other) < roster[k].r_m + roster[other].r_m:
+            covering.append(uavs[other])
+        if _clearance_m(evidence, centre_m, other) <= 0:
+            holding.append(uavs[other])
+    if covering:
+        return f"its target is, or may be, covered by {' and '.join(covering)}, which no longer flies"
+    if holding:
+        return f"it must hold, since {' and '.join(holding)}, which no longer flies, may be where it is"
+    return ""
+
+
+def _clearance_m(evidence: Evidence, point_m: Floats, other: int) -> float:
+    """From a point to where a UAV that no longer flies is, or can be by the last plan's hulls."""
+    centre_m = float(np.hypot(*(evidence.tracks.centre_m[-1][other] - point_m)))
+    plan = max(evidence.plans, key=lambda report: (report.term, report.slot), default=None)
+    uav = evidence.mission.roster[other].uav
+    if plan is None or uav not in plan.hull_uav:
+        return centre_m
+    i = plan.hull_uav.index(uav)
+    ends_m = (plan.hull_ax_m[i], plan.hull_ay_m[i]), (plan.hull_bx_m[i], plan.hull_by_m[i])
+    return min(centre_m, float(capsule_distance_m(point_m, *ends_m, plan.hull_r_m[i])))
+
+
+def _missing(evidence: Evidence, k: int) -> Violation:
+    uav, away_m = evidence.tracks.uavs[k], _away_m(evidence, k)
+    slot = evidence.tracks.slots - 1
+    return Violation("not-arrived", f"{uav} is {away_m:.2f} m from its target", slot, [uav], None, away_m)
+
+
+def _faults(evidence: Evidence) -> list[Fault]:
+    """Faults by time: as they were told, and those planned of which the record tells nothing."""
+    mission, events = evidence.mission, evidence.recording.events
+    told = [_read(event.detail, mission.dt_s) for event in events if event.kind == FAULT and event.source == OPERATOR]
+    done = [fault for fault in told if fault is not None]
+    accounted = {_kind(fault) for fault in done}
+    aimless = {event.detail for event in events if event.kind == WITHOUT_TARGET and event.source == OPERATOR}
+    planned = [f for f in parse_faults(mission) if _kind(f) not in accounted and str(f) not in aimless]
+    return sorted([*done, *planned], key=lambda fault: fault.at_s)
+
+
+def _read(text: str, dt_s: float) -> Fault | None:
+    try:
+        return parse_fault(text, dt_s)
+    except MissionError:
+        return None
+
+
+def _kind(fault: Fault) -> tuple[object, ...]:
+    """All of a fault but whom it is about, which a told fault says with ids."""
+    return (fault.verb, fault.flags, fault.numbers, fault.at_s, fault.for_s)
+
+
+def _settled_slot(evidence: Evidence, faults: list[Fault]) -> int:
+    """First slot after the last fault, which may have been carried out later than planned."""
+    told = [event.slot + 1 for event in evidence.recording.events if event.kind == FAULT]
+    return max([settled_slot(evidence.mission, faults), *told])
+
+
+def _stalled(evidence: Evidence) -> bool:
+    """Whether the operator stopped the mission because nothing could change any more."""
+    events = evidence.recording.events
+    return any(event.kind == END and event.source == OPERATOR and event.detail == STALLED for event in events)
+
+
+def _given(evidence: Evidence) -> str:
+    """Say so where the mission was told to last less than it would by itself."""
+    mission = evidence.mission
+    return f" (max_slots = {mission.max_slots} was given)" if mission.max_slots < default_max_slots(mission) else ""

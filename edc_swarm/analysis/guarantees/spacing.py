@@ -1,0 +1,114 @@
+"""G3: tracked discs stay disjoint at every instant, bodies never touch."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+
+import numpy as np
+from numpy.typing import NDArray
+
+from edc_swarm.analysis.guarantees.evidence import Evidence
+from edc_swarm.analysis.guarantees.verdict import GuaranteeResult, Violation, verdict
+from edc_swarm.analysis.separation import Encounters, closest_moment, encounters, swept_encounters
+
+Floats = NDArray[np.float64]
+
+DISC_TOLERANCE_M = 1e-9
+BODY_TOLERANCE_M = 1e-6
+UNEVEN_PLANNER = "edc"
+"""The planner that keeps discs apart however unevenly the steps are executed."""
+
+
+def check_separation(evidence: Evidence) -> GuaranteeResult:
+    """G3. All UAVs count, the dead ones too, where they were left."""
+    overlaps = _overlaps(evidence)
+    found = [*overlaps, *_touching(evidence), *_outside(evidence)]
+    if evidence.mission.planner == UNEVEN_PLANNER:
+        known = {tuple(violation.uavs) for violation in overlaps}
+        found += [v for v in _uneven(evidence) if tuple(v.uavs) not in known]
+    return verdict("G3", "Separation", found, evidence.gap_notes())
+
+
+def _overlaps(evidence: Evidence) -> list[Violation]:
+    """Pairs whose discs overlap while all move together (the paper's eq. 16, at every instant)."""
+    ends_m = evidence.tracks.seen_m
+    met = encounters(*ends_m, _radius_m(evidence), -DISC_TOLERANCE_M)
+    return [_timed(evidence, "overlap", "discs overlap by", met, pair, ends_m) for pair in _by_pair(met)]
+
+
+def _touching(evidence: Evidence) -> list[Violation]:
+    """Pairs whose bodies truly meet."""
+    ends_m = (evidence.tracks.true_from_m, evidence.tracks.true_to_m)
+    body_m = np.array([entry.body_m for entry in evidence.mission.roster])
+    met = encounters(*ends_m, body_m, -BODY_TOLERANCE_M)
+    return [_timed(evidence, "true-collision", "bodies meet by", met, pair, ends_m) for pair in _by_pair(met)]
+
+
+def _uneven(evidence: Evidence) -> Iterator[Violation]:
+    """Pairs that could have overlapped had one lagged within the slot (with `lag_slots`: a slot)."""
+    from_m, to_m = evidence.tracks.seen_m
+    radius_m, count = _radius_m(evidence), len(evidence.index)
+    if evidence.mission.lag_slots:
+        from_m, to_m = (np.concatenate([now, _one_slot_late(now)], axis=1) for now in (from_m, to_m))
+        radius_m = np.concatenate([radius_m, radius_m])
+    met = swept_encounters(from_m, to_m, radius_m, -DISC_TOLERANCE_M)
+    other = (met.first % count != met.second % count) & (met.first < count)
+    met = Encounters(met.slot[other], met.first[other], met.second[other] % count, met.gap_m[other])
+    for rows in _by_pair(met):
+        yield _violation(evidence, "uneven", "swept ways come too close by", met, rows, None)
+
+
+def _one_slot_late(points_m: Floats) -> Floats:
+    """Row t holds what row t - 1 was; the first row is kept, as nothing came before it."""
+    return np.concatenate([points_m[:1], points_m[:-1]])
+
+
+def _outside(evidence: Evidence) -> Iterator[Violation]:
+    """UAVs whose body is not wholly inside their tracked disc."""
+    tracks = evidence.tracks
+    offset_m = np.hypot(*np.moveaxis(tracks.true_to_m - tracks.centre_m[1:], 2, 0))
+    body_m = np.array([entry.body_m for entry in evidence.mission.roster])
+    excess_m = np.where(tracks.lost, np.nan, offset_m) - (_radius_m(evidence) - body_m)
+    for k in np.flatnonzero((excess_m > BODY_TOLERANCE_M).any(axis=0)).tolist():
+        slot = int(np.argmax(excess_m[:, k] > BODY_TOLERANCE_M))
+        uav, off_m = tracks.uavs[k], float(np.nanmax(excess_m[:, k]))
+        yield Violation("outside-disc", f"{uav} is outside its disc by {off_m:.3g} m", slot, [uav], None, off_m)
+
+
+def _radius_m(evidence: Evidence) -> Floats:
+    return np.array([entry.r_m for entry in evidence.mission.roster])
+
+
+def _by_pair(met: Encounters) -> list[NDArray[np.int64]]:
+    """Rows of each pair, in the order of slots."""
+    rows: dict[tuple[int, int], list[int]] = {}
+    for row, pair in enumerate(zip(met.first.tolist(), met.second.tolist(), strict=True)):
+        rows.setdefault((min(pair), max(pair)), []).append(row)
+    return [np.array(found) for found in rows.values()]
+
+
+def _timed(
+    evidence: Evidence,
+    kind: str,
+    words: str,
+    met: Encounters,
+    rows: NDArray[np.int64],
+    ends_m: tuple[Floats, Floats],
+) -> Violation:
+    """A violation whose instant is that of the closest approach in its first slot."""
+    row = rows[0]
+    slot = int(met.slot[row])
+    share = closest_moment(*ends_m, slot, int(met.first[row]), int(met.second[row]))
+    return _violation(evidence, kind, words, met, rows, evidence.time_s(slot, share))
+
+
+def _violation(
+    evidence: Evidence, kind: str, words: str, met: Encounters, rows: NDArray[np.int64], time_s: float | None
+) -> Violation:
+    first, deepest = rows[0], rows[np.argmin(met.gap_m[rows])]
+    pair = sorted((int(met.first[first]), int(met.second[first])))
+    names = [evidence.tracks.uavs[k] for k in pair]
+    depth_m, slots = -float(met.gap_m[deepest]), len(set(met.slot[rows].tolist()))
+    of = "1 slot" if slots == 1 else f"{slots} slots"
+    text = f"{' and '.join(names)}: {words} up to {depth_m:.3g} m (slot {met.slot[deepest]}; {of} in all)"
+    return Violation(kind, text, int(met.slot[first]), names, time_s, depth_m)

@@ -1,0 +1,123 @@
+"""Verdicts on guarantees: held, broken (where and when), not judged (what evidence lacks), not applicable (why).
+
+"held" needs evidence: a checker that found nothing to examine returns `not_judged`, never `verdict(..., [])`.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Literal, get_args
+
+from msgspec import Struct
+from msgspec.structs import replace
+
+from edc_swarm.foreign_text import MAX_LINE, shown
+
+Status = Literal["held", "broken", "not-judged", "not-applicable"]
+
+
+class Violation(Struct, frozen=True):
+    """One place and time at which a guarantee is broken.
+
+    Attributes
+    ----------
+    kind
+        What is wrong, as a short fixed word.
+    text
+        What is wrong, for people.
+    slot
+        First slot in which it is seen, -1 where slots do not apply.
+    uavs
+        Who is concerned.
+    time_s
+        Mission time, None where it is not to an instant.
+    value_m
+        How large it is in metres (depth of an overlap, length of a jump), None where that has no meaning.
+    """
+
+    kind: str
+    text: str
+    slot: int = -1
+    uavs: list[str] = []
+    time_s: float | None = None
+    value_m: float | None = None
+
+    def __str__(self) -> str:
+        """Slot, time, what: one line."""
+        slot = f"slot {self.slot}" if self.slot >= 0 else ""
+        time = f"{self.time_s:.3f} s" if self.time_s is not None else ""
+        return ": ".join([", ".join(filter(None, [slot, time])), self.text]).removeprefix(": ")
+
+
+class GuaranteeResult(Struct, frozen=True):
+    """The verdict on one guarantee.
+
+    `notes` say what weakens a verdict, what evidence is missing (not-judged), or why the guarantee says
+    nothing about this run (not-applicable).
+    """
+
+    guarantee: str
+    title: str
+    status: Status
+    violations: list[Violation] = []
+    notes: list[str] = []
+
+    @property
+    def held(self) -> bool:
+        """Whether the guarantee was judged and nothing was broken."""
+        return self.status == "held"
+
+    @property
+    def broken(self) -> bool:
+        """Whether a violation was found."""
+        return self.status == "broken"
+
+    @property
+    def judged(self) -> bool:
+        """Whether there was enough evidence for all that the guarantee says about this run."""
+        return self.status != "not-judged"
+
+    @property
+    def where(self) -> list[str]:
+        """Every violation in one line: slot, time, what."""
+        return [str(violation) for violation in self.violations]
+
+
+def verdict(guarantee: str, title: str, violations: list[Violation], notes: list[str] | None = None) -> GuaranteeResult:
+    """Return "held", or "broken" where there are violations."""
+    printable = [replace(violation, text=shown(violation.text, MAX_LINE)) for violation in violations]
+    ordered = sorted(printable, key=lambda violation: violation.slot)
+    return GuaranteeResult(guarantee, title, "broken" if ordered else "held", ordered, _printable(notes or []))
+
+
+def not_judged(guarantee: str, title: str, why: str, notes: list[str] | None = None) -> GuaranteeResult:
+    """Return "not-judged": the guarantee applies, but the evidence to judge it is missing."""
+    return GuaranteeResult(guarantee, title, "not-judged", notes=_printable([why, *(notes or [])]))
+
+
+def not_applicable(guarantee: str, title: str, why: str) -> GuaranteeResult:
+    """Return "not-applicable": the guarantee promises nothing about this run."""
+    return GuaranteeResult(guarantee, title, "not-applicable", notes=_printable([why]))
+
+
+def headline(results: Sequence[GuaranteeResult]) -> str:
+    """Return all verdicts in one line; "every guarantee held" only where each was judged and held."""
+    names = {status: [r.guarantee for r in results if r.status == status] for status in get_args(Status)}
+    parts = [
+        f"{word}: {', '.join(names[status])}"
+        for status, word in (
+            ("broken", "broken"),
+            ("not-judged", "not judged"),
+            ("held", "held"),
+            ("not-applicable", "does not apply"),
+        )
+        if names[status]
+    ]
+    if not results:
+        return "no guarantee was judged"
+    return "every guarantee held" if len(names["held"]) == len(results) else "; ".join(parts)
+
+
+def _printable(notes: list[str]) -> list[str]:
+    """Notes quote keys and details that strangers may have written."""
+    return [shown(note, MAX_LINE) for note in notes]

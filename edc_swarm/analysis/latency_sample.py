@@ -1,0 +1,183 @@
+"""What is measured of one run of a latency experiment, from its recording alone.
+
+Ages are ages of information (S. Kaul, R. Yates, M. Gruteser, "Real-Time Status: How Often Should One
+Update?", IEEE INFOCOM 2012), in wall milliseconds, sampled at the start of every slot, for every UAV that flies:
+
+- of fixes: since the newest fix of that UAV that a command says its head has planned with was sent;
+- of commands: since the newest command that it has begun to fly was sent.
+
+Both count from the mission's epoch until there is one.
+"""
+
+from __future__ import annotations
+
+import msgspec
+import numpy as np
+from msgspec import Struct
+from numpy.typing import NDArray
+
+from edc_swarm.analysis.guarantees.check import check
+from edc_swarm.analysis.metrics import OVERLOADED_PCT, Columns, columns_of, compute_metrics, counted_ns
+from edc_swarm.emulation.links import DELAY_ERROR, DelayError
+from edc_swarm.mission.configuration import ARRIVED_M
+from edc_swarm.protocol.messages import roster_index
+from edc_swarm.recording.model import Recording
+
+PROGRESS = "G7"
+"""Not judged here: whether missions complete is what the experiment asks."""
+
+
+class Sample(Struct, frozen=True, kw_only=True):
+    """One run.
+
+    Attributes
+    ----------
+    limit_slots
+        When the mission is given up.
+    others_flew
+        Commands flown by UAVs other than their head.
+    held_pct
+        UAV-slots in which a UAV that flies and is not at its target flew no command, of all UAV-slots in which
+        it was not there, from the first commanded slot on (from slot 1 where there is none).
+    failover_slots
+        Slots without commands at all changes of head.
+    broken, not_judged
+        Guarantees other than progress that are broken; those that could not be judged.
+    delay_error
+        None in the simulator, and where nothing was delayed.
+    """
+
+    completed: bool
+    slots: int
+    limit_slots: int
+    others_flew: int
+    potential_collisions: int
+    true_collisions: int
+    min_disc_gap_m: float | None
+    broken: list[str]
+    not_judged: list[str]
+    fix_to_command_ms: float | None
+    fix_to_command_p99_ms: float | None
+    fix_age_ms: float | None
+    command_age_ms: float | None
+    held_pct: float | None
+    extra_distance_pct: float | None
+    makespan_s: float | None
+    energy_kj: float
+    failover_slots: int
+    terms: int
+    plan_ms: float | None
+    ticks_late_pct: float
+    delay_error: DelayError | None = None
+
+    @property
+    def invalid(self) -> bool:
+        """Whether the machine was overloaded, so that this run says nothing about the network."""
+        return self.ticks_late_pct > OVERLOADED_PCT
+
+
+def sample_of(recording: Recording) -> Sample:
+    """Measure a run."""
+    metrics, columns = compute_metrics(recording), columns_of(recording)
+    first = min((command.slot for command in recording.commands), default=1)
+    done = metrics.completed
+    verdicts = [result for result in check(recording) if result.guarantee != PROGRESS]
+    return Sample(
+        completed=done,
+        slots=metrics.slots,
+        limit_slots=recording.mission.max_slots,
+        others_flew=_others_flew(recording),
+        potential_collisions=metrics.potential_collisions,
+        true_collisions=metrics.true_collisions,
+        min_disc_gap_m=metrics.min_disc_gap_m,
+        broken=[result.guarantee for result in verdicts if result.broken],
+        not_judged=[result.guarantee for result in verdicts if not result.judged],
+        fix_to_command_ms=metrics.fix_to_command_ms.p50,
+        fix_to_command_p99_ms=metrics.fix_to_command_ms.p99,
+        fix_age_ms=_mean_fix_age_ms(recording, columns, first),
+        command_age_ms=_mean_age_ms(recording, _flown_ns(recording, columns), columns.alive, first),
+        held_pct=_held_pct(columns, first),
+        extra_distance_pct=metrics.extra_distance_pct if done else None,
+        makespan_s=metrics.makespan_s if done else None,
+        energy_kj=metrics.energy_propulsion_j / 1e3,
+        failover_slots=sum(metrics.failover_slots),
+        terms=len(metrics.heads),
+        plan_ms=metrics.plan_ms.p50,
+        ticks_late_pct=metrics.ticks_late_pct,
+        delay_error=_delay_error(recording),
+    )
+
+
+def _others_flew(recording: Recording) -> int:
+    """Steps flown by UAVs that did not lead the term of their command."""
+    leads = {command.term: command.head for command in recording.commands}
+    cells = {(fix.uav, fix.slot): fix for fix in recording.fixes if fix.executing}
+    return sum(leads.get(fix.command_term) != fix.uav for fix in cells.values())
+
+
+def _held_pct(columns: Columns, first: int) -> float | None:
+    away = (columns.away_m[:-1] > ARRIVED_M)[first:] & columns.alive[first:]
+    held = away & ~columns.executed[first:]
+    return 100 * float(held.sum() / away.sum()) if away.any() else None
+
+
+def _counted_ns(recording: Recording, columns: Columns) -> NDArray[np.int64]:
+    """(S, K) when the newest fix that a plan had counted at the start of each slot was sent; 0 for none."""
+    sent_ns = counted_ns(recording)
+    table = np.zeros(columns.executed.shape, np.int64)
+    index = roster_index(recording.mission.roster)
+    for command in recording.commands:
+        slot, k = _next_slot(recording, command.sent_ns), index[command.uav]
+        if slot < len(table):
+            table[slot, k] = max(table[slot, k], sent_ns.get((command.uav, command.slot - 1, command.fix_seq), 0))
+    return table
+
+
+def _mean_fix_age_ms(recording: Recording, columns: Columns, first: int) -> float | None:
+    """None where commands do not say which fixes were counted, as in older recordings."""
+    if recording.commands and all(command.fix_seq < 0 for command in recording.commands):
+        return None
+    return _mean_age_ms(recording, _counted_ns(recording, columns), columns.alive, first)
+
+
+def _flown_ns(recording: Recording, columns: Columns) -> NDArray[np.int64]:
+    """(S, K) when the command that each UAV began to fly in each slot was sent; 0 where it held."""
+    sent_ns = {(command.uav, command.slot, command.term): command.sent_ns for command in recording.commands}
+    table = np.zeros(columns.executed.shape, np.int64)
+    index = roster_index(recording.mission.roster)
+    for fix in recording.fixes:
+        if fix.executing:
+            table[fix.slot, index[fix.uav]] = sent_ns.get((fix.uav, fix.slot, fix.command_term), 0)
+    return table
+
+
+def _mean_age_ms(
+    recording: Recording, sent_ns: NDArray[np.int64], alive: NDArray[np.bool_], first: int
+) -> float | None:
+    """Mean over slots from `first` on and UAVs that fly in them of the time since the newest of `sent_ns`."""
+    mission = recording.mission
+    newest_ns = np.maximum.accumulate(np.maximum(sent_ns - mission.epoch_ns, 0), axis=0)
+    start_ns = np.arange(len(newest_ns), dtype=np.int64)[:, None] * mission.slot_ns
+    ages_ns = (start_ns - newest_ns)[first:][alive[first:]]
+    return float(ages_ns.mean()) / 1e6 if ages_ns.size else None
+
+
+def _next_slot(recording: Recording, at_ns: int) -> int:
+    """The first slot that begins at `at_ns` or later."""
+    mission = recording.mission
+    return -((mission.epoch_ns - at_ns) // mission.slot_ns)
+
+
+def _delay_error(recording: Recording) -> DelayError | None:
+    """Over all UAVs: the median of their medians, the worst of their 99th percentiles and maxima."""
+    told = [
+        msgspec.json.decode(event.detail, type=DelayError) for event in recording.events if event.kind == DELAY_ERROR
+    ]
+    if not told:
+        return None
+    return DelayError(
+        messages=sum(one.messages for one in told),
+        p50_ms=float(np.median([one.p50_ms for one in told])),
+        p99_ms=max(one.p99_ms for one in told),
+        max_ms=max(one.max_ms for one in told),
+    )

@@ -1,0 +1,298 @@
+"""Who is at its target at the end of a recording, and for each of the others the reason why it is not.
+
+A UAV is *home* when the record shows that the centre of its disc is at its target at the end. Every other
+UAV of the roster has one cause, the first that applies of those in `Cause`; what the record does not tell
+is a cause of its own, never a guess.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+from typing import Literal
+
+import numpy as np
+from msgspec import Struct
+from numpy.typing import NDArray
+
+from edc_swarm.analysis.living import BATTERY_EMPTY, FAULT, SILENT_SLOTS, fault_target, living_at_end
+from edc_swarm.analysis.tracks import Tracks, tracks_of
+from edc_swarm.geometry import point_segment_distance_m
+from edc_swarm.mission.configuration import ARRIVED_M, OPERATOR
+from edc_swarm.protocol.messages import Event, Report
+from edc_swarm.recording.model import Recording
+from edc_swarm.recording.sequences import find_gaps
+
+Bools = NDArray[np.bool_]
+
+STUCK_SLOTS = 20
+"""A UAV that has come no nearer to its target for so many slots is stuck."""
+EXITED = "exited"
+"""Kind of the operator's event that tells of a process that nobody asked to end; its detail begins with who it is."""
+ENDS = {
+    "completed": "the mission was ended before it had arrived",
+    "max_slots": "ran out of slots",
+    "interrupted": "the mission was interrupted",
+    "failed": "the mission was broken off",
+    "stalled": "stopped, since nothing could change any more",
+    "nobody-left": "nobody flew any more",
+}
+"""Reason for a UAV that was still on its way, by the detail of the operator's event `end`."""
+
+Cause = Literal[
+    "killed",
+    "frozen",
+    "process-gone",
+    "battery-empty",
+    "memory-lost",
+    "never-heard",
+    "record-incomplete",
+    "silent",
+    "target-covered",
+    "not-commanded",
+    "commands-not-flown",
+    "blocked",
+    "mission-ended",
+]
+
+
+class NotHome(Struct, frozen=True):
+    """A UAV that is not at its target, and why.
+
+    Attributes
+    ----------
+    reason
+        The cause in words, with slot and obstacle.
+    slot
+        Since when, None where no slot applies.
+    by
+        The UAV that is in the way, "" where none is.
+    away_m
+        Distance from the target to the last known centre of the disc, None for a UAV never heard.
+    """
+
+    uav: str
+    cause: Cause
+    reason: str
+    slot: int | None = None
+    by: str = ""
+    away_m: float | None = None
+
+    def __str__(self) -> str:
+        """Return who, why and how far away, in one line."""
+        away = "" if self.away_m is None else f", {self.away_m:.2f} m from its target"
+        return f"{self.uav}: {self.reason}{away}"
+
+
+def not_home_of(recording: Recording) -> list[NotHome]:
+    """Return every UAV of the roster that is not home, with the reason."""
+    tracks = tracks_of(recording)
+    return not_home(recording, tracks, living_at_end(recording, tracks))
+
+
+def home_at_end(recording: Recording, tracks: Tracks) -> Bools:
+    """(K,) whether the record shows each UAV at its target at the end."""
+    heard = tracks.heard.any(axis=0) | tracks.executed.any(axis=0)
+    home: Bools = heard & (_away_m(recording, tracks) <= ARRIVED_M)
+    return home
+
+
+def not_home(recording: Recording, tracks: Tracks, living: Bools) -> list[NotHome]:
+    """Return every UAV of the roster that is not home, with the reason; `living` as `living_at_end` gives it."""
+    home = home_at_end(recording, tracks)
+    if home.all():
+        return []
+    judge = _Judge.of(recording, tracks, living, home)
+    return [judge.reason(k) for k in np.flatnonzero(~home).tolist()]
+
+
+def _away_m(recording: Recording, tracks: Tracks) -> NDArray[np.float64]:
+    roster = recording.mission.roster
+    target_m = np.array([(entry.target_x_m, entry.target_y_m) for entry in roster]).reshape(-1, 2)
+    away_m: NDArray[np.float64] = np.hypot(*(tracks.centre_m[-1] - target_m).T)
+    return away_m
+
+
+@dataclass(frozen=True, slots=True)
+class _Obstacle:
+    """Where a UAV that is not home is, or can be by the newest plan's hulls."""
+
+    uav: str
+    what: str
+    a_m: tuple[float, float]
+    b_m: tuple[float, float]
+    keep_m: float
+
+    def gap_m(self, point_m: tuple[float, float]) -> float:
+        """How far a centre at `point_m` is from touching it, negative inside."""
+        return float(point_segment_distance_m(point_m, self.a_m, self.b_m)) - self.keep_m
+
+
+@dataclass(frozen=True, slots=True)
+class _Judge:
+    """A recording with what is known of its end.
+
+    Attributes
+    ----------
+    newest
+        (K,) last slot with a fix of each UAV, -1 for none.
+    incomplete
+        UAVs of whose fixes the record lacks some.
+    """
+
+    recording: Recording
+    tracks: Tracks
+    living: Bools
+    home: Bools
+    newest: NDArray[np.int64]
+    incomplete: frozenset[str]
+    plan: Report | None
+    end: Event | None
+
+    @classmethod
+    def of(cls, recording: Recording, tracks: Tracks, living: Bools, home: Bools) -> _Judge:
+        """Gather what is known."""
+        slots = np.arange(tracks.slots)[:, None]
+        roster = {entry.uav for entry in recording.mission.roster}
+        plans = [r for r in recording.reports if r.has_quorum and r.is_backed(roster, recording.mission.quorum)]
+        return cls(
+            recording,
+            tracks,
+            living,
+            home,
+            newest=np.max(np.where(tracks.heard, slots, -1), axis=0, initial=-1),
+            incomplete=frozenset(
+                gap.key.split("/")[1]
+                for gap in find_gaps(recording)
+                if gap.key.startswith("uav/") and gap.key.endswith("/fix") and not gap.duplicate
+            ),
+            plan=max(plans, key=lambda plan: (plan.term, plan.slot), default=None),
+            end=next((e for e in recording.events if e.kind == "end" and e.source == OPERATOR), None),
+        )
+
+    def reason(self, k: int) -> NotHome:
+        """Return why UAV `k` is not home."""
+        return self._gone(k) or self._unknown(k) or self._silent(k) or self._flying(k)
+
+    def _not_home(self, k: int, cause: Cause, reason: str, slot: int | None = None, by: str = "") -> NotHome:
+        uav = self.tracks.uavs[k]
+        away_m = float(_away_m(self.recording, self.tracks)[k])
+        heard = bool(self.newest[k] >= 0 or self.tracks.executed[:, k].any())
+        return NotHome(uav, cause, reason, slot, by, away_m if heard else None)
+
+    # --- UAVs that do not live ---------------------------------------------------------------
+
+    def _gone(self, k: int) -> NotHome | None:
+        """The recorded event that ended the flight of a UAV that does not live, if there is one."""
+        if self.living[k]:
+            return None
+        uav, newest = self.tracks.uavs[k], int(self.newest[k])
+        for event in reversed(self.recording.events):
+            if event.slot >= newest and (told := self._ended_by(event, uav)) is not None:
+                return self._not_home(k, *told, event.slot)
+        forgot = min((f.slot for f in self.recording.fixes if f.uav == uav and not f.voter), default=None)
+        if forgot is not None:
+            text = f"may not be commanded since slot {forgot} (its memory was lost)"
+            return self._not_home(k, "memory-lost", text, forgot)
+        return None
+
+    def _ended_by(self, event: Event, uav: str) -> tuple[Cause, str] | None:
+        """Cause and reason where `event` ended the flight of `uav`."""
+        since = f"since slot {event.slot}"
+        if event.kind == BATTERY_EMPTY and event.source == uav:
+            return "battery-empty", f"battery empty {since}"
+        if event.source != OPERATOR:
+            return None
+        if event.kind == EXITED and event.detail.startswith(f"{uav} "):
+            return "process-gone", f"dead {since} (its process {event.detail.removeprefix(f'{uav} ')})"
+        if event.kind == FAULT and fault_target(event.detail, self.recording.mission.dt_s) == uav:
+            verb = event.detail.partition(" ")[0]
+            if verb == "kill":
+                return "killed", f"dead {since} (killed by a fault)"
+            if verb == "freeze":
+                return "frozen", f"dead {since} (frozen by a fault)"
+        return None
+
+    def _unknown(self, k: int) -> NotHome | None:
+        """The record lacks fixes that would tell where the UAV is."""
+        uav, newest = self.tracks.uavs[k], int(self.newest[k])
+        if newest < 0:
+            return self._not_home(k, "never-heard", "unknown: the record holds no fix of it")
+        heard = max((r.slot for r in self.recording.reports if r.has_quorum and uav in r.heard), default=-1)
+        over = self.end.slot if self.end is not None else -1
+        lacking = newest < self.tracks.slots - 1 and uav in self.incomplete
+        if lacking or heard > newest or over > self.tracks.slots + SILENT_SLOTS:
+            text = f"unknown: the record lacks its fixes after slot {newest}"
+            return self._not_home(k, "record-incomplete", text, newest)
+        return None
+
+    def _silent(self, k: int) -> NotHome | None:
+        if self.living[k]:
+            return None
+        since = int(self.newest[k]) + 1
+        return self._not_home(k, "silent", f"silent since slot {since} (frozen, cut off, or its process gone)", since)
+
+    # --- UAVs that live ----------------------------------------------------------------------
+
+    def _flying(self, k: int) -> NotHome:
+        entry = self.recording.mission.roster[k]
+        target_m = (entry.target_x_m, entry.target_y_m)
+        obstacles = list(self._obstacles(k))
+        for obstacle in obstacles:
+            if obstacle.gap_m(target_m) < 0:
+                text = f"target covered by {obstacle.uav}'s {obstacle.what}"
+                return self._not_home(k, "target-covered", text, by=obstacle.uav)
+        return self._left_alone(k) or self._blocked(k, obstacles) or self._on_its_way(k)
+
+    def _obstacles(self, k: int) -> Iterator[_Obstacle]:
+        """Every other UAV that is not home: its disc, and its hull where it does not live."""
+        roster, plan = self.recording.mission.roster, self.plan
+        for other in np.flatnonzero(~self.home).tolist():
+            if other == k:
+                continue
+            x_m, y_m = self.tracks.centre_m[-1, other].tolist()
+            uav, keep_m = roster[other].uav, roster[k].r_m + roster[other].r_m
+            yield _Obstacle(uav, "disc", (x_m, y_m), (x_m, y_m), keep_m)
+            if not self.living[other] and plan is not None and uav in plan.hull_uav:
+                i = plan.hull_uav.index(uav)
+                a_m, b_m = (plan.hull_ax_m[i], plan.hull_ay_m[i]), (plan.hull_bx_m[i], plan.hull_by_m[i])
+                yield _Obstacle(uav, "hull", a_m, b_m, keep_m + plan.hull_r_m[i])
+
+    def _left_alone(self, k: int) -> NotHome | None:
+        """No command for it was sent, or none was flown, up to the end."""
+        uav, last = self.tracks.uavs[k], self.tracks.slots - 1
+        told = max((c.slot for c in self.recording.commands if c.uav == uav), default=-1)
+        if told < last - SILENT_SLOTS:
+            anybody = max((c.slot for c in self.recording.commands), default=-1) >= last - SILENT_SLOTS
+            since = f"since slot {told + 1}" if told >= 0 else "at any time"
+            text = f"not commanded {since}" + ("" if anybody else ": nobody was")
+            return self._not_home(k, "not-commanded", text, told + 1)
+        flown = int(np.max(np.flatnonzero(self.tracks.executed[:, k]), initial=-1))
+        if flown < last - SILENT_SLOTS:
+            text = f"has flown no command since slot {flown + 1}: none came in time"
+            return self._not_home(k, "commands-not-flown", text, flown + 1)
+        return None
+
+    def _blocked(self, k: int, obstacles: list[_Obstacle]) -> NotHome | None:
+        """It came no nearer for long, and is within a step of touching another that is not home."""
+        if self.tracks.slots <= STUCK_SLOTS or not obstacles:
+            return None
+        entry, centre_m = self.recording.mission.roster[k], self.tracks.centre_m[:, k]
+        away_m = np.hypot(centre_m[:, 0] - entry.target_x_m, centre_m[:, 1] - entry.target_y_m)
+        if away_m[-1] < away_m[-1 - STUCK_SLOTS] - ARRIVED_M:
+            return None
+        here_m = (float(centre_m[-1, 0]), float(centre_m[-1, 1]))
+        nearest = min(obstacles, key=lambda obstacle: obstacle.gap_m(here_m))
+        if nearest.gap_m(here_m) > self.recording.mission.u_max_m:
+            return None
+        since = int(np.flatnonzero(away_m > away_m[-1] + ARRIVED_M).max(initial=-1)) + 1
+        text = f"blocked by {nearest.uav}'s {nearest.what} since slot {since}"
+        return self._not_home(k, "blocked", text, since, nearest.uav)
+
+    def _on_its_way(self, k: int) -> NotHome:
+        last = self.tracks.slots - 1
+        if self.end is None:
+            text = f"the record ends in slot {last}"
+        else:
+            text = ENDS.get(self.end.detail, f"the mission was stopped: {self.end.detail}")
+        return self._not_home(k, "mission-ended", text, last)

@@ -1,0 +1,113 @@
+"""Planning again what was planned: a recorded head's requests, rebuilt from fixes and reports.
+
+A report names the UAVs that were heard and the hulls of the others; with the fixes of its slot that
+is all a planner is given. Planners remember (tracks, duals), so the plans of one process are made
+again in their order, by one planner.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass
+
+from msgspec import Struct
+
+from edc_swarm.planner.interface import Hull, Planner, PlanRequest
+from edc_swarm.protocol.messages import Command, Fix, Report, roster_index
+from edc_swarm.recording.model import Recording
+
+TOLERANCE_M = 1e-6
+"""Another processor may round otherwise; more than this is another plan."""
+PLANNED = frozenset({"planned", "no-qp-needed", "failed"})
+
+
+class Difference(Struct, frozen=True):
+    """A command that is not what planning again gives."""
+
+    slot: int
+    uav: str
+    term: int
+    head: str
+    off_m: float
+
+
+class Replanned(Struct, frozen=True):
+    """What planning a recording again has shown.
+
+    `identical` commands are equal to the last bit, `greatest_off_m` is the greatest distance between
+    a recorded target and the one planned now. `skipped` plans lack fixes or commands in the record.
+    """
+
+    plans: int
+    commands: int
+    identical: int
+    greatest_off_m: float
+    skipped: int
+    differences: list[Difference]
+
+
+@dataclass(frozen=True, slots=True)
+class _Plan:
+    """A recorded plan: who was commanded where, and the request that it answered."""
+
+    report: Report
+    request: PlanRequest
+    commands: list[Command]
+
+
+def replan(recording: Recording, make_planner: Callable[[], Planner]) -> Replanned:
+    """Plan every recorded slot again and compare command by command."""
+    planners: dict[tuple[str, str], Planner] = {}
+    offs: list[tuple[Command, float]] = []
+    reports = [report for report in recording.reports if report.status in PLANNED]
+    plans = list(_plans(recording, reports))
+    for plan in plans:
+        process = (plan.report.head, plan.report.instance)
+        if process not in planners:
+            planners[process] = make_planner()
+        waypoint_m = planners[process].plan(plan.request).waypoint_m
+        for command, to_m in zip(plan.commands, waypoint_m, strict=True):
+            offs.append((command, math.dist((command.target_x_m, command.target_y_m), to_m)))
+    return Replanned(
+        plans=len(plans),
+        commands=len(offs),
+        identical=sum(off_m == 0.0 for _, off_m in offs),
+        greatest_off_m=max((off_m for _, off_m in offs), default=0.0),
+        skipped=len(reports) - len(plans),
+        differences=[Difference(c.slot, c.uav, c.term, c.head, off_m) for c, off_m in offs if not off_m <= TOLERANCE_M],
+    )
+
+
+def _plans(recording: Recording, reports: list[Report]) -> Iterator[_Plan]:
+    """Every plan whose fixes and commands are all in the record, in the order of the record."""
+    index = roster_index(recording.mission.roster)
+    fixes = {(f.uav, f.slot, f.term, f.head): f for f in recording.fixes}
+    commands = {(c.uav, c.slot, c.term, c.head): c for c in recording.commands}
+    for report in reports:
+        order = sorted((uav for uav in report.heard if uav in index), key=index.__getitem__)
+        granted = (report.term, report.head)
+        heard = [fixes[key] for uav in order if (key := (uav, report.slot, *granted)) in fixes]
+        sent = [commands[key] for uav in order if (key := (uav, report.slot + 1, *granted)) in commands]
+        if len(heard) == len(sent) == len(report.heard):
+            yield _Plan(report, _request(recording, report, heard, index), sent)
+
+
+def _request(recording: Recording, report: Report, fixes: list[Fix], index: dict[str, int]) -> PlanRequest:
+    mission = recording.mission
+    entries = [mission.roster[index[fix.uav]] for fix in fixes]
+    return PlanRequest(
+        slot=report.slot + 1,
+        uav=[index[fix.uav] for fix in fixes],
+        position_m=[(fix.waypoint_x_m, fix.waypoint_y_m) for fix in fixes],
+        target_m=[(entry.target_x_m, entry.target_y_m) for entry in entries],
+        r_m=[entry.r_m for entry in entries],
+        hulls=list(_hulls(recording, report, index)),
+        previous_m=[(fix.from_x_m, fix.from_y_m) for fix in fixes] if mission.lag_slots else None,
+    )
+
+
+def _hulls(recording: Recording, report: Report, index: dict[str, int]) -> Iterator[Hull]:
+    for uav, ax_m, ay_m, bx_m, by_m, radius_m in zip(report.hull_uav, *report.hull_columns, strict=False):
+        if uav in index and uav != report.head:
+            yield Hull(index[uav], ax_m, ay_m, bx_m, by_m, radius_m, recording.mission.roster[index[uav]].r_m)

@@ -1,0 +1,69 @@
+"""What a run has come to, in rows of words and numbers: the same on the terminal and on the page."""
+
+from __future__ import annotations
+
+from edc_swarm.analysis.metrics import Metrics, Quantiles
+
+MAX_HEADS = 6
+MAX_NAMED = 10
+"""UAVs that are named with the reason why they are not home; `--json` names all."""
+
+
+def metric_rows(m: Metrics) -> list[tuple[str, str]]:
+    """Name and value of everything that is told of a run."""
+    heads = ", ".join(f"{h.head} (term {h.term}, slots {h.first_slot}-{h.last_slot})" for h in m.heads[:MAX_HEADS])
+    away = f"; not living: {', '.join(m.not_living)}" if m.not_living else ""
+    undone = [("faults not done", "; ".join(m.faults_undone))] if m.faults_undone else []
+    return [
+        ("arrived", f"{m.arrived} of {m.uavs}{away}"),
+        *_not_home(m),
+        ("slots", f"{m.slots} ({m.duration_s:g} s), {m.slots_missed} without commands"),
+        ("heads", (heads + (", ..." if len(m.heads) > MAX_HEADS else "")) or "none"),
+        ("collisions", f"{m.potential_collisions} potential, {m.true_collisions} true"),
+        (
+            "least gap",
+            f"{_number(m.min_disc_gap_m, 'm')} between discs, {_number(m.min_true_distance_m, 'm')} true distance",
+        ),
+        ("way flown", f"{m.path_m:.1f} m{_extra(m)}"),
+        ("makespan", _makespan(m)),
+        ("energy", f"{m.energy_propulsion_j / 1e3:.2f} kJ, straight {m.energy_straight_j / 1e3:.2f} kJ"),
+        ("plan time", _quantiles(m.plan_ms)),
+        ("fix to command", _quantiles(m.fix_to_command_ms)),
+        ("late ticks", f"{m.ticks_late_pct:.2f} %"),
+        ("messages", f"{m.messages}, {m.gaps} gaps" + _late_and_twice(m)),
+        *undone,
+    ]
+
+
+def _not_home(m: Metrics) -> list[tuple[str, str]]:
+    """Who is not home and why: no row where everybody is."""
+    named = [str(who) for who in m.not_home[:MAX_NAMED]]
+    named += [f"and {len(m.not_home) - MAX_NAMED} more"] * (len(m.not_home) > MAX_NAMED)
+    return [("not home", "; ".join(named))] if named else []
+
+
+def _makespan(m: Metrics) -> str:
+    if not m.makespan_s:
+        return "-"
+    whose = "" if m.completed else "; of those that live"
+    return f"{m.makespan_s:.2f} s, {_number(m.makespan_ratio, '')} times the least{whose}"
+
+
+def _extra(m: Metrics) -> str:
+    if m.extra_distance_pct is None:
+        return ""
+    whose = ", " if m.arrived == m.uavs else "; by those at their targets "
+    return f"{whose}{_number(m.extra_distance_pct, '%')} more than straight"
+
+
+def _number(value: float | None, unit: str) -> str:
+    return "-" if value is None else f"{round(value, 2) + 0.0:.2f} {unit}".rstrip()
+
+
+def _quantiles(q: Quantiles) -> str:
+    return f"{_number(q.p50, 'ms')} median, {_number(q.p99, 'ms')} p99, {_number(q.max, 'ms')} most"
+
+
+def _late_and_twice(m: Metrics) -> str:
+    fetched = f", {m.fetched} fetched again" if m.fetched else ""
+    return fetched + (f", {m.duplicates} duplicates dropped" if m.duplicates else "")

@@ -1,0 +1,305 @@
+"""Where every tracked disc and every UAV was in every slot, as far as the record tells.
+
+A UAV publishes its waypoint in the fix of each slot; a slot without a fix is a slot in which it
+stayed, unless its truth or its next fix shows that it had accepted a step and then said nothing
+(a process can die between accepting a step and saying so). Fixes of a UAV that lost its memory
+(`voter` false) say nothing about the disc; its truth still does, since disc and UAV move by the
+same vector. Where the record itself has lost fixes (a recorder that was frozen), and nothing explains how
+the UAV came to where its next fix says it was, the slots between are `lost`: nothing is judged there.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+from operator import attrgetter
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from edc_swarm.errors import RecordingError
+from edc_swarm.protocol.messages import Command, Fix, Truth, roster_index
+from edc_swarm.recording.model import Recording
+
+Floats = NDArray[np.float64]
+Bools = NDArray[np.bool_]
+Ints = NDArray[np.int64]
+Point = tuple[float, float]
+MAX_CELLS = 100_000_000
+"""Most UAV-slots that are examined."""
+TRUTH_TOLERANCE_M = 1e-9
+Cell = tuple[int, int]
+"""Slot and UAV."""
+
+
+@dataclass(frozen=True, slots=True)
+class Step:
+    """A step that was executed without a fix that says so, and the commands that explain it: all order this motion."""
+
+    uav: int
+    slot: int
+    commands: tuple[Command, ...]
+
+    @property
+    def command(self) -> Command:
+        """One of the commands."""
+        return self.commands[0]
+
+
+@dataclass(frozen=True, slots=True)
+class Tracks:
+    """Positions of K UAVs over S slots; in slot t everything moves straight from start to end.
+
+    Attributes
+    ----------
+    uavs
+        Ids in roster order.
+    centre_m
+        (S + 1, K, 2): the tracked disc's centre at the start of slot t and, in row t + 1, at its end.
+        In `lost` slots it is moved evenly from where it was last seen to where it is seen again.
+    true_from_m, true_to_m
+        (S, K, 2): true position at both ends of slot t; NaN where no truth of the UAV is recorded.
+    heard, executed
+        (S, K): whether a fix of the slot is recorded, and whether a command was executed in it.
+    energy_j
+        (S, K): battery at the slot's newest fix, NaN where there is none.
+    silent
+        Steps that no fix reports.
+    lost
+        (S, K): whether the fix of the slot is missing from the record, and the way flown unknown.
+    """
+
+    uavs: list[str]
+    centre_m: Floats
+    true_from_m: Floats
+    true_to_m: Floats
+    heard: Bools
+    executed: Bools
+    energy_j: Floats
+    silent: list[Step]
+    lost: Bools
+
+    @property
+    def slots(self) -> int:
+        """Number of slots, S."""
+        return len(self.heard)
+
+    @property
+    def seen_m(self) -> tuple[Floats, Floats]:
+        """(S, K, 2) centres at both ends of every slot, NaN in lost slots: what may be judged."""
+        if not self.lost.any():
+            return self.centre_m[:-1], self.centre_m[1:]
+        known = ~self.lost[..., None]
+        return np.where(known, self.centre_m[:-1], np.nan), np.where(known, self.centre_m[1:], np.nan)
+
+
+def tracks_of(recording: Recording) -> Tracks:
+    """Tracks of all UAVs of the mission, from slot 0 to the last slot with a fix or a truth.
+
+    Raises
+    ------
+    RecordingError
+        A message names a slot that no mission reaches: the arrays would not fit into memory.
+    """
+    roster = recording.mission.roster
+    index = roster_index(roster)
+    fixes = [f for f in recording.fixes if f.slot >= 0 and f.uav in index]
+    truths = [t for t in recording.truths if t.slot >= 0 and t.uav in index]
+    cells, true_cells = _cells(fixes, index), _cells(truths, index)
+    slots = 1 + max(int(cells[0].max(initial=-1)), int(true_cells[0].max(initial=-1)))
+    if slots * len(roster) > MAX_CELLS:
+        raise RecordingError("recording", f"slot {slots - 1} is beyond what can be examined")
+    shape = (slots, len(roster))
+    heard, executed, energy_j = np.zeros(shape, bool), np.zeros(shape, bool), np.full(shape, np.nan)
+    heard[cells] = True
+    energy_j[cells] = _column(fixes, "energy_j")
+    flying = _column(fixes, "executing") > 0
+    executed[cells[0][flying], cells[1][flying]] = True
+    centre_m = np.full((slots + 1, len(roster), 2), np.nan)
+    centre_m[0] = np.array([(entry.start_x_m, entry.start_y_m) for entry in roster]).reshape(-1, 2)
+    voters = [f for f in fixes if f.voter]
+    slot, uav = _cells(voters, index)
+    centre_m[slot + 1, uav] = _points(voters, "waypoint")
+    silent = list(_silent_steps(recording, truths, true_cells, centre_m, executed))
+    for step in silent:
+        executed[step.slot, step.uav] = True
+        centre_m[step.slot + 1, step.uav] = (step.command.target_x_m, step.command.target_y_m)
+    unsaid = np.isnan(centre_m[1:, :, 0])
+    _fill_forward(centre_m)
+    lost = _bridged(voters, index, unsaid, centre_m)
+    true_from_m, true_to_m = _true_motion(truths, true_cells, centre_m)
+    untold = lost.copy()
+    untold[true_cells] = False
+    true_from_m[untold] = true_to_m[untold] = np.nan
+    for t, k in _flown_before_birth(executed, truths, index):
+        true_from_m[t, k] = true_to_m[t, k] - (centre_m[t + 1, k] - centre_m[t, k])
+    return Tracks(list(index), centre_m, true_from_m, true_to_m, heard, executed, energy_j, silent, lost)
+
+
+def _column(messages: Sequence[Any], name: str) -> Floats:
+    return np.fromiter(map(attrgetter(name), messages), np.float64, len(messages))
+
+
+def _cells(messages: Sequence[Any], index: dict[str, int]) -> tuple[Ints, Ints]:
+    """Slot and UAV of every message; where several fall into one cell, numpy keeps the last."""
+    uavs = (index[uav] for uav in map(attrgetter("uav"), messages))
+    return _column(messages, "slot").astype(np.int64), np.fromiter(uavs, np.int64, len(messages))
+
+
+def _points(messages: Sequence[Any], name: str) -> Floats:
+    return np.stack([_column(messages, f"{name}_x_m"), _column(messages, f"{name}_y_m")], axis=-1)
+
+
+def _fill_forward(centre_m: Floats) -> None:
+    """Replace every NaN by the last point before it."""
+    known = ~np.isnan(centre_m[..., 0])
+    newest = np.maximum.accumulate(np.where(known, np.arange(len(centre_m))[:, None], 0))
+    centre_m[:] = np.take_along_axis(centre_m, newest[..., None], axis=0)
+
+
+def _bridged(fixes: Sequence[Fix], index: dict[str, int], unsaid: Bools, centre_m: Floats) -> Bools:
+    """(S, K) lost slots; over each run of them the centre is moved evenly to where the next fix's slot began."""
+    lost = np.zeros_like(unsaid)
+    for fix in _after_holes(fixes) if unsaid.any() else ():
+        k, after = index[fix.uav], fix.slot
+        first = after
+        while first > 0 and unsaid[first - 1, k]:
+            first -= 1
+        start_m = (fix.from_x_m, fix.from_y_m) if fix.executing else (fix.waypoint_x_m, fix.waypoint_y_m)
+        if _point(centre_m[after, k]) != start_m:
+            lost[first:after, k] = True
+            centre_m[first : after + 1, k] = np.linspace(centre_m[first, k], start_m, after - first + 1)
+    return lost
+
+
+def _after_holes(fixes: Sequence[Fix]) -> Iterator[Fix]:
+    """Fixes before which the record lacks some of the same process."""
+    expected: dict[tuple[str, str], int] = {}
+    for fix in fixes:
+        stream = fix.uav, fix.instance
+        if fix.seq > expected.get(stream, 0):
+            yield fix
+        expected[stream] = max(fix.seq + 1, expected.get(stream, 0))
+
+
+def _true_motion(truths: list[Truth], cells: tuple[Ints, Ints], centre_m: Floats) -> tuple[Floats, Floats]:
+    """True positions; where a slot has none, the disc's centre plus the UAV's first known offset.
+
+    A slot with several truths (of a process and its successor) is one motion, from first to last.
+    """
+    starts_m, ends_m = centre_m[:-1], centre_m[1:]
+    to_m = _points(truths, "to")
+    offset_m = _offsets_m(to_m, cells, ends_m)
+    true_from_m, true_to_m = starts_m + offset_m, ends_m + offset_m
+    true_from_m[cells[0][::-1], cells[1][::-1]] = _points(truths, "from")[::-1]
+    true_to_m[cells] = to_m
+    return true_from_m, true_to_m
+
+
+def _offsets_m(to_m: Floats, cells: tuple[Ints, Ints], ends_m: Floats) -> Floats:
+    """(K, 2): how far each UAV is from the centre of its disc where both are first known, else NaN."""
+    offset_m = np.full(ends_m.shape[1:], np.nan)
+    apart_m = to_m - ends_m[cells]
+    known = ~np.isnan(apart_m[:, 0])
+    offset_m[cells[1][known][::-1]] = apart_m[known][::-1]
+    return offset_m
+
+
+def _flown_before_birth(executed: Bools, truths: Sequence[Truth], index: dict[str, int]) -> set[Cell]:
+    """Steps of whose slot only a successor tells the truth: its first, from where it found itself."""
+    born: set[tuple[str, str]] = set()
+    tells: dict[Cell, bool] = {}
+    for truth in truths:
+        process = truth.uav, truth.instance
+        tells.setdefault((truth.slot, index[truth.uav]), process not in born)
+        born.add(process)
+    return {cell for cell, first in tells.items() if first and executed[cell]}
+
+
+@dataclass(frozen=True, slots=True)
+class _Sightings:
+    """What is recorded of one UAV in the slots of which no fix says what its disc did."""
+
+    commands: dict[int, list[Command]]
+    disc_m: dict[int, Point]
+
+    def agrees(self, slot: int, end: Point) -> bool:
+        """Whether the truth of the slot, if there is one, allows that the disc ended there."""
+        return slot not in self.disc_m or math.dist(self.disc_m[slot], end) <= TRUTH_TOLERANCE_M
+
+
+def _silent_steps(
+    recording: Recording, truths: list[Truth], cells: tuple[Ints, Ints], centre_m: Floats, executed: Bools
+) -> Iterator[Step]:
+    """Steps in slots without a (trustworthy) fix, for every UAV that has such slots."""
+    unsaid = np.isnan(centre_m[1:, :, 0])
+    if not unsaid.any():
+        return
+    index = roster_index(recording.mission.roster)
+    runs = {k: list(_runs(unsaid[:, k])) for k in np.flatnonzero(unsaid.any(axis=0)).tolist()}
+    wanted = {k: {slot for first, after in spans for slot in range(first, after + 1)} for k, spans in runs.items()}
+    seen = {k: _Sightings({}, {}) for k in runs}
+    for command in recording.commands:
+        k = index.get(command.uav, -1)
+        if k in wanted and command.slot in wanted[k]:
+            seen[k].commands.setdefault(command.slot, []).append(command)
+    offset_m = _offsets_m(_points(truths, "to"), cells, centre_m[1:]).tolist()
+    for i in np.flatnonzero(unsaid[cells]).tolist():
+        truth, k = truths[i], int(cells[1][i])
+        if not math.isnan(offset_m[k][0]):
+            seen[k].disc_m[truth.slot] = (truth.to_x_m - offset_m[k][0], truth.to_y_m - offset_m[k][1])
+    for k, sightings in seen.items():
+        for first, after in runs[k]:
+            yield from _explained(k, first, after, sightings, centre_m, executed)
+
+
+def _runs(flags: Bools) -> Iterator[tuple[int, int]]:
+    """First index of every run of true flags, and the index after it."""
+    edges = np.flatnonzero(np.diff(np.concatenate([[False], flags, [False]]).astype(np.int8)))
+    yield from zip(edges[::2].tolist(), edges[1::2].tolist(), strict=True)
+
+
+def _explained(
+    k: int, first: int, after: int, sightings: _Sightings, centre_m: Floats, executed: Bools
+) -> Iterator[Step]:
+    """The commands of slots first..after-1 that UAV `k` must have flown to be where it is seen next.
+
+    Walks through the slots with every point it can have reached; a recorded truth decides where it
+    was at the end of its slot, otherwise all are possible and staying is preferred.
+    """
+    earlier = centre_m[: first + 1, k]
+    start = _point(earlier[np.flatnonzero(~np.isnan(earlier[:, 0]))[-1]])
+    paths: dict[Point, tuple[Step, ...]] = {start: ()}
+    for slot in range(first, after):
+        paths = _advanced(paths, k, slot, sightings)
+    if after == len(executed):
+        yield from next(iter(paths.values()))
+        return
+    seen = _point(centre_m[after + 1, k])
+    for point, path in paths.items():
+        flown = (c for c in sightings.commands.get(after, []) if (c.start_x_m, c.start_y_m) == point)
+        ends = [(c.target_x_m, c.target_y_m) for c in flown] if executed[after, k] else [point]
+        if seen in ends:
+            yield from path
+            return
+
+
+def _advanced(
+    paths: dict[Point, tuple[Step, ...]], k: int, slot: int, sightings: _Sightings
+) -> dict[Point, tuple[Step, ...]]:
+    """Where the UAV can be a slot later; where it was when nothing explains what is recorded."""
+    reached = {point: path for point, path in paths.items() if sightings.agrees(slot, point)}
+    motions: dict[tuple[Point, Point], list[Command]] = {}
+    for command in sightings.commands.get(slot, []):
+        motion = (command.start_x_m, command.start_y_m), (command.target_x_m, command.target_y_m)
+        motions.setdefault(motion, []).append(command)
+    for (start, end), commands in motions.items():
+        if start in paths and sightings.agrees(slot, end):
+            reached.setdefault(end, (*paths[start], Step(k, slot, tuple(commands))))
+    return reached or paths
+
+
+def _point(xy_m: Floats) -> Point:
+    return float(xy_m[0]), float(xy_m[1])

@@ -1,0 +1,84 @@
+"""What flying and thinking cost: propulsion power, head computation.
+
+Reference: Y. Zeng, J. Xu, R. Zhang, "Energy Minimization for Wireless Communication With
+Rotary-Wing UAV", IEEE Trans. Wireless Commun. 18(4), 2019, eq. 12. Hovering costs more than slow
+cruising, so waiting is not free.
+
+Every UAV process imports this module, so it does not import numpy.
+"""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Any
+
+from edc_swarm.errors import MissionError
+from edc_swarm.mission.configuration import ARRIVED_M, EnergyModel, HeadModel, Mission
+
+if TYPE_CHECKING:
+    import numpy as np
+    from numpy.typing import NDArray
+
+
+def propulsion_power_w(speed_mps: float, model: EnergyModel) -> float:
+    """Power, in watts, of level flight at a constant speed (0 = hover)."""
+    power_w: float = _power_w(speed_mps, model)
+    return power_w
+
+
+def propulsion_powers_w(speed_mps: NDArray[np.float64], model: EnergyModel) -> NDArray[np.float64]:
+    """`propulsion_power_w` of an array of speeds, of any shape."""
+    power_w: NDArray[np.float64] = _power_w(speed_mps, model)
+    return power_w
+
+
+def compute_energy_j(cpu_s: float, model: HeadModel) -> float:
+    """Energy, in joules, that a head spends on `cpu_s` seconds of processor time."""
+    return cpu_s * model.p_active_w
+
+
+def check_batteries(mission: Mission) -> None:
+    """Raise `MissionError` for a UAV whose battery does not cover one step at full speed: it would never move."""
+    for index, entry in enumerate(mission.roster):
+        if entry.straight_m <= ARRIVED_M:
+            continue
+        length_m = min(mission.u_max_m, entry.straight_m)
+        least_j = step_energy_j(mission, length_m)
+        if entry.energy_j < least_j:
+            speed_mps = length_m / (mission.dt_s - 2 * mission.guard_s)
+            raise MissionError(
+                f"roster[{index}].energy_j",
+                entry.energy_j,
+                f"at least {least_j:.4g} J, which the first step of {entry.uav} takes "
+                f"({propulsion_power_w(speed_mps, mission.energy):.4g} W at {speed_mps:g} m/s for a slot of "
+                f"{mission.dt_s:g} s): it could never move",
+            )
+
+
+def stranded(mission: Mission) -> dict[str, float]:
+    """Energy in joules that the straight flight of each UAV takes at full speed, of those whose battery lacks it."""
+    power_w = propulsion_power_w(mission.v_max_mps, mission.energy)
+    needed_j = {
+        entry.uav: power_w * max(0.0, entry.straight_m - ARRIVED_M) / mission.v_max_mps for entry in mission.roster
+    }
+    return {entry.uav: needed_j[entry.uav] for entry in mission.roster if entry.energy_j < needed_j[entry.uav]}
+
+
+def step_energy_j(mission: Mission, length_m: float) -> float:
+    """Propulsion energy, in joules, of one slot in which `length_m` is flown at constant speed between its guards."""
+    flown_s = mission.dt_s - 2 * mission.guard_s
+    flying_j = propulsion_power_w(length_m / flown_s, mission.energy) * flown_s
+    return flying_j + propulsion_power_w(0.0, mission.energy) * (mission.dt_s - flown_s)
+
+
+def _power_w(speed_mps: Any, model: EnergyModel) -> Any:
+    """P(V) of a number or an array.
+
+    With a = V^2 / (2 v0^2), the induced term sqrt(sqrt(1 + a^2) - a) is written as its equal
+    1 / sqrt(sqrt(1 + a^2) + a), which loses no digits at high speed.
+    """
+    squared = speed_mps * speed_mps
+    a = squared / (2 * model.induced_velocity_mps**2)
+    blade_w = model.blade_profile_w * (1 + 3 * squared / model.tip_speed_mps**2)
+    induced_w = model.induced_w / ((1 + a * a) ** 0.5 + a) ** 0.5
+    parasite = 0.5 * model.drag_ratio * model.air_density_kgpm3 * model.rotor_solidity * model.rotor_area_m2
+    return blade_w + induced_w + parasite * squared * speed_mps

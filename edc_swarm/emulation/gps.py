@@ -1,0 +1,86 @@
+"""GPS error models: where a receiver says that a UAV is, against where it is.
+
+The roster start is the first reported position, hence the centre of the tracked disc; the true
+start lies anywhere in the disc (uniformly, as in the paper's section II). The error of every fix
+stays within `r_m - body_m`, so that the disc always holds the whole vehicle.
+
+Every UAV process imports this module, so it does not import numpy.
+"""
+
+from __future__ import annotations
+
+import math
+import random
+from typing import assert_never
+
+from edc_swarm.mission.configuration import GpsModel
+
+CORRELATION_S = 30.0
+"""Time constant of the `gauss-markov` model."""
+
+
+class GpsReceiver:
+    """One UAV's receiver, a state machine that depends on its arguments alone.
+
+    Parameters
+    ----------
+    model
+        `bias` (one error for ever), `white` (each fix, uniform in the disc: the paper's words),
+        `gauss-markov` (correlated over `CORRELATION_S`, clipped to the disc), or `none`.
+    reach_m
+        Largest error, `r_m - body_m`.
+    dt_s
+        Mission time between two fixes.
+    seed
+        Text such as `"{mission seed}/{uav}/gps"`. A restarted receiver draws the same offset again.
+    """
+
+    def __init__(self, model: GpsModel, reach_m: float, dt_s: float, seed: str) -> None:
+        self._model = model
+        self._reach_m = reach_m
+        self._kept = math.exp(-dt_s / CORRELATION_S)
+        self._random = random.Random(seed)
+        self._fresh = True
+        self._error_m = (0.0, 0.0) if model == "none" else self._in_disc()
+
+    @property
+    def true_offset_m(self) -> tuple[float, float]:
+        """True start minus roster start; known before the first fix only."""
+        assert self._fresh, "the offset belongs to the start"
+        x_m, y_m = self._error_m
+        return -x_m, -y_m
+
+    @property
+    def error_m(self) -> tuple[float, float]:
+        """Reported minus true position of the newest fix."""
+        return self._error_m
+
+    def next_error_m(self) -> tuple[float, float]:
+        """Reported minus true position of the next fix; the first one undoes the true offset."""
+        if not self._fresh:
+            self._error_m = self._advanced()
+        self._fresh = False
+        return self._error_m
+
+    def _advanced(self) -> tuple[float, float]:
+        match self._model:
+            case "none" | "bias":
+                return self._error_m
+            case "white":
+                return self._in_disc()
+            case "gauss-markov":
+                return self._correlated()
+            case _:
+                assert_never(self._model)
+
+    def _in_disc(self) -> tuple[float, float]:
+        angle = self._random.uniform(0.0, math.tau)
+        radius_m = self._reach_m * math.sqrt(self._random.random())
+        return radius_m * math.cos(angle), radius_m * math.sin(angle)
+
+    def _correlated(self) -> tuple[float, float]:
+        """First-order Gauss-Markov step; each axis has the spread, reach / 2, of a uniform disc."""
+        noise_m = 0.5 * self._reach_m * math.sqrt(1 - self._kept**2)
+        x_m, y_m = (self._kept * e + noise_m * self._random.gauss(0.0, 1.0) for e in self._error_m)
+        excess = max(1.0, math.hypot(x_m, y_m) / self._reach_m) if self._reach_m else 1.0
+        return x_m / excess, y_m / excess

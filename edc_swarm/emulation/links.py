@@ -1,0 +1,196 @@
+"""The emulated network: what each directed link does to a message, seeded and clockless.
+
+The model sits in the receiving agent, above the real transport: the same object delays and drops
+messages in the simulator and in the processes. The recorder is an observer outside it. Radio range is
+about true positions, the emulator's ground truth, which the agents never see (`LinkEmulator.place`).
+
+Gilbert-Elliott bursts follow E. N. Gilbert, "Capacity of a Burst-Noise Channel", Bell Syst. Tech. J.
+39(5), 1960, and E. O. Elliott, "Estimates of Error Rates for Codes on Burst-Noise Channels", ibid.
+42(5), 1963. Loss over distance is the outage of log-distance path loss with log-normal shadowing:
+T. S. Rappaport, "Wireless Communications", 2nd ed., 2002, sections 4.9.1-4.9.3.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Collection
+from dataclasses import dataclass
+from random import Random
+
+from msgspec import Struct
+
+from edc_swarm.mission.configuration import MAX_FAULTS, MAX_LINKS, NS_PER_S, Link, Mission
+from edc_swarm.mission.faults import parse_faults
+
+NS_PER_MS = 1_000_000
+ANYONE = "*"
+DELAY_ERROR = "delay-error"
+"""Kind of the event with which a UAV process tells its `DelayError` at its end."""
+CLIPPED_AT = 3.0
+"""A normal jitter is at most this many standard deviations."""
+
+MAX_CHANGES = MAX_LINKS + MAX_FAULTS
+"""More than a mission's links and faults together are not kept."""
+
+REORDER_SLOTS = 3
+"""A reordered message is delayed by up to this many slots more, so that later ones overtake it."""
+
+
+class DelayError(Struct, frozen=True):
+    """How much later than this model said messages were handed over by a process, in milliseconds."""
+
+    messages: int
+    p50_ms: float
+    p99_ms: float
+    max_ms: float
+
+
+@dataclass(frozen=True, slots=True)
+class Cut:
+    """A partition: nothing passes from `senders` to `receivers` while it lasts.
+
+    Times are mission seconds; `end_s` is infinite for one that lasts until it is healed.
+    """
+
+    senders: frozenset[str]
+    receivers: frozenset[str]
+    start_s: float
+    end_s: float = math.inf
+
+    def blocks(self, sender: str, receiver: str, at_s: float) -> bool:
+        """Whether a message sent at mission time `at_s` is cut off."""
+        return self.start_s <= at_s < self.end_s and sender in self.senders and receiver in self.receivers
+
+
+class LinkEmulator:
+    """All links into one receiver.
+
+    Parameters
+    ----------
+    mission
+        `link` gives the rules (the last one that matches sender, receiver and time holds), `seed`
+        the random streams: one generator per directed link.
+    receiver
+        Id of the UAV that receives.
+    """
+
+    def __init__(self, mission: Mission, receiver: str) -> None:
+        self._seed = mission.seed
+        self._receiver = receiver
+        self._slot_ns = mission.slot_ns
+        self._rules = [rule for rule in mission.link if rule.receiver in {ANYONE, receiver}]
+        self._cuts: list[Cut] = []
+        self._random: dict[str, Random] = {}
+        self._in_burst: dict[str, bool] = {}
+        self._place_m = {entry.uav: (entry.start_x_m, entry.start_y_m) for entry in mission.roster}
+
+    def place(self, uav: str, x_m: float, y_m: float) -> None:
+        """Note where `uav` truly is, for links with a radio range; until then it is at its start."""
+        self._place_m[uav] = (x_m, y_m)
+
+    def add_rule(self, rule: Link) -> None:
+        """Let `rule` hold from now on wherever it matches (a fault)."""
+        if rule.receiver in {ANYONE, self._receiver} and len(self._rules) < MAX_CHANGES:
+            self._rules.append(rule)
+
+    def add_cut(self, cut: Cut) -> None:
+        """Cut links off (a fault)."""
+        if self._receiver in cut.receivers and len(self._cuts) < MAX_CHANGES:
+            self._cuts.append(cut)
+
+    def heal(self) -> None:
+        """End every partition."""
+        self._cuts.clear()
+
+    def is_cut(self, sender: str, at_s: float) -> bool:
+        """Whether a partition separates `sender` from this receiver at mission time `at_s`."""
+        return any(cut.blocks(sender, self._receiver, at_s) for cut in self._cuts)
+
+    def arrivals_ns(self, sender: str, at_s: float) -> list[int]:
+        """Delays after which a message sent at `at_s` arrives: none when lost, two when duplicated.
+
+        Delays are wall nanoseconds, in addition to what the real transport takes.
+        """
+        if self._cuts and self.is_cut(sender, at_s):
+            return []
+        rule = self._rule(sender, at_s)
+        if rule is None:
+            return [0]
+        random = self._random.setdefault(sender, Random(f"{self._seed}/{sender}>{self._receiver}/link"))
+        if self._lost(rule, sender, random):
+            return []
+        copies = 2 if rule.duplicate and random.random() < rule.duplicate else 1
+        return [self._delay_ns(rule, random) for _ in range(copies)]
+
+    def _rule(self, sender: str, at_s: float) -> Link | None:
+        for rule in reversed(self._rules):
+            if rule.sender in {ANYONE, sender} and rule.start_s <= at_s < rule.end_s:
+                return rule
+        return None
+
+    def _lost(self, rule: Link, sender: str, random: Random) -> bool:
+        burst = self._in_burst.get(sender, False)
+        if rule.burst_enter:
+            change = rule.burst_leave if burst else rule.burst_enter
+            burst = burst != (random.random() < change)
+            self._in_burst[sender] = burst
+        loss = rule.burst_loss if burst and rule.burst_enter else rule.loss
+        if loss and random.random() < loss:
+            return True
+        return rule.range_m > 0 and random.random() < fading_loss(self._distance_m(sender), rule)
+
+    def _distance_m(self, sender: str) -> float:
+        return math.dist(self._place_m[sender], self._place_m[self._receiver])
+
+    def _delay_ns(self, rule: Link, random: Random) -> int:
+        delay_ns = (rule.delay_ms + _jitter_ms(rule, random)) * NS_PER_MS
+        if rule.reorder and random.random() < rule.reorder:
+            delay_ns += random.random() * REORDER_SLOTS * self._slot_ns
+        return round(delay_ns)
+
+
+def fading_loss(distance_m: float, rule: Link) -> float:
+    """Probability that a message is lost to distance.
+
+    The received power falls as distance to the power `path_loss_exponent`, and varies from message to
+    message, in decibels normally with deviation `shadowing_db`; at `range_m` its median is just enough.
+    """
+    if distance_m <= 0.0:
+        return 0.0
+    margin_db = 10.0 * rule.path_loss_exponent * math.log10(rule.range_m / distance_m)
+    if not rule.shadowing_db:
+        return float(margin_db < 0.0)
+    return 0.5 * math.erfc(margin_db / (math.sqrt(2.0) * rule.shadowing_db))
+
+
+def have_range(mission: Mission) -> bool:
+    """Whether a link of the mission has a radio range, now or by a fault to come: then true positions matter."""
+    by_fault = (fault.link() for fault in parse_faults(mission) if fault.verb == "link")
+    return any(rule.range_m > 0 for rule in (*mission.link, *by_fault))
+
+
+def _jitter_ms(rule: Link, random: Random) -> float:
+    jitter_ms = rule.jitter_ms
+    if not jitter_ms:
+        return 0.0
+    match rule.distribution:
+        case "constant":
+            return 0.0
+        case "uniform":
+            return random.uniform(0.0, jitter_ms)
+        case "normal":
+            return min(abs(random.gauss(0.0, jitter_ms)), CLIPPED_AT * jitter_ms)
+        case "lognormal":
+            return 0.5 * jitter_ms * random.lognormvariate(0.0, 1.0)
+
+
+def cut_pair(left: Collection[str], right: Collection[str], start_s: float, end_s: float, one_way: bool) -> list[Cut]:
+    """The cuts that separate `left` from `right`; one way, only what `left` says is cut off."""
+    forth = Cut(frozenset(left), frozenset(right), start_s, end_s)
+    back = Cut(frozenset(right), frozenset(left), start_s, end_s)
+    return [forth] if one_way else [forth, back]
+
+
+def mission_s(mission_ns: int, time_scale: float) -> float:
+    """Mission seconds of a wall duration since the epoch."""
+    return mission_ns / NS_PER_S * time_scale

@@ -1,0 +1,382 @@
+"""Searching for faults: random missions under random fault schedules, every guarantee checked.
+
+A run is a function of its seed: `scenario(seed)` draws a mission and a schedule, `fly` simulates it
+and returns what was broken. `smallest` drops faults one by one while the failure stays. The
+generator is biased towards what breaks such systems: grants late in a slot, fixes lost just after a
+grant, freezes just before a tick, processes stopped between two effects, and a planner that steers
+UAVs at each other, since safety must not depend on guidance.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Collection, Sequence
+from dataclasses import dataclass
+from random import Random
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from edc_swarm.analysis.guarantees.check import check
+from edc_swarm.errors import PlacementError
+from edc_swarm.geometry import Floats, length_m, segment_distance_m
+from edc_swarm.mission.configuration import Mission, mission_from_dict
+from edc_swarm.mission.roster import complete_mission
+from edc_swarm.planner.edc import Edc
+from edc_swarm.planner.registry import make_planner
+from edc_swarm.planner.request import Arrays
+from edc_swarm.protocol.messages import Message, MissionMessage, mission_message
+from edc_swarm.recording.model import Recording
+from edc_swarm.simulation.simulator import Motion, Simulation
+
+TOLERANCE_M = 1e-9
+CHECKED = ("G1", "G2", "G3", "G4", "G5")
+PROGRESS = "G7"
+"""Asked only of a planner that completes missions."""
+LAST_FAULT_SLOT = 45
+RECKLESS_SLOTS = 70
+HEALED_S = 26.0
+"""A bad network is good from then on where progress is asked for."""
+RECKLESS = "edc_swarm.experiments.fuzzing:Reckless"
+
+
+@dataclass(frozen=True, slots=True)
+class Finding:
+    """A run that broke a guarantee: its seed, the faults kept (indices), what was broken."""
+
+    seed: int
+    kept: tuple[int, ...]
+    broken: tuple[str, ...]
+
+    @property
+    def command(self) -> str:
+        """The command line that flies this run again."""
+        kept = ",".join(str(index) for index in self.kept)
+        return f"edc-swarm fuzz --seed {self.seed} --runs 1 --keep {kept or 'none'}"
+
+
+class Reckless(Edc):
+    """The slot QP under the worst guidance there is: each UAV wants to be where another one is."""
+
+    def _wishes(self, arrays: Arrays) -> Floats:
+        """Head straight for another UAV, a hull or the target, by turns."""
+        aims = [arrays.target_m]
+        if len(arrays.uav) > 1:
+            aims.append(arrays.position_m)
+        if len(arrays.obstacles.keep_m):
+            aims.append((arrays.obstacles.a_m + arrays.obstacles.b_m) / 2)
+        rng = Random(f"{arrays.slot // 6}/{len(arrays.uav)}")
+        wish_m = np.empty_like(arrays.position_m)
+        for k, here_m in enumerate(arrays.position_m):
+            aim = rng.choice(aims)
+            to_m = (arrays.target_m[k] if aim is arrays.target_m else rng.choice(list(aim))) - here_m
+            far_m = float(length_m(to_m))
+            wish_m[k] = to_m * min(1.0, self._u_max_m / far_m) if far_m > 0 else 0.0
+        return wish_m
+
+
+def scenario(seed: int, kept: Collection[int] | None = None) -> Mission:
+    """The mission of `seed`, with all its faults or only those at the indices `kept`."""
+    rng = Random(f"fuzz/{seed}")
+    uavs = rng.choice([2, 3, 3, 4, 4, 5, 5, 6, 7, 8])
+    fields: dict[str, Any] = {
+        "name": f"fuzz-{seed}",
+        "seed": seed,
+        "uavs": uavs,
+        "area_m2": uavs * rng.choice([250.0, 400.0, 900.0]),
+        "gps_model": rng.choice(["none", "bias", "white", "gauss-markov"]),
+        "elect": rng.choice(["energy", "response-time"]),
+        "guard_s": rng.choice([0.0, 0.0, 0.04]),
+        "lag_slots": rng.choice([0, 0, 0, 1]),
+        "lease_slots": rng.choice([1, 2, 2, 3]),
+        "standbys": rng.choice([0, 0, 1, 3, 3]),
+        "handover_margin": rng.choice([0.0, 0.1]),
+        "planner": rng.choice([RECKLESS, RECKLESS, RECKLESS, "edc"]),
+        "link": _links(rng),
+    }
+    if fields["planner"] == RECKLESS:
+        fields["max_slots"] = RECKLESS_SLOTS
+    else:
+        fields["link"] = [{**link, "end_s": HEALED_S} for link in fields["link"]]
+    mission = _placed(fields)
+    faults = _schedule(rng, mission)
+    if fields["planner"] != RECKLESS:
+        faults += _for_good(Random(f"fuzz/{seed}/for-good"), mission)
+    chosen = faults if kept is None else [fault for index, fault in enumerate(faults) if index in kept]
+    return mission_from_dict({**fields, "area_m2": mission.area_m2, "fault": chosen})
+
+
+def fly(mission: Mission) -> list[str]:
+    """Simulate a mission; what was broken or could not be judged, one line each (empty: every guarantee was kept)."""
+    message = mission_message(complete_mission(mission))
+    said: list[Message] = []
+    simulation = Simulation(
+        message, lambda: make_planner(mission.planner, message), lambda _key, said_now, _ns: said.append(said_now)
+    )
+    try:
+        end = simulation.run()
+    except AssertionError as error:
+        return [f"assertion: {error}"]
+    return [*overlaps(message, end.motions), *_broken(Recording.from_messages(said), _asked(mission))]
+
+
+def search(seed: int, kept: Collection[int] | None = None) -> Finding | None:
+    """Fly the scenario of `seed`; None when every guarantee was kept."""
+    mission = scenario(seed, kept)
+    broken = fly(mission)
+    if not broken:
+        return None
+    indices = tuple(sorted(kept)) if kept is not None else tuple(range(len(mission.fault)))
+    return Finding(seed, indices, tuple(broken))
+
+
+def smallest(finding: Finding) -> Finding:
+    """Drop faults one by one as long as something stays broken."""
+    index = 0
+    while index < len(finding.kept):
+        fewer = search(finding.seed, finding.kept[:index] + finding.kept[index + 1 :])
+        if fewer is None:
+            index += 1
+        else:
+            finding = fewer
+    return finding
+
+
+def overlaps(mission: MissionMessage, motions: Sequence[Motion]) -> list[str]:
+    """Pairs whose discs could overlap while flying `motions`, at whatever pace within each slot.
+
+    The two segments flown in a slot are compared as sets of points; the one before it counts as well
+    with `lag_slots` 1, or where it was begun too late to be over. A UAV that dies or freezes stays
+    where its last step ends.
+    """
+    first, last = _paths(mission, motions)
+    before_first, before_last = first.copy(), last.copy()
+    still = _still_flying(mission, motions, len(first))
+    before_first[1:][still[:-1]], before_last[1:][still[:-1]] = first[:-1][still[:-1]], last[:-1][still[:-1]]
+    r_m = np.array([entry.r_m for entry in mission.roster])
+    i, j = np.triu_indices(len(r_m), 1)
+    gap_m = np.minimum.reduce(
+        [
+            _gaps(first, last, first, last, i, j),
+            _gaps(before_first, before_last, first, last, i, j),
+            _gaps(first, last, before_first, before_last, i, j),
+        ]
+    )
+    bad = np.argwhere(gap_m < r_m[i] + r_m[j] - TOLERANCE_M)
+    ids = [entry.uav for entry in mission.roster]
+    return [
+        f"G3: {ids[i[pair]]} and {ids[j[pair]]} can come within {gap_m[slot, pair]:.6f} m in slot {slot}"
+        for slot, pair in bad[:10]
+    ]
+
+
+def _gaps(a: Floats, b: Floats, c: Floats, d: Floats, i: Any, j: Any) -> Floats:
+    """Distances (slots, pairs) of the segments a-b of UAVs i from the segments c-d of UAVs j."""
+    return segment_distance_m(a[:, i], b[:, i], c[:, j], d[:, j])
+
+
+def _paths(mission: MissionMessage, motions: Sequence[Motion]) -> tuple[Floats, Floats]:
+    """Start and end points (slots, UAVs, 2) of what each UAV flew in each slot."""
+    index = {entry.uav: k for k, entry in enumerate(mission.roster)}
+    starts = np.array([(entry.start_x_m, entry.start_y_m) for entry in mission.roster])
+    slots = max((motion.slot for motion in motions), default=0) + 2
+    first = np.broadcast_to(starts, (slots, *starts.shape)).copy()
+    last = first.copy()
+    for motion in motions:
+        k = index[motion.uav]
+        first[motion.slot, k] = motion.from_m
+        last[motion.slot, k] = motion.to_m
+        first[motion.slot + 1 :, k] = last[motion.slot + 1 :, k] = motion.to_m
+    return first, last
+
+
+def _still_flying(mission: MissionMessage, motions: Sequence[Motion], slots: int) -> NDArray[np.bool_]:
+    """Whether (slots, UAVs) the step of a slot may still be flown in the next one."""
+    index = {entry.uav: k for k, entry in enumerate(mission.roster)}
+    still = np.full((slots, len(index)), bool(mission.lag_slots))
+    for motion in motions:
+        still[motion.slot, index[motion.uav]] |= motion.late
+    return still
+
+
+def _asked(mission: Mission) -> tuple[str, ...]:
+    """The guarantees to be checked of a mission."""
+    return CHECKED if mission.planner == RECKLESS else (*CHECKED, PROGRESS)
+
+
+def _broken(recording: Recording, asked: Collection[str]) -> list[str]:
+    """What is broken of the guarantees asked; one that is left unjudged is a fault of the run, and counts as well."""
+    results = {result.guarantee: result for result in check(recording)}
+    said: list[str] = []
+    for result in map(results.__getitem__, asked):
+        said += [f"{result.guarantee}: {found.text}" for found in result.violations[:5]]
+        said += [] if result.judged else [f"{result.guarantee}: not judged: {'; '.join(result.notes)}"]
+    return said
+
+
+def _placed(fields: dict[str, Any]) -> Mission:
+    """The mission, with as much more room as its UAVs need."""
+    while True:
+        mission = mission_from_dict(fields)
+        try:
+            return complete_mission(mission)
+        except PlacementError:
+            fields = {**fields, "area_m2": 1.5 * fields["area_m2"]}
+
+
+def _links(rng: Random) -> list[dict[str, Any]]:
+    """A network that is good, slow, lossy, or all of that."""
+    kind = rng.choice(["good", "good", "lossy", "slow", "bad"])
+    if kind == "good":
+        return []
+    link: dict[str, Any] = {"distribution": rng.choice(["uniform", "normal", "lognormal"])}
+    if kind in {"lossy", "bad"}:
+        link["loss"] = rng.choice([0.1, 0.3, 0.5])
+    if kind in {"slow", "bad"}:
+        link |= {"delay_ms": rng.choice([50.0, 120.0, 180.0, 260.0]), "jitter_ms": rng.choice([0.0, 50.0, 200.0])}
+    if rng.random() < 0.5:
+        link |= {"duplicate": 0.2, "reorder": 0.2}
+    return [link]
+
+
+def _schedule(rng: Random, mission: Mission) -> list[str]:
+    """Up to eight faults, some of them aimed sequences of two or three."""
+    faults: list[str] = []
+    while len(faults) < rng.randint(1, 8):
+        faults += rng.choice(_AIMS)(rng, mission)
+    return faults[:12]
+
+
+def _for_good(rng: Random, mission: Mission) -> list[str]:
+    """In every third mission that must make progress, a fault that never ends but leaves a promise (`judgement`)."""
+    at, ids = f"@{_slot(rng)}", [entry.uav for entry in mission.roster]
+    minority = ",".join(rng.sample(ids, max(1, (len(ids) - 1) // 2)))
+    lasting = (
+        f"link *>* loss {rng.choice([0.1, 0.3, 0.5])} {at}",
+        f"partition {minority}|rest {at}",
+        f"freeze {ids[0]} {at}",
+    )
+    return [rng.choice(lasting)] if rng.random() < 1 / 3 else []
+
+
+def _slot(rng: Random) -> int:
+    return rng.randint(1, LAST_FAULT_SLOT)
+
+
+def _uav(rng: Random, mission: Mission) -> str:
+    return rng.choice([entry.uav for entry in mission.roster] + ["head", "head", "standby"])
+
+
+def _id(rng: Random, mission: Mission) -> str:
+    return rng.choice([entry.uav for entry in mission.roster])
+
+
+def _crash_and_return(rng: Random, mission: Mission) -> list[str]:
+    """A process dies, perhaps between two effects, and perhaps comes back soon."""
+    uav, at_s = _id(rng, mission), _slot(rng) * mission.dt_s + rng.choice([0.001, 0.01, 0.2, 0.3, 0.45])
+    mid_step = " mid-step" if rng.random() < 0.5 else ""
+    back_s = at_s + rng.choice([0.004, 0.1, 0.5, 0.6, 1.0, 4.0])
+    memory = " lose-memory" if rng.random() < 0.15 else ""
+    return [f"kill {uav}{mid_step} @{at_s:.3f}s", f"restart {uav}{memory} @{back_s:.3f}s"]
+
+
+def _death(rng: Random, mission: Mission) -> list[str]:
+    return [f"kill {_uav(rng, mission)} @{_slot(rng) * mission.dt_s + rng.random() * mission.dt_s:.3f}s"]
+
+
+def _freeze_before_tick(rng: Random, mission: Mission) -> list[str]:
+    """Stopped just before a slot begins, going on late in it or some slots later."""
+    at_s = _slot(rng) * mission.dt_s - rng.choice([0.0005, 0.002, 0.01, 0.05])
+    for_s = rng.choice([0.06, 0.3 * mission.dt_s, 0.36 * mission.dt_s, 0.9 * mission.dt_s, 1.3, 2.6])
+    mid_step = " mid-step" if rng.random() < 0.3 else ""
+    return [f"freeze {_uav(rng, mission)}{mid_step} @{max(at_s, 0.0):.4f}s for {for_s:.3f}s"]
+
+
+def _partition(rng: Random, mission: Mission) -> list[str]:
+    ids = [entry.uav for entry in mission.roster]
+    rng.shuffle(ids)
+    split = rng.randint(1, len(ids) - 1)
+    groups = rng.choice(
+        [
+            "halves",
+            f"{','.join(ids[:split])}|{','.join(ids[split:])}",
+            f"{','.join(ids[:split])}>{','.join(ids[split:])}",
+            "head|rest",
+            "head>rest",
+            "rest>head",
+        ]
+    )
+    return [f"partition {groups} @{_slot(rng) * mission.dt_s + rng.random() * 0.4:.3f}s for {rng.randint(1, 15)}"]
+
+
+def _mute_after_grant(rng: Random, mission: Mission) -> list[str]:
+    """The head dies; while the others grant anew, one of them is not heard for a while."""
+    at_s, uav = _slot(rng) * mission.dt_s + rng.choice([0.0, 0.1, 0.3, 0.4, 0.48]), _id(rng, mission)
+    mute_s = at_s + rng.choice([0.0035, 0.004, 0.0045, 0.2, 0.5])
+    groups = rng.choice([f"{uav}>rest", f"rest>{uav}", f"{uav}|rest"])
+    return [f"kill head @{at_s:.4f}s", f"partition {groups} @{mute_s:.4f}s for {rng.randint(1, 6)}"]
+
+
+def _restart_and_mute(rng: Random, mission: Mission) -> list[str]:
+    """The head comes back at once while one UAV that it has just commanded is not heard."""
+    at_s, uav = _slot(rng) * mission.dt_s + rng.choice([0.002, 0.01, 0.21, 0.4]), _id(rng, mission)
+    mute_s = at_s + rng.choice([0.0, 0.01, 0.2])
+    return [f"restart head @{at_s:.4f}s", f"partition {uav}>rest @{mute_s:.4f}s for {rng.randint(1, 6)}"]
+
+
+def _late_grant(rng: Random, mission: Mission) -> list[str]:
+    """One UAV's messages take most of a slot while the head changes."""
+    at_s, uav = _slot(rng) * mission.dt_s + rng.random() * mission.dt_s, _id(rng, mission)
+    slow = f"link {uav}>* delay {rng.choice([150, 300, 440, 480, 700])} @{max(0.0, at_s - 0.6):.3f}s for 6"
+    return [slow, f"{rng.choice(['kill', 'restart', 'freeze'])} head @{at_s:.3f}s"]
+
+
+def _lossy_while(rng: Random, mission: Mission) -> list[str]:
+    del mission
+    slot = _slot(rng)
+    loss = rng.choice([0.3, 0.6, 0.9])
+    return [f"link *>* loss {loss} duplicate 0.3 reorder 0.3 @{slot} for {rng.randint(1, 10)}"]
+
+
+def _clock(rng: Random, mission: Mission) -> list[str]:
+    """Offsets stay within the guard, as promised to the guarantees."""
+    guard_ms = 1e3 * mission.guard_s
+    if guard_ms == 0:
+        return []
+    offset_ms = round(rng.uniform(-0.95, 0.95) * guard_ms, 3)
+    return [f"clock {_id(rng, mission)} offset {offset_ms} @{rng.choice([0, _slot(rng)])}"]
+
+
+def _slow_solver(rng: Random, mission: Mission) -> list[str]:
+    return [f"slow {_uav(rng, mission)} {rng.choice([50, 290, 450, 600, 1200])} @{_slot(rng)} for {rng.randint(1, 20)}"]
+
+
+def _router(rng: Random, mission: Mission) -> list[str]:
+    del mission
+    return [f"restart router @{_slot(rng)}"]
+
+
+def _gps(rng: Random, mission: Mission) -> list[str]:
+    return [f"gps {_id(rng, mission)} {rng.choice(['bias', 'white', 'gauss-markov'])} @{_slot(rng)}"]
+
+
+_AIMS = (
+    _crash_and_return,
+    _crash_and_return,
+    _death,
+    _freeze_before_tick,
+    _freeze_before_tick,
+    _partition,
+    _partition,
+    _mute_after_grant,
+    _mute_after_grant,
+    _restart_and_mute,
+    _restart_and_mute,
+    _late_grant,
+    _late_grant,
+    _lossy_while,
+    _clock,
+    _slow_solver,
+    _router,
+    _gps,
+)

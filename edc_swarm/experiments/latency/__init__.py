@@ -1,0 +1,4 @@
+"""The latency experiments: the effect of delay, jitter and loss on a centrally planned swarm.
+
+Open `declared` first.
+"""

@@ -1,0 +1,47 @@
+"""The quantities of a latency experiment: what is drawn, and how a run gives it."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+
+from edc_swarm.analysis.latency_sample import Sample
+
+
+@dataclass(frozen=True, slots=True)
+class Quantity:
+    """One of them: its name in tables and files, its label with the unit, and its value in a run.
+
+    `share` says that it is in per cent, `logarithmic` that it spans decades, `signed` that it may be negative.
+    """
+
+    name: str
+    label: str
+    value: Callable[[Sample], float | None]
+    share: bool = False
+    logarithmic: bool = False
+    signed: bool = False
+
+
+def _fix_age_ms(sample: Sample) -> float | None:
+    """Where nobody leads there is no head at which fixes could be of any age."""
+    return sample.fix_age_ms if sample.terms else None
+
+
+def _command_age_ms(sample: Sample) -> float | None:
+    """Where nobody but heads flies, the age is that of the mission, whose length is declared."""
+    return sample.command_age_ms if sample.others_flew else None
+
+
+QUANTITIES = (
+    Quantity("completed_pct", "Missions completed [%]", lambda s: 100.0 * s.completed, share=True),
+    Quantity("fix_to_command_ms", "Fix to command, median [ms]", lambda s: s.fix_to_command_ms),
+    Quantity("fix_age_ms", "Age of fixes at the head [ms]", _fix_age_ms, logarithmic=True),
+    Quantity("command_age_ms", "Age of commands at the UAVs [ms]", _command_age_ms, logarithmic=True),
+    Quantity("held_pct", "UAV-slots held [%]", lambda s: s.held_pct, share=True),
+    Quantity("extra_distance_pct", "Extra distance [%]", lambda s: s.extra_distance_pct),
+    Quantity("makespan_s", "Makespan [s]", lambda s: s.makespan_s),
+    Quantity("energy_kj", "Propulsion energy [kJ]", lambda s: s.energy_kj if s.completed else None),
+    Quantity("min_disc_gap_m", "Least gap of two discs [m]", lambda s: s.min_disc_gap_m, signed=True),
+    Quantity("failover_slots", "Fail-over slots per mission", lambda s: float(s.failover_slots)),
+)

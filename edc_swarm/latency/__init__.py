@@ -1,1 +1,0 @@
-"""Latency experiments: what delay, jitter and loss do to a centrally planned swarm."""

@@ -1,0 +1,222 @@
+"""When progress (G7) can be judged, and of whom it is promised: from the mission and its faults alone.
+
+A mission is *settled* when its last fault is over: from then on nothing changes any more but by the swarm
+itself. G7 promises that `limit_slots` later every living UAV is at its target, if a quorum lives. The
+limit is 20 times the longest straight flight, and 200 slots. A mission lasts that long unless its file
+says otherwise (`max_slots`), so every mission that is not cut short can be judged.
+
+Faults that never end are no reason not to judge. What is promised then:
+
+- *links that lose or delay for good*: the same, if at most half of the messages are lost or late. A UAV
+  flies in a slot if its fix and its command come in time, so the limit is divided by the share of the
+  commands that do (docs/latency.md, slot arithmetic). A fix is late after `tau_s`; a command is late when
+  less than the slot's rest is left, which a slower solver shortens. Of different links the worst counts;
+- *a partition into sides*, between which nothing passes either way: the same to the UAVs of the side that
+  has a quorum. The other UAVs are obstacles that hold, and the promise is the one that is made beside the dead;
+- *clocks* within `guard_s`, *GPS models*, UAVs that are killed or frozen for good: the same;
+- nothing (`Prospect.obstacle` says why) if no side can have a quorum, if a partition is one-way or leaves a UAV
+  with links to two sides, if links are worse than that or have a radio range, if the router is gone for good, if
+  a clock is beyond the guard or drifts.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterable, Iterator, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from edc_swarm.mission.configuration import MOST_SLOTS, ROUTER, Link, Mission, default_tau_s
+from edc_swarm.mission.faults import Fault, parse_faults, resolve
+
+FOR_GOOD_S = 1e9
+"""A link that ends then or later never ends."""
+MOST_LOSS = 0.5
+"""Share of lost or late messages up to which progress is promised."""
+SLACK_SLOTS = 20
+"""A fault may be carried out so much later than planned, and the mission still lasts long enough."""
+END = "end"
+"""Kind of the event by which the operator ends a mission; its detail is one of the following reasons."""
+COMPLETED, GIVEN_UP, NOBODY_LEFT, STALLED = "completed", "max_slots", "nobody-left", "stalled"
+"""All are there; `max_slots` are over; nobody flies any more; nothing can change any more."""
+
+
+@dataclass(frozen=True, slots=True)
+class Prospect:
+    """What G7 promises once a mission is settled.
+
+    Attributes
+    ----------
+    limit_slots
+        Slots after which every living UAV of `side` is at its target.
+    side
+        The UAVs that the promise is about: the whole roster unless a partition lasts.
+    obstacle
+        Why nothing is promised, "" if something is.
+    """
+
+    limit_slots: int
+    side: frozenset[str]
+    obstacle: str
+
+
+def default_max_slots(mission: Mission) -> int:
+    """Slots after which a mission is given up, if its file does not say: late enough for G7 to be judged."""
+    faults = parse_faults(mission)
+    slack = SLACK_SLOTS if faults else 0
+    return min(settled_slot(mission, faults) + prospect_of(mission, faults).limit_slots + slack, MOST_SLOTS)
+
+
+def settled_slot(mission: Mission, faults: Sequence[Fault]) -> int:
+    """First slot in which every fault that ends is over, and every other one has begun."""
+    times_s = [time_s for fault in faults for time_s in (fault.at_s, _end_s(fault, faults))]
+    times_s += [time_s for link in mission.link for time_s in (link.start_s, link.end_s) if time_s < FOR_GOOD_S]
+    return math.ceil(max((time_s for time_s in times_s if math.isfinite(time_s)), default=0.0) / mission.dt_s)
+
+
+def prospect_of(mission: Mission, faults: Sequence[Fault]) -> Prospect:
+    """Return what is promised after `faults`, by time, with ids in place of `head` and `standby` where known."""
+    lasting = [fault for fault in faults if math.isinf(_end_s(fault, faults))]
+    partitions = [fault for fault in lasting if fault.verb == "partition"]
+    side, cut = _quorum_side(mission, partitions) if partitions else (frozenset(e.uav for e in mission.roster), "")
+    missed, link = _missed(mission, [fault for fault in lasting if fault.verb == "link"], _slowest(faults))
+    obstacle = _router_gone(faults) or _clock_wrong(mission, faults) or cut or link
+    longest_m = max((entry.straight_m for entry in mission.roster), default=0.0)
+    step_m = mission.v_max_mps * mission.dt_s
+    if 20 * longest_m >= step_m * (MOST_SLOTS - 200):
+        return Prospect(MOST_SLOTS, side, obstacle)
+    slots = (math.ceil(20 * longest_m / step_m) + 200) / _share_in_time(missed)
+    return Prospect(min(math.ceil(slots), MOST_SLOTS), side, obstacle)
+
+
+def _end_s(fault: Fault, faults: Sequence[Fault]) -> float:
+    """Mission time at which a fault is over; infinite for what lasts for good."""
+    if fault.verb == "partition":
+        heals_s = (other.at_s for other in faults if other.verb == "heal" and other.at_s >= fault.at_s)
+        return min(fault.end_s, *heals_s, math.inf)
+    if fault.verb in {"link", "slow"} or math.isfinite(fault.for_s):
+        return fault.end_s
+    return fault.at_s
+
+
+def _router_gone(faults: Sequence[Fault]) -> str:
+    """Name the fault that takes the router away for good, if there is one."""
+    last = [fault for fault in faults if fault.verb in {"kill", "freeze", "restart", "resume"} and ROUTER in fault.left]
+    if last and last[-1].verb in {"kill", "freeze"} and math.isinf(last[-1].for_s):
+        return f"'{last[-1]}' takes the router away for good"
+    return ""
+
+
+def _clock_wrong(mission: Mission, faults: Sequence[Fault]) -> str:
+    """Name a clock that stays beyond the guard, or drifts, if there is one."""
+    last = {fault.left: fault for fault in faults if fault.verb == "clock"}
+    for fault in last.values():
+        if fault.number("drift_ppm") or abs(fault.number("offset_ms")) > 1e3 * mission.guard_s:
+            return f"'{fault}' leaves a clock beyond guard_s for good"
+    return ""
+
+
+def _quorum_side(mission: Mission, partitions: Sequence[Fault]) -> tuple[frozenset[str], str]:
+    """Return the largest group that lasting partitions leave together, and what forbids a promise to it."""
+    roster = [entry.uav for entry in mission.roster]
+    whole = frozenset(roster)
+    heard = np.ones((len(roster), len(roster)), bool)
+    for fault in partitions:
+        cut = resolve(fault, "", [], roster)
+        if cut is None:
+            return whole, f"'{fault}' never heals, and whom it cuts off is not known"
+        left, right = np.isin(roster, cut.left), np.isin(roster, cut.right)
+        heard[np.ix_(left, right)] = False
+        if "one-way" not in cut.flags:
+            heard[np.ix_(right, left)] = False
+    group = max(_groups(heard | heard.T), key=lambda members: int(members.sum()), default=np.ones(len(roster), bool))
+    side = frozenset(uav for uav, inside in zip(roster, group, strict=True) if inside)
+    if len(side) < mission.quorum:
+        return side, "a partition never heals, and none of its sides can have a quorum"
+    if not heard[np.ix_(group, group)].all():
+        return side, f"'{partitions[-1]}' never heals, and cuts off some links of a side but not all"
+    return side, ""
+
+
+def _groups(linked: NDArray[np.bool_]) -> Iterator[NDArray[np.bool_]]:
+    """Members of every connected group of a symmetric relation."""
+    left = np.ones(len(linked), bool)
+    while left.any():
+        group = np.zeros(len(linked), bool)
+        wider = np.arange(len(linked)) == np.argmax(left)
+        while (wider != group).any():
+            group, wider = wider, linked[wider].any(axis=0)
+        yield group
+        left &= ~group
+
+
+def _slowest(faults: Sequence[Fault]) -> Fault | None:
+    """Return the fault that slows a solver most, of those that last and that no later one replaces."""
+    last = {fault.left: fault for fault in faults if fault.verb == "slow"}
+    lasting = [fault for fault in last.values() if math.isinf(fault.for_s)]
+    return max(lasting, key=lambda fault: fault.number("by_ms"), default=None)
+
+
+def _missed(mission: Mission, links: Sequence[Fault], slow: Fault | None) -> tuple[float, str]:
+    """Return the share of messages lost or late on the worst link that lasts; or 0 and what forbids a promise."""
+    slow_ms = slow.number("by_ms") if slow is not None else 0.0
+    slot_ms, tau_ms = mission.slot_ns / 1e6, 1e3 * default_tau_s(mission) / mission.time_scale
+    spare_ms = min(tau_ms, slot_ms - tau_ms - slow_ms)
+    if spare_ms <= 0:
+        return 0.0, f"'{slow}' leaves no time for a plan, for good"
+    worst = 0.0
+    for rule in _in_force([*mission.link, *(fault.link() for fault in links)]):
+        missed = 1 - (1 - _loss(rule)) * (1 - _late(rule, spare_ms)) * (1 - rule.reorder)
+        name = f"the link {rule.sender}>{rule.receiver}"
+        if rule.range_m > 0:
+            return 0.0, f"{name} has a radio range for good"
+        if missed > MOST_LOSS:
+            return 0.0, f"{name} loses or delays {100 * missed:.0f} % of its messages for good"
+        worst = max(worst, missed)
+    return worst, ""
+
+
+def _in_force(rules: Iterable[Link]) -> list[Link]:
+    """Return the rules that last, without those that a later one replaces."""
+    last: dict[tuple[str, str], Link] = {}
+    for rule in rules:
+        if rule.end_s < FOR_GOOD_S:
+            continue
+        if rule.sender == rule.receiver == "*":
+            last.clear()
+        last[rule.sender, rule.receiver] = rule
+    return list(last.values())
+
+
+def _loss(rule: Link) -> float:
+    """Mean loss of a link, its bursts included."""
+    if not rule.burst_enter:
+        return rule.loss
+    bad = rule.burst_enter / (rule.burst_enter + rule.burst_leave)
+    return bad * rule.burst_loss + (1 - bad) * rule.loss
+
+
+def _late(rule: Link, spare_ms: float) -> float:
+    """Probability that a message takes longer than `spare_ms`."""
+    left_ms, jitter_ms = spare_ms - rule.delay_ms, rule.jitter_ms
+    if left_ms <= 0:
+        return 1.0
+    if not jitter_ms:
+        return 0.0
+    match rule.distribution:
+        case "constant":
+            return 0.0
+        case "uniform":
+            return max(0.0, 1 - left_ms / jitter_ms)
+        case "normal":
+            return math.erfc(left_ms / jitter_ms / math.sqrt(2))
+        case "lognormal":
+            return 0.5 * math.erfc(math.log(2 * left_ms / jitter_ms) / math.sqrt(2))
+
+
+def _share_in_time(missed: float) -> float:
+    """Share of the UAV-slots that have a command in time, if fixes are said again (docs/latency.md)."""
+    kept = 1 - missed
+    return kept**2 * (1 + missed) / (1 + missed * kept**2)

@@ -1,0 +1,100 @@
+"""Who flies: random missions, and a mission completed with all that its file may leave out."""
+
+from __future__ import annotations
+
+import math
+
+import msgspec
+import numpy as np
+from numpy.typing import NDArray
+
+from edc_swarm.errors import PlacementError
+from edc_swarm.mission.configuration import Mission, RosterEntry, check_links, default_tau_s
+from edc_swarm.mission.prospect import default_max_slots
+
+TRIES = 10_000
+"""Draws after which a UAV is said not to fit."""
+SPACING = 1.05
+"""Least distance of random starts, and of random targets, in units of R = 2 r."""
+_ENERGY_STREAM = 1
+
+
+def complete_mission(mission: Mission) -> Mission:
+    """`mission` with its roster drawn if it has none, and `tau_s` and `max_slots` resolved.
+
+    Raises
+    ------
+    PlacementError
+        The UAVs of a random mission do not fit into its area.
+    MissionError
+        A link or a fault names a UAV that is not in the roster, or a fault cannot be read.
+    """
+    roster = mission.roster or random_roster(mission)
+    whole = msgspec.structs.replace(mission, roster=roster, uavs=len(roster))
+    check_links(whole)
+    max_slots = whole.max_slots or default_max_slots(whole)
+    return msgspec.structs.replace(whole, tau_s=default_tau_s(whole), max_slots=max_slots)
+
+
+def random_roster(mission: Mission) -> list[RosterEntry]:
+    """UAVs u001, u002, ... with starts and targets uniform in the square, from `seed` alone.
+
+    Starts are drawn first, then targets from the same generator; batteries come from a generator
+    of their own, so that positions depend on nothing else.
+
+    Raises
+    ------
+    PlacementError
+    """
+    rng = np.random.default_rng(mission.seed)
+    starts_m = _placed(rng, mission, "starts")
+    targets_m = _placed(rng, mission, "targets")
+    model = mission.energy
+    charge = np.random.default_rng([mission.seed, _ENERGY_STREAM])
+    energies_j = charge.uniform(model.initial_min_j, model.initial_max_j, mission.uavs)
+    return [
+        RosterEntry(
+            uav=uav,
+            start_x_m=float(starts_m[index, 0]),
+            start_y_m=float(starts_m[index, 1]),
+            target_x_m=float(targets_m[index, 0]),
+            target_y_m=float(targets_m[index, 1]),
+            r_m=mission.r_m,
+            body_m=mission.body_m,
+            energy_j=float(energies_j[index]),
+        )
+        for index, uav in enumerate(uav_ids(mission.uavs))
+    ]
+
+
+def uav_ids(count: int) -> list[str]:
+    """Ids of a random mission: u001, u002, ..."""
+    return [f"u{number:03d}" for number in range(1, count + 1)]
+
+
+def _placed(rng: np.random.Generator, mission: Mission, what: str) -> NDArray[np.float64]:
+    """(K, 2) points in metres, no two closer than `SPACING` R, by rejection."""
+    side_m = math.sqrt(mission.area_m2)
+    least_m = SPACING * 2 * mission.r_m
+    points_m = np.empty((mission.uavs, 2))
+    for index in range(mission.uavs):
+        point_m = _free_point(rng, side_m, least_m, points_m[:index])
+        if point_m is None:
+            raise PlacementError(
+                "uavs",
+                mission.uavs,
+                f"few enough for area_m2 = {mission.area_m2:g} and r_m = {mission.r_m:g}"
+                f" (placed {index} {what}, then {TRIES} tries failed)",
+            )
+        points_m[index] = point_m
+    return points_m
+
+
+def _free_point(
+    rng: np.random.Generator, side_m: float, least_m: float, taken_m: NDArray[np.float64]
+) -> NDArray[np.float64] | None:
+    for _ in range(TRIES):
+        point_m = rng.uniform(0, side_m, 2)
+        if not len(taken_m) or ((taken_m - point_m) ** 2).sum(axis=1).min() >= least_m**2:
+            return point_m
+    return None

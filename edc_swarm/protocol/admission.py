@@ -1,0 +1,112 @@
+"""Which messages of a mission can be true: the rest is refused before anybody believes it.
+
+A message that decodes may still be nonsense: from nobody, about nobody, older than its slot, of a
+place that no UAV can have reached, a plan without a quorum. What is refused here is malformed, like
+bytes that do not decode. A certified UAV that tells a plausible lie about itself is outside the
+fault model.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Collection, Iterator
+
+import msgspec
+
+from edc_swarm.errors import MessageError, MissionError
+from edc_swarm.mission.configuration import ROLES
+from edc_swarm.mission.faults import parse_faults
+from edc_swarm.protocol.messages import NO_ONE, Command, Event, Fix, Message, MissionMessage, Report, Truth
+
+SLACK_SLOTS = 1000
+"""A clock may be so many slots ahead of the mission's last slot."""
+TERMS_PER_SLOT = 2000
+"""More terms than this do not pass in a slot: whoever claims one is not believed, so terms cannot run out."""
+REACH_TOLERANCE = 1e-6
+
+
+class Admission:
+    """The judge of one mission."""
+
+    def __init__(self, mission: MissionMessage) -> None:
+        self._mission = mission
+        self._roster = {entry.uav: entry for entry in mission.roster}
+        self._last_slot = mission.max_slots + SLACK_SLOTS
+        self._last_term = TERMS_PER_SLOT * (mission.max_slots + SLACK_SLOTS)
+
+    def refusal(self, message: Message) -> str | None:
+        """Why `message` cannot be true, or None."""
+        return next(self._reasons(message), None)
+
+    def check(self, key: str, message: Message) -> None:
+        """Raise `MessageError` where `refusal` has a reason."""
+        reason = self.refusal(message)
+        if reason is not None:
+            raise MessageError(key, reason)
+
+    def _reasons(self, message: Message) -> Iterator[str]:
+        match message:
+            case Fix():
+                yield from self._of_fix(message)
+            case Truth():
+                yield from self._of_sender(message.uav, message.slot, message.sent_ns)
+            case Command():
+                yield from self._unknown([message.uav])
+                yield from self._of_sender(message.head, message.slot - 1, message.sent_ns)
+                yield from self._of_terms(message.term)
+            case Report():
+                yield from self._of_report(message)
+            case Event():
+                yield from self._unknown({message.source} - ROLES)
+                if message.sent_ns < self._mission.sent_ns:
+                    yield "sent before the mission"
+                if message.kind == "fault":
+                    yield from self._of_fault(message.detail)
+            case MissionMessage():
+                return
+
+    def _of_sender(self, uav: str, slot: int, sent_ns: int) -> Iterator[str]:
+        """Whoever says something of a slot is in the roster, and that slot has begun by its clock."""
+        yield from self._unknown([uav])
+        if slot > self._last_slot:
+            yield f"slot {slot} is after the end of the mission"
+        if sent_ns < self._mission.epoch_ns + slot * self._mission.slot_ns:
+            yield f"sent before slot {slot} began"
+
+    def _of_terms(self, *terms: int) -> Iterator[str]:
+        for term in terms:
+            if term > self._last_term:
+                yield f"there is no term {term} in a mission of {self._mission.max_slots} slots"
+
+    def _of_fix(self, fix: Fix) -> Iterator[str]:
+        yield from self._unknown({fix.uav, fix.head} - {NO_ONE})
+        yield from self._of_sender(fix.uav, fix.slot, fix.sent_ns)
+        yield from self._of_terms(fix.term)
+        entry = self._roster[fix.uav]
+        flown_m = math.hypot(fix.waypoint_x_m - entry.start_x_m, fix.waypoint_y_m - entry.start_y_m)
+        if flown_m > self._mission.u_max_m * (fix.slot + 1) * (1 + REACH_TOLERANCE) + REACH_TOLERANCE:
+            yield f"{flown_m:.6g} m from the start in slot {fix.slot}"
+
+    def _of_report(self, report: Report) -> Iterator[str]:
+        yield from self._of_sender(report.head, report.slot, report.sent_ns)
+        yield from self._of_terms(report.term, report.next_term)
+        for uavs in (report.heard, report.unheard, report.grants, report.standby, report.hull_uav):
+            yield from self._unknown(uavs)
+            if len(set(uavs)) < len(uavs):
+                yield "a UAV is named twice"
+        yield from self._unknown({report.successor} - {NO_ONE})
+        if report.status != "no-quorum" and not report.is_backed(self._roster.keys(), self._mission.quorum):
+            yield "a plan or claim without a quorum"
+        if len({len(report.hull_uav), *map(len, report.hull_columns)}) > 1:
+            yield "its lists of hulls differ in length"
+
+    def _of_fault(self, text: str) -> Iterator[str]:
+        try:
+            parse_faults(msgspec.structs.replace(self._mission, fault=[text]))
+        except MissionError as error:
+            yield str(error)
+
+    def _unknown(self, uavs: Collection[str]) -> Iterator[str]:
+        for uav in uavs:
+            if uav not in self._roster:
+                yield f"no UAV {uav} in the roster"

@@ -1,0 +1,73 @@
+"""Messages to bytes and back: JSON, with a door that no malformed message passes."""
+
+from __future__ import annotations
+
+from typing import Any, get_args
+
+import msgspec
+from msgspec import Struct
+
+from edc_swarm.errors import MessageError, MissionError
+from edc_swarm.mission.configuration import check_links, validate_mission
+from edc_swarm.mission.faults import parse_faults
+from edc_swarm.protocol.keys import PREFIX, Keys, kind_of
+from edc_swarm.protocol.messages import Message, MissionMessage
+
+MAX_MESSAGE_BYTES = 1 << 20
+_DECODERS: dict[type[Struct], msgspec.json.Decoder[Any]] = {
+    kind: msgspec.json.Decoder(kind) for kind in get_args(Message)
+}
+_ENCODER = msgspec.json.Encoder()
+
+
+def encode(message: Message) -> bytes:
+    """The bytes of a message (JSON, shortest round-trip floats)."""
+    return _ENCODER.encode(message)
+
+
+def decode(key: str, payload: bytes) -> Message:
+    """The message in `payload`, checked against the type, the limits and the sender in its key.
+
+    Raises
+    ------
+    MessageError
+        Unknown key, too large, malformed, a number beyond its limits (which no infinity is within), a
+        sender or receiver that is not the one in the key, or a mission that no file could describe.
+    """
+    kind = kind_of(key)
+    if kind is None:
+        raise MessageError(key, "no message is defined for this key")
+    if len(payload) > MAX_MESSAGE_BYTES:
+        raise MessageError(key, f"{len(payload)} bytes, more than {MAX_MESSAGE_BYTES}")
+    try:
+        message: Message = _DECODERS[kind].decode(payload)
+    except (msgspec.DecodeError, UnicodeDecodeError, RecursionError) as error:
+        raise MessageError(key, str(error)) from None
+    _check_key(key, message)
+    if isinstance(message, MissionMessage):
+        _check_mission(key, message)
+    return message
+
+
+def _check_key(key: str, message: Message) -> None:
+    parts = key.split("/")
+    if parts[0] != PREFIX:
+        return
+    if Keys(parts[1]).of(message) != key:
+        raise MessageError(key, "sender or receiver is not the one in the key")
+    if isinstance(message, MissionMessage) and message.name != parts[1]:
+        raise MessageError(key, "another mission's")
+
+
+def _check_mission(key: str, mission: MissionMessage) -> None:
+    """What is refused as a file is refused from the bus."""
+    try:
+        validate_mission(mission)
+        check_links(mission)
+        parse_faults(mission)
+    except MissionError as error:
+        raise MessageError(key, str(error)) from None
+    if not (mission.roster and mission.max_slots and mission.tau_s):
+        raise MessageError(key, "a mission without roster, max_slots or tau_s")
+    if len(mission.claimants) not in {0, len(mission.roster)}:
+        raise MessageError(key, "claimants must be none, or one for every UAV of the roster")

@@ -1,0 +1,150 @@
+"""When a mission is over: the same judge for real and simulated missions."""
+
+from __future__ import annotations
+
+import math
+
+from edc_swarm.geometry import capsule_distance_m
+from edc_swarm.mission.configuration import Mission, RosterEntry
+from edc_swarm.mission.faults import parse_faults
+from edc_swarm.mission.prospect import prospect_of, settled_slot
+from edc_swarm.protocol.messages import Command, Fix, Report
+
+STALL_SLOTS = 100
+"""Plans in which nobody is to move, one after the other, after which nobody ever will.
+
+Guidance has rules of its own for UAVs that stand still, the longest of 32 slots.
+"""
+STILL_SHARE = 1e-4
+"""A step shorter than this share of the longest one is none: a jam may hand out ever shorter steps."""
+
+
+class MissionMonitor:
+    """Follows fixes, commands and reports, and says when a mission is over.
+
+    It is over when every UAV that still flies is at its target (`complete`; a target that lies under a UAV which
+    moves no more is not waited for), or when nothing can change any more (`stalled`).
+    """
+
+    def __init__(self, mission: Mission) -> None:
+        self._mission = mission
+        self._roster = frozenset(entry.uav for entry in mission.roster)
+        self._newest: dict[str, Fix] = {}
+        self._ended: set[str] = set()
+        faults = parse_faults(mission)
+        self._settled_slot, self._side = settled_slot(mission, faults), prospect_of(mission, faults).side
+        self._still_m = STILL_SHARE * mission.u_max_m
+        self._still_plans = 0
+        self._planned = (-1, -1)
+        self._changed_slot = 0
+        self.report: Report | None = None
+
+    def hear_fix(self, fix: Fix) -> None:
+        """Take in a fix."""
+        known = self._newest.get(fix.uav)
+        if known is None or fix.slot >= known.slot:
+            self._newest[fix.uav] = fix
+        if self._is_step((fix.from_x_m, fix.from_y_m), (fix.waypoint_x_m, fix.waypoint_y_m)) and fix.executing:
+            self._change()
+
+    def hear_command(self, command: Command) -> None:
+        """Take in a command."""
+        if self._is_step((command.start_x_m, command.start_y_m), (command.target_x_m, command.target_y_m)):
+            self._change()
+
+    def hear_report(self, report: Report) -> None:
+        """Take in a report; the newest of the highest term tells who leads."""
+        known = self.report
+        if not report.is_backed(self._roster, self._mission.quorum):
+            return
+        if report.has_quorum and (known is None or (report.term, report.slot) >= (known.term, known.slot)):
+            self.report = report
+        if report.has_quorum and report.slot >= self._settled_slot and (report.term, report.slot) > self._planned:
+            self._still_plans = self._still_plans + 1 if report.term == self._planned[0] else 1
+            self._planned = (report.term, report.slot)
+
+    def end(self, uav: str) -> None:
+        """Stop waiting for a UAV that is gone for good."""
+        if uav not in self._ended:
+            self._ended.add(uav)
+            self._change()
+
+    def revive(self, uav: str) -> None:
+        """Wait for a UAV again that was started anew."""
+        if uav in self._ended:
+            self._ended.discard(uav)
+            self._change()
+
+    @property
+    def head(self) -> str:
+        """Id of the head, "" while there is none."""
+        return self.report.head if self.report is not None else ""
+
+    @property
+    def standbys(self) -> list[str]:
+        """Ids of the head's standbys, best first."""
+        return self.report.standby if self.report is not None else []
+
+    @property
+    def slot(self) -> int:
+        """Newest slot of which a fix was heard."""
+        return max((fix.slot for fix in self._newest.values()), default=-1)
+
+    @property
+    def arrived(self) -> int:
+        """Number of UAVs at their targets."""
+        return sum(fix.arrived for fix in self._newest.values())
+
+    def complete(self, slot: int) -> bool:
+        """Whether the fixes of `slot` show every UAV that still flies where it can get."""
+        flying = [entry for entry in self._mission.roster if not self._grounded(entry.uav)]
+        return bool(flying) and all(self._there(entry, slot) for entry in flying)
+
+    def stalled(self, slot: int) -> bool:
+        """Return whether nothing can change any more, as the fixes, commands and reports until `slot` show.
+
+        Every fault that ends is over, every restart done, and then either a head has made `STALL_SLOTS` plans in
+        one term in which nobody is to move, while nobody moved; or for as many slots there are too few UAVs left for
+        a quorum, or on every side of a partition. Slots without a plan prove nothing: a planner may be slow, a
+        network may have no head for long. A plan that moves somebody is no standstill, whether or not its commands
+        come in time.
+        """
+        if sum(not self._grounded(uav) for uav in self._side) < self._mission.quorum:
+            return slot - max(self._changed_slot, self._settled_slot) >= STALL_SLOTS
+        return self._still_plans >= STALL_SLOTS
+
+    def _is_step(self, from_m: tuple[float, float], to_m: tuple[float, float]) -> bool:
+        return math.dist(from_m, to_m) > self._still_m
+
+    def _change(self) -> None:
+        """Start to count anew: something has happened."""
+        self._still_plans = 0
+        self._changed_slot = max(self.slot, 0)
+
+    def _grounded(self, uav: str) -> bool:
+        """Whether a UAV moves no more: it is gone, or lost its memory and grants nobody."""
+        fix = self._newest.get(uav)
+        return uav in self._ended or (fix is not None and not fix.voter)
+
+    def _there(self, entry: RosterEntry, slot: int) -> bool:
+        fix = self._newest.get(entry.uav)
+        return fix is not None and fix.slot >= slot and (fix.arrived or self._covered(entry))
+
+    def _covered(self, entry: RosterEntry) -> bool:
+        """Whether a UAV that moves no more covers this one's target, or may: it is kept clear of."""
+        target_m = (entry.target_x_m, entry.target_y_m)
+        return any(
+            self._distance_m(target_m, other) < entry.r_m + other.r_m
+            for other in self._mission.roster
+            if other is not entry and self._grounded(other.uav)
+        )
+
+    def _distance_m(self, point_m: tuple[float, float], other: RosterEntry) -> float:
+        """From a point to where a grounded UAV can be: its hull in the newest report, else its waypoint."""
+        report, fix = self.report, self._newest.get(other.uav)
+        if report is not None and other.uav in report.hull_uav:
+            k = report.hull_uav.index(other.uav)
+            a_m, b_m = (report.hull_ax_m[k], report.hull_ay_m[k]), (report.hull_bx_m[k], report.hull_by_m[k])
+            return float(capsule_distance_m(point_m, a_m, b_m, report.hull_r_m[k]))
+        centre_m = (other.start_x_m, other.start_y_m) if fix is None else (fix.waypoint_x_m, fix.waypoint_y_m)
+        return math.dist(point_m, centre_m)

@@ -1,0 +1,200 @@
+"""Holes in what the recorder has heard, and what to ask whom for: a state machine that reads no clock.
+
+A hole is seen when the next message on its key comes, or when the event `closed` tells of a tail. Its
+publisher is asked once the other holes of the same moment are known too; each answer leads to the next
+ask, silence to fewer and fewer. After `MAX_TRIES` in vain the publisher is left alone until it shows
+another hole, and what is missing stays missing: a gap. Nothing here is trusted: a stranger who makes up
+numbers makes bounded holes, and what nobody asked for is not taken.
+"""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Container, Mapping
+from dataclasses import dataclass, field
+from itertools import islice
+
+from edc_swarm.mission.configuration import OPERATOR, RECORDER, VISUALISER
+from edc_swarm.protocol.keys import PREFIX
+from edc_swarm.protocol.retransmission import Answer, Ask, Kept, Span
+
+GATHER_S = 0.05
+"""From the first hole of a publisher to the ask: what was lost at once is asked for at once."""
+WAITS_S = (0.25, 0.5, 1.0, 2.0, 2.0, 2.0, 2.0, 2.0)
+"""How long each ask is waited for before the next."""
+MAX_TRIES = len(WAITS_S)
+MAX_AT_ONCE = 32
+"""Publishers that are asked at the same time."""
+MAX_SPANS = 100
+"""Spans in one ask."""
+MAX_HOLE = 20_000
+"""Of a longer hole only the end is asked for: no publisher keeps more."""
+MAX_HOLES = 50_000
+"""Holes that are open at the same time; what more are made stay gaps."""
+MAX_STREAMS = 200_000
+
+Publisher = tuple[str, str]
+"""Who it is, and the instance of its process."""
+_is_instance = re.compile(r"[A-Za-z0-9_-]{1,64}").fullmatch
+
+
+@dataclass(slots=True)
+class _Stream:
+    """What has come of one instance on one key."""
+
+    publisher: _Asked
+    expected: int = 0
+    holes: list[tuple[int, int]] = field(default_factory=list)
+    fetched: dict[int, int] = field(default_factory=dict)
+
+    def fill(self, seq: int) -> bool:
+        """Take `seq` out of the holes; whether it was in one."""
+        for i, (first, last) in enumerate(self.holes):
+            if first <= seq <= last:
+                self.holes[i : i + 1] = [s for s in ((first, seq - 1), (seq + 1, last)) if s[0] <= s[1]]
+                return True
+        return False
+
+
+@dataclass(slots=True)
+class _Asked:
+    """A publisher, and how the asking goes."""
+
+    name: Publisher
+    streams: dict[str, _Stream] = field(default_factory=dict)
+    tries: int = 0
+    due_s: float = 0.0
+    closed: bool = False
+
+    def spans(self) -> list[Span]:
+        """The first holes."""
+        holes = (Span(key, *hole) for key, stream in self.streams.items() for hole in stream.holes)
+        return list(islice(holes, MAX_SPANS))
+
+
+class Holes:
+    """Follows the streams of one mission. Times are seconds of one clock; only who is `known` is asked."""
+
+    def __init__(self, mission: str, known: Container[str]) -> None:
+        self._root = f"{PREFIX}/{mission}/"
+        self._known = known
+        self._streams: dict[tuple[str, str], _Stream] = {}
+        self._publishers: dict[Publisher, _Asked] = {}
+        self._wanting: dict[Publisher, _Asked] = {}
+        self._count = 0
+
+    def heard(self, key: str, instance: str, seq: int, payload: bytes, now_s: float) -> bool:
+        """Take in a message that has come by itself; False when this very message was fetched before."""
+        stream = self._stream(key, instance)
+        if stream is None:
+            return True
+        if seq == stream.expected:
+            stream.expected = seq + 1
+        elif seq > stream.expected:
+            self._open(stream, seq - 1, now_s)
+            stream.expected = seq + 1
+        elif not self._fill(stream, seq):
+            return stream.fetched.get(seq) != hash(payload)
+        return True
+
+    def closed(self, source: str, instance: str, tails: Mapping[str, int], now_s: float) -> None:
+        """Take in the last word of a publisher: the last number of each of its keys."""
+        for tail, last in tails.items():
+            key = tail if tail.startswith(self._root) else self._root + tail
+            stream = self._stream(key, instance) if source_of(key) == source else None
+            if stream is not None and last >= stream.expected:
+                self._open(stream, last, now_s)
+                stream.expected = last + 1
+        publisher = self._publishers.get((source, instance))
+        if publisher is not None:
+            publisher.closed = True
+            self._want(publisher, now_s)
+
+    def due(self, now_s: float) -> list[tuple[Publisher, Ask]]:
+        """Who is to be asked now, and for what; a publisher that has closed and lacks nothing is told so."""
+        asks = []
+        waited_for = sum(each.tries > 0 and each.due_s > now_s for each in self._wanting.values())
+        for publisher in [each for each in self._wanting.values() if each.due_s <= now_s]:
+            spans = publisher.spans()
+            if not spans or publisher.tries == MAX_TRIES:
+                del self._wanting[publisher.name]
+                if spans or not publisher.closed:
+                    continue
+            elif publisher.name[0] not in self._known:
+                continue
+            elif waited_for >= MAX_AT_ONCE:
+                publisher.due_s = now_s + GATHER_S
+                continue
+            else:
+                publisher.due_s = now_s + WAITS_S[publisher.tries]
+                publisher.tries += 1
+                waited_for += 1
+            asks.append((publisher.name, Ask(spans)))
+        return asks
+
+    def answered(self, name: Publisher, answer: Answer, now_s: float) -> list[Kept]:
+        """Take in an answer; what of it was missing, and is to be recorded now."""
+        publisher = self._publishers.get(name)
+        if publisher is None:
+            return []
+        streams = publisher.streams
+        taken = [kept for kept in answer.found if kept.key in streams and self._fill(streams[kept.key], kept.seq)]
+        for kept in taken:
+            streams[kept.key].fetched[kept.seq] = hash(kept.payload)
+        given_up = [seq for key, seq in answer.gone if key in streams and self._fill(streams[key], seq)]
+        if taken or given_up:
+            publisher.tries, publisher.due_s = 0, now_s
+        return taken
+
+    @property
+    def next_s(self) -> float | None:
+        """When the next ask is due."""
+        return min((each.due_s for each in self._wanting.values() if each.name[0] in self._known), default=None)
+
+    @property
+    def outstanding(self) -> bool:
+        """Whether anything is still hoped for."""
+        return any(each.name[0] in self._known and each.spans() for each in self._wanting.values())
+
+    def _fill(self, stream: _Stream, seq: int) -> bool:
+        before = len(stream.holes)
+        was_missing = stream.fill(seq)
+        self._count += len(stream.holes) - before
+        return was_missing
+
+    def _open(self, stream: _Stream, last: int, now_s: float) -> None:
+        """Note that stream.expected..last have not come."""
+        if self._count < MAX_HOLES:
+            self._count += 1
+            stream.holes.append((max(stream.expected, last - MAX_HOLE + 1), last))
+            self._want(stream.publisher, now_s)
+
+    def _want(self, publisher: _Asked, now_s: float) -> None:
+        """Have the publisher asked anew; an ask under way is waited for, and one for nothing cannot wait."""
+        waiting = publisher.name in self._wanting and publisher.due_s > now_s
+        publisher.tries = min(publisher.tries, 1) if waiting else 0
+        if not waiting or not publisher.spans():
+            publisher.due_s = now_s + (GATHER_S if publisher.spans() else 0.0)
+        self._wanting[publisher.name] = publisher
+
+    def _stream(self, key: str, instance: str) -> _Stream | None:
+        """The stream, None for what no publisher of a mission counts."""
+        stream = self._streams.get((key, instance))
+        if stream is None and len(self._streams) < MAX_STREAMS and _is_instance(instance):
+            source = source_of(key)
+            if source not in {"", RECORDER}:
+                publisher = self._publishers.setdefault((source, instance), _Asked((source, instance)))
+                stream = publisher.streams[key] = self._streams[key, instance] = _Stream(publisher)
+        return stream
+
+
+def source_of(key: str) -> str:
+    """Who publishes on a key of the bus, "" when it is nobody's."""
+    match key.split("/")[2:]:
+        case ["uav" | "head" | "event", source, *_]:
+            return source
+        case ["mission"]:
+            return OPERATOR
+        case ["viz", _, *_]:
+            return VISUALISER
+    return ""

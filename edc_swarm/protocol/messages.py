@@ -1,0 +1,240 @@
+"""The messages of the bus, as structs; `keys` has their keys, `codec` their bytes.
+
+Messages are JSON. Field names are fixed, since recordings outlive code; new fields get defaults,
+unknown fields are ignored. `seq` counts from 0 without holes per publisher `instance` and key;
+`sent_ns` is wall time in nanoseconds since 1970 (beyond 2^53: readers in JavaScript round it).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Set
+from typing import Annotated, Literal
+
+from msgspec import Meta, Struct
+
+from edc_swarm.mission.configuration import (
+    MAX_UAVS,
+    MOST,
+    NS_PER_S,
+    Metres,
+    Mission,
+    NonNegative,
+    Positive,
+    RosterEntry,
+    UavId,
+)
+
+NO_ONE = ""
+EPOCH_NS = 1_700_000_000 * NS_PER_S
+"""Virtual missions begin at this wall time, whatever the day."""
+
+Instance = Annotated[str, Meta(max_length=64)]
+Seq = Annotated[int, Meta(ge=0, lt=1 << 53)]
+Slot = Annotated[int, Meta(ge=-1, lt=1 << 40)]
+Term = Annotated[int, Meta(ge=0, lt=1 << 40)]
+Ns = Annotated[int, Meta(ge=0, le=(1 << 63) - 1)]
+HeadId = Annotated[str, Meta(pattern=r"^[A-Za-z0-9_-]{0,32}$(?!\n)")]
+Latitude = Annotated[float, Meta(ge=-90, le=90)]
+Longitude = Annotated[float, Meta(ge=-180, le=180)]
+UavIds = Annotated[list[UavId], Meta(max_length=MAX_UAVS)]
+Claimants = Annotated[tuple[Annotated[str, Meta(pattern=r"^([0-9a-f]{16})?$(?!\n)")], ...], Meta(max_length=MAX_UAVS)]
+Coordinates = Annotated[list[Metres], Meta(max_length=MAX_UAVS)]
+Radii = Annotated[list[NonNegative], Meta(max_length=MAX_UAVS)]
+Quantity = Annotated[float, Meta(ge=-MOST, le=MOST)]
+"""A number of any sign; like all others it is finite, which is what its limits are for."""
+Count = Annotated[int, Meta(ge=0, lt=1 << 53)]
+CountOrNone = Annotated[int, Meta(ge=-1, lt=1 << 53)]
+Status = Literal["planned", "no-qp-needed", "failed", "no-quorum", "claim"]
+
+
+class Fix(Struct, frozen=True, kw_only=True, gc=False):
+    """A UAV's report for one slot: GPS position, heartbeat and grant at once.
+
+    `x_m y_m` is the noisy position as the slot begins, `waypoint_*` the centre of the tracked disc once
+    the current command is done, `from_*` that centre before it. `term, head` is the grant; `suspects` says
+    that the head is no longer heard; `voter` is false when the promise on disk was lost.
+    """
+
+    uav: UavId
+    instance: Instance = ""
+    seq: Seq = 0
+    sent_ns: Ns = 0
+    slot: Slot
+    x_m: Metres
+    y_m: Metres
+    lat_deg: Latitude = 0.0
+    lon_deg: Longitude = 0.0
+    r_m: Positive
+    waypoint_x_m: Metres
+    waypoint_y_m: Metres
+    executing: bool = False
+    command_term: CountOrNone = -1
+    command_seq: CountOrNone = -1
+    arrived: bool = False
+    term: Term = 0
+    head: HeadId = NO_ONE
+    suspects: bool = False
+    voter: bool = True
+    from_x_m: Metres = 0.0
+    from_y_m: Metres = 0.0
+    energy_j: NonNegative = 0.0
+    response_ms: NonNegative = 0.0
+    held_slots: Count = 0
+    late_ticks: Count = 0
+    cpu_s: NonNegative = 0.0
+
+
+class Truth(Struct, frozen=True, kw_only=True, gc=False):
+    """The emulator's ground truth of a slot: the true motion, equal points when held."""
+
+    uav: UavId
+    instance: Instance = ""
+    seq: Seq = 0
+    sent_ns: Ns = 0
+    slot: Slot
+    from_x_m: Metres
+    from_y_m: Metres
+    to_x_m: Metres
+    to_y_m: Metres
+
+
+class Command(Struct, frozen=True, kw_only=True, gc=False):
+    """One UAV's step for one slot, with the paper's action (eq. 10, 11).
+
+    `speed_mps` is V_k, `heading_rad` theta_k (direction of the velocity), `deviation_rad` alpha_k,
+    its deviation from the bearing to the target. `fix_seq` is the number of the UAV's fix of the slot before
+    that the head planned with, -1 where it is not told (older recordings).
+    """
+
+    head: UavId
+    uav: UavId
+    instance: Instance = ""
+    seq: Seq = 0
+    sent_ns: Ns = 0
+    slot: Slot
+    term: Term
+    start_x_m: Metres
+    start_y_m: Metres
+    target_x_m: Metres
+    target_y_m: Metres
+    vx_mps: Quantity = 0.0
+    vy_mps: Quantity = 0.0
+    speed_mps: NonNegative = 0.0
+    heading_rad: Quantity = 0.0
+    deviation_rad: Quantity = 0.0
+    fix_seq: CountOrNone = -1
+
+
+class Report(Struct, frozen=True, kw_only=True, gc=False):
+    """The head's account of slot `slot` (its commands carry slot + 1).
+
+    `hull_*` are parallel lists over the unheard UAVs and, last, the head itself: the segment a-b and the
+    radius about it that contain the UAV through slot + 1. `min_gap_m` is the least planned centre
+    distance minus R. `status` "claim" is a standby's claim of a new term, `grants` then listing the UAVs
+    that suspect the old head.
+    """
+
+    head: UavId
+    instance: Instance = ""
+    seq: Seq = 0
+    sent_ns: Ns = 0
+    slot: Slot
+    term: Term
+    planner: Annotated[str, Meta(max_length=200)] = ""
+    status: Status
+    heard: UavIds = []
+    unheard: UavIds = []
+    grants: UavIds = []
+    quorum: Annotated[int, Meta(ge=0, le=MAX_UAVS)]
+    plan_ms: NonNegative = 0.0
+    guidance_ms: NonNegative = 0.0
+    assemble_ms: NonNegative = 0.0
+    solve_ms: NonNegative = 0.0
+    iterations: Count = 0
+    min_gap_m: Quantity = 0.0
+    standby: UavIds = []
+    successor: HeadId = NO_ONE
+    next_term: Term = 0
+    hull_uav: UavIds = []
+    hull_ax_m: Coordinates = []
+    hull_ay_m: Coordinates = []
+    hull_bx_m: Coordinates = []
+    hull_by_m: Coordinates = []
+    hull_r_m: Radii = []
+
+    @property
+    def has_quorum(self) -> bool:
+        """Whether this report proves that a quorum granted (term, head) in its slot."""
+        return self.status in {"planned", "no-qp-needed", "failed"} and len(self.grants) >= self.quorum
+
+    @property
+    def hull_columns(self) -> tuple[list[float], ...]:
+        """The lists beside `hull_uav`: both ends of the segment, then the radius."""
+        return (self.hull_ax_m, self.hull_ay_m, self.hull_bx_m, self.hull_by_m, self.hull_r_m)
+
+    def is_backed(self, roster: Set[str], quorum: int) -> bool:
+        """Whether the UAVs that it names as its support are enough; a head's own word is not.
+
+        `roster` and `quorum` are the mission's: nobody believes a report about how many it takes.
+        """
+        return self.quorum == quorum and self.head in self.grants and len(roster & set(self.grants)) >= quorum
+
+
+class Event(Struct, frozen=True, kw_only=True, gc=False):
+    """Something worth telling: a fault injected, a transition, a warning, the end of a publisher."""
+
+    source: Annotated[str, Meta(pattern=r"^[A-Za-z0-9_-]{1,32}$(?!\n)")]
+    instance: Instance = ""
+    seq: Seq = 0
+    sent_ns: Ns = 0
+    slot: Slot = -1
+    kind: Annotated[str, Meta(max_length=64)]
+    detail: Annotated[str, Meta(max_length=65536)] = ""
+
+
+class MissionMessage(Mission, frozen=True, kw_only=True):
+    """The mission as run: the mission file's fields with the roster filled in, plus the epoch.
+
+    `claimants`, in the order of the roster, say who may fly each UAV ("": whoever launched the
+    mission); a process of another claimant leaves. Empty when nobody but the launcher flies.
+    """
+
+    epoch_ns: Ns
+    claimants: Claimants = ()
+    instance: Instance = ""
+    seq: Seq = 0
+    sent_ns: Ns = 0
+
+    def claimant_of(self, uav: str) -> str:
+        """Who may fly `uav`: a claimant, or "" for whoever launched the mission."""
+        claimants = zip(self.roster, self.claimants, strict=False)
+        return next((claimant for entry, claimant in claimants if entry.uav == uav), "")
+
+
+Message = Fix | Truth | Command | Report | Event | MissionMessage
+
+
+def roster_index(roster: list[RosterEntry]) -> dict[str, int]:
+    """Position of every UAV in the roster, by id."""
+    return {entry.uav: index for index, entry in enumerate(roster)}
+
+
+def mission_message(mission: Mission, epoch_ns: int = EPOCH_NS, name: str | None = None) -> MissionMessage:
+    """The message that puts a completed mission on the bus."""
+    fields = {field: getattr(mission, field) for field in mission.__struct_fields__}
+    return MissionMessage(**{**fields, "name": name or mission.name}, epoch_ns=epoch_ns)
+
+
+__all__ = [
+    "EPOCH_NS",
+    "NO_ONE",
+    "Command",
+    "Event",
+    "Fix",
+    "Message",
+    "MissionMessage",
+    "Report",
+    "Truth",
+    "mission_message",
+    "roster_index",
+]

@@ -1,0 +1,79 @@
+"""`edc-swarm certs`: certificates for a secured swarm."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Annotated
+
+from cyclopts import Parameter
+
+from edc_swarm.errors import InputError
+from edc_swarm.mission.configuration import MAX_UAVS, load_mission
+from edc_swarm.mission.roster import uav_ids
+from processes.bus.credentials import CERTIFIED
+from processes.cli.options import MISSION_HELP
+from processes.cli.whole import Whole
+from processes.host.security import check_security
+from processes.runtime.console import note, print_json
+
+HOST_CHARACTERS = frozenset("abcdefghijklmnopqrstuvwxyzABCDEFGHIJKLMNOPQRSTUVWXYZ0123456789.-:")
+
+
+def certs(
+    mission_file: Annotated[Path | None, Parameter(help=MISSION_HELP)] = None,
+    /,
+    *,
+    uavs: Whole = 10,
+    out: Annotated[Path, Parameter(name=["--out", "-o"])] = Path("certs"),
+    host: list[str] | None = None,
+    days: Whole = 30,
+    force: bool = False,
+    json: bool = False,
+) -> int:
+    """Make an authority and a certificate for every UAV and role, for --certs of `run` and `join`.
+
+    Give each host only the NAME.pem and NAME.key of its UAVs, those of `join`, and ca.pem. The authority's key
+    is not kept.
+
+    Parameters
+    ----------
+    uavs
+        Number of UAVs, u001 and so on, where no mission file lists them (10).
+    out
+        The folder to make (certs).
+    host
+        Name or address of the router, beside this host's; may be given more than once.
+    days
+        So long they are valid (30).
+    force
+        Replace what is in the folder.
+    json
+        Print the result as JSON alone on standard output.
+    """
+    check_security("certs")
+    from processes.host.certificates import MAX_DAYS, write_certificates  # noqa: PLC0415 - an extra
+
+    if not 1 <= days <= MAX_DAYS:
+        raise InputError("--days", days, f"between 1 and {MAX_DAYS}")
+    ids = _ids(mission_file, uavs)
+    hosts = host or []
+    for name in hosts:
+        if not name or not HOST_CHARACTERS.issuperset(name):
+            raise InputError("--host", name, "a host's name or address")
+    write_certificates(out, ids, hosts=hosts, days=days, force=force)
+    if json:
+        print_json({"folder": str(out), "names": [*CERTIFIED, *ids], "days": days})
+    else:
+        note(f"certificates of {len(ids)} UAVs and {len(CERTIFIED)} roles, valid for {days} days; keys are {out}/*.key")
+        print(out)
+    return 0
+
+
+def _ids(mission_file: Path | None, uavs: int) -> list[str]:
+    mission = load_mission(mission_file) if mission_file is not None else None
+    if mission is not None and mission.roster:
+        return [entry.uav for entry in mission.roster]
+    count = mission.uavs if mission is not None else uavs
+    if not 1 <= count <= MAX_UAVS:
+        raise InputError("--uavs", count, f"between 1 and {MAX_UAVS}")
+    return uav_ids(count)

@@ -1,0 +1,159 @@
+"""`edc-swarm fuzz`: random missions under random faults in the simulator, every guarantee checked."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Iterator
+from concurrent.futures import ProcessPoolExecutor
+from dataclasses import dataclass
+from multiprocessing import get_context
+
+from cyclopts import Parameter
+from msgspec import Struct
+from rich.console import Console
+from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeElapsedColumn, TimeRemainingColumn
+
+from edc_swarm.errors import InputError
+from processes.experiments.ledger import begin_worker, interrupt_held_back
+from processes.runtime.console import note, print_json
+
+MAX_RUNS = 10_000_000
+MAX_SHOWN = 20
+IN_FLIGHT = 8
+"""Runs given to each worker ahead of time."""
+
+
+class Found(Struct):
+    """One failure, made as small as it gets."""
+
+    seed: int
+    kept: list[int]
+    faults: list[str]
+    broken: list[str]
+    command: str
+
+
+class FuzzReport(Struct):
+    """What a search over seeds gave."""
+
+    first_seed: int
+    runs: int
+    failures: list[Found]
+
+
+@Parameter(name="*")
+@dataclass(frozen=True, kw_only=True)
+class FuzzOptions:
+    """What to search.
+
+    Parameters
+    ----------
+    runs
+        Number of runs (100); run i has seed SEED + i.
+    seed
+        First seed (0).
+    jobs
+        Processes that fly at the same time (the number of processors).
+    keep
+        Fly only these faults of each schedule: indices joined by commas, or "none".
+    json
+        Print the result as JSON alone on standard output.
+    """
+
+    runs: int = 100
+    seed: int = 0
+    jobs: int | None = None
+    keep: str | None = None
+    json: bool = False
+
+
+def fuzz(*, options: FuzzOptions | None = None) -> int:
+    """Search random fault schedules for a broken guarantee; each failure comes with its replay."""
+    options = options or FuzzOptions()
+    _check(options)
+    kept = _kept(options.keep)
+    failures: list[Found] = []
+    with _bar() as bar:
+        task = bar.add_task("fuzz", total=options.runs, failures=0)
+        for found in _search(options, kept):
+            if found is not None:
+                failures.append(found)
+                _tell(found)
+            bar.update(task, advance=1, failures=len(failures))
+    _conclude(options, failures)
+    return 1 if failures else 0
+
+
+def _check(options: FuzzOptions) -> None:
+    if not 1 <= options.runs <= MAX_RUNS:
+        raise InputError("--runs", options.runs, f"between 1 and {MAX_RUNS}")
+    if not 0 <= options.seed < 1 << 62:
+        raise InputError("--seed", options.seed, "at least 0 and less than 2^62")
+    if options.jobs is not None and not 1 <= options.jobs <= 1024:
+        raise InputError("--jobs", options.jobs, "between 1 and 1024")
+
+
+def _kept(keep: str | None) -> tuple[int, ...] | None:
+    if keep is None:
+        return None
+    try:
+        return () if keep == "none" else tuple(sorted({int(index) for index in keep.split(",")}))
+    except ValueError:
+        raise InputError("--keep", keep, 'fault indices joined by commas, or "none"') from None
+
+
+def _search(options: FuzzOptions, kept: tuple[int, ...] | None) -> Iterator[Found | None]:
+    """Results in the order of the seeds; a bounded number of runs is under way."""
+    jobs = min(options.jobs or os.cpu_count() or 1, options.runs)
+    seeds = range(options.seed, options.seed + options.runs)
+    if jobs == 1:
+        yield from (_run((seed, kept)) for seed in seeds)
+        return
+    with ProcessPoolExecutor(jobs, get_context("spawn"), begin_worker, (os.getpid(),)) as pool:
+        window = jobs * IN_FLIGHT
+        for start in range(0, len(seeds), window):
+            with interrupt_held_back():
+                found = pool.map(_run, [(seed, kept) for seed in seeds[start : start + window]])
+            yield from found
+
+
+def _run(job: tuple[int, tuple[int, ...] | None]) -> Found | None:
+    from edc_swarm.experiments.fuzzing import scenario, search, smallest  # noqa: PLC0415 - heavy, and only the workers need it
+
+    seed, kept = job
+    finding = search(seed, kept)
+    if finding is None:
+        return None
+    if kept is None:
+        finding = smallest(finding)
+    faults = list(scenario(seed, finding.kept).fault)
+    return Found(seed, list(finding.kept), faults, list(finding.broken), finding.command)
+
+
+def _tell(found: Found) -> None:
+    note(f"seed {found.seed}: {found.broken[0]}")
+    for fault in found.faults:
+        note(f"    --fault {fault!r}")
+    note(f"    replay: {found.command}")
+
+
+def _bar() -> Progress:
+    columns = (
+        TextColumn("{task.description}"),
+        BarColumn(),
+        MofNCompleteColumn(),
+        TextColumn("{task.fields[failures]} broken"),
+        TimeElapsedColumn(),
+        TimeRemainingColumn(),
+    )
+    return Progress(*columns, console=Console(stderr=True))
+
+
+def _conclude(options: FuzzOptions, failures: list[Found]) -> None:
+    if options.json:
+        print_json(FuzzReport(options.seed, options.runs, failures))
+        return
+    last = options.seed + options.runs - 1
+    print(f"{options.runs} runs (seeds {options.seed} to {last}): {len(failures)} broke a guarantee")
+    for found in failures[:MAX_SHOWN]:
+        print(f"  {found.command}")

@@ -1,0 +1,47 @@
+"""`edc-swarm join`: UAV processes of another machine."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Annotated
+
+from cyclopts import Parameter
+
+from edc_swarm.errors import InputError
+from edc_swarm.mission.configuration import JOIN, MAX_UAVS
+from processes.bus.address import parse_endpoint
+from processes.bus.credentials import certified_uavs, check_certificates
+from processes.cli.whole import Whole
+from processes.host.claim_folder import ClaimFolder
+from processes.host.joiner import Joiner
+from processes.runtime.console import FAILED
+from processes.runtime.limits import make_room
+
+
+def join(
+    address: Annotated[str, Parameter(help="The mission's router, tcp/HOST:PORT, tls/HOST:PORT if secured.")],
+    /,
+    *,
+    uavs: Whole = 1,
+    state: Path | None = None,
+    certs: Path | None = None,
+) -> int:
+    """Fly UAVs of a mission that another machine operates: edc-swarm run --listen ADDRESS --remote N.
+
+    Parameters
+    ----------
+    uavs
+        Fly so many (1). A UAV alone stays small: it imports the planner only when it may have to lead.
+    state
+        Folder to keep what the UAVs have promised: started again with it, they are the same UAVs.
+    certs
+        Folder with the certificates of `join` and of the UAVs that may be flown here; the mission is secured.
+    """
+    parse_endpoint("address", address, "tcp" if certs is None else "tls", "" if certs else "; tls takes --certs FOLDER")
+    if not 1 <= uavs <= MAX_UAVS:
+        raise InputError("--uavs", uavs, f"from 1 to {MAX_UAVS}")
+    if certs is not None:
+        check_certificates(certs, [JOIN, *certified_uavs(str(certs))])
+    make_room(uavs)
+    with ClaimFolder(state) as folder:
+        return 0 if Joiner(address, uavs, folder, str(certs.resolve()) if certs else "").run() else FAILED

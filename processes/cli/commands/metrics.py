@@ -1,0 +1,34 @@
+"""`edc-swarm metrics`: every metric of a recording, from the recording alone."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+from edc_swarm.analysis.metrics import compute_metrics, load_timings
+from edc_swarm.foreign_text import shown
+from edc_swarm.recording.reader import read_recording
+from processes.cli.summary import print_metrics
+from processes.runtime.console import note, print_json, stdout_console
+
+
+def metrics(recording: Path, /, *, json: bool = False) -> int:
+    """Compute every metric of a recording.
+
+    Parameters
+    ----------
+    recording
+        The recording, FILE.mcap.
+    json
+        Print JSON.
+    """
+    whole = read_recording(recording)
+    if whole.garbage:
+        first = whole.garbage[0]
+        what = f"{shown(first.topic)}: {shown(first.reason)}"
+        note(f"warning: {whole.garbage_count} payloads are no messages and are left out; {what}")
+    found = compute_metrics(whole, load_timings(recording, note))
+    if json:
+        print_json(found)
+    else:
+        print_metrics(found, stdout_console())
+    return 0

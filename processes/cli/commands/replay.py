@@ -1,0 +1,167 @@
+"""`edc-swarm replay`: a recording back onto a bus, or planned again and compared."""
+
+from __future__ import annotations
+
+import math
+import threading
+import time
+from collections.abc import Iterator
+from contextlib import closing
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Annotated
+
+import zenoh
+from cyclopts import Parameter
+
+from edc_swarm.analysis.replanning import replan
+from edc_swarm.errors import InputError, RecordingError
+from edc_swarm.mission.configuration import NS_PER_S
+from edc_swarm.planner.registry import make_planner, warm_up
+from edc_swarm.protocol.keys import PREFIX, Keys
+from edc_swarm.recording.mcap_file import McapFile
+from edc_swarm.recording.reader import read_recording
+from processes.bus.address import free_endpoint, listening_endpoint, parse_endpoint, sought_router
+from processes.bus.session import open_client, open_router
+from processes.runtime.console import FAILED, NOT_JUDGED, note, print_json
+from processes.runtime.run_facts import made_otherwise
+
+CONNECT_TIMEOUT_MS = 5000
+MAX_SHOWN = 10
+
+
+@Parameter(name="*")
+@dataclass(frozen=True, kw_only=True)
+class ReplayOptions:
+    """How to replay.
+
+    Parameters
+    ----------
+    speed
+        So many times as fast as it was (1).
+    listen
+        Be a router at this address, tcp/HOST:PORT (a free local port).
+    connect
+        Publish to the router at this address instead of being one.
+    wait
+        Seconds between being on the bus and the first message, for others to connect (0).
+    verify
+        Publish nothing; plan every slot again from the recorded fixes and compare command by command.
+    json
+        Print the result as JSON alone on standard output.
+    """
+
+    speed: float = 1.0
+    listen: str | None = None
+    connect: str | None = None
+    wait: float = 0.0
+    verify: bool = False
+    json: bool = False
+
+
+def replay(
+    recording: Annotated[Path, Parameter(help="The recording, FILE.mcap.")], /, *, options: ReplayOptions | None = None
+) -> int:
+    """Put a recording back onto a Zenoh bus as it was, message by message; or --verify its plans."""
+    options = options or ReplayOptions()
+    if options.verify:
+        return _verify(recording, as_json=options.json)
+    _check(options)
+    messages = _messages(recording)
+    with closing(_session(options)) as session:
+        if threading.Event().wait(options.wait):
+            return 0
+        count = _publish(session, messages, options.speed)
+    if options.json:
+        print_json({"messages": count})
+    else:
+        print(f"{count} messages")
+    return 0
+
+
+def _check(options: ReplayOptions) -> None:
+    if options.connect is not None:
+        parse_endpoint("--connect", options.connect)
+    if not (math.isfinite(options.speed) and options.speed > 0):
+        raise InputError("--speed", options.speed, "a finite number above 0")
+    if not (math.isfinite(options.wait) and 0 <= options.wait <= 3600):
+        raise InputError("--wait", options.wait, "between 0 and 3600 seconds")
+    if options.listen is not None and options.connect is not None:
+        raise InputError("--connect", options.connect, "absent where --listen is given")
+
+
+def _messages(path: Path) -> list[tuple[str, int, bytes]]:
+    """Key, time and bytes of everything that was on the bus; what is unreadable is told and left out."""
+    recording = read_recording(path, salvage=True)
+    for problem in recording.problems:
+        note(f"warning: {problem}")
+    root = Keys(recording.mission.name).root
+    found = [(channel.topic, log_ns, payload) for channel, _, log_ns, _, payload in McapFile(path).messages()]
+    keys = {topic: _key(root, topic) for topic in {topic for topic, _, _ in found}}
+    for topic in sorted(topic for topic, key in keys.items() if key is None):
+        note(f"warning: {topic!r} is no key of a bus: its messages are left out")
+    return [(key, ns, payload) for topic, ns, payload in found if (key := keys[topic]) is not None]
+
+
+def _key(root: str, topic: str) -> str | None:
+    """The key that was recorded as `topic`; None for one that no bus takes."""
+    key = topic if topic.startswith(f"{PREFIX}/") else f"{root}/{topic.removeprefix('/')}"
+    try:
+        return None if "*" in key else str(zenoh.KeyExpr(key))
+    except zenoh.ZError:
+        return None
+
+
+def _session(options: ReplayOptions) -> zenoh.Session:
+    if options.connect is not None:
+        try:
+            return open_client(options.connect, timeout_ms=CONNECT_TIMEOUT_MS)
+        except zenoh.ZError:
+            raise InputError("--connect", options.connect, sought_router(options.connect)) from None
+    endpoint = listening_endpoint(options.listen) if options.listen is not None else free_endpoint()
+    try:
+        session = open_router(endpoint)
+    except zenoh.ZError as error:
+        raise InputError("--listen", endpoint, f"an address to listen on ({error})") from None
+    note(f"on the bus at {endpoint}")
+    return session
+
+
+def _publish(session: zenoh.Session, messages: list[tuple[str, int, bytes]], speed: float) -> int:
+    """Publish at the recorded times; a slow subscriber makes the replay late, and loses nothing."""
+    for key, due_s, payload in _timed(messages, speed):
+        time.sleep(max(0.0, due_s - time.monotonic()))
+        session.put(key, payload, congestion_control=zenoh.CongestionControl.BLOCK, express=False)
+    return len(messages)
+
+
+def _timed(messages: list[tuple[str, int, bytes]], speed: float) -> Iterator[tuple[str, float, bytes]]:
+    if not messages:
+        return
+    start_s, first_ns = time.monotonic(), messages[0][1]
+    for key, log_ns, payload in messages:
+        yield key, start_s + (log_ns - first_ns) / NS_PER_S / speed, payload
+
+
+def _verify(path: Path, *, as_json: bool) -> int:
+    recording = read_recording(path)
+    mission = recording.mission
+    if not any(report.planner for report in recording.reports):
+        raise RecordingError(path, "holds no plan to be verified")
+    if otherwise := made_otherwise(recording.run):
+        note(f"note: the recording was {otherwise}: another version may well plan otherwise")
+    warm_up(mission)
+    result = replan(recording, lambda: make_planner(mission.planner, mission))
+    if as_json:
+        print_json(result)
+    else:
+        print(
+            f"{result.plans} plans, {result.commands} commands: {result.identical} identical to the last bit, "
+            f"greatest difference {result.greatest_off_m:.3g} m, {len(result.differences)} differ; "
+            f"{result.skipped} plans skipped, for want of fixes or commands in the record"
+        )
+        for d in result.differences[:MAX_SHOWN]:
+            print(f"  slot {d.slot}: {d.uav} by {d.head} of term {d.term}: {d.off_m:.3g} m apart")
+    if result.differences:
+        return FAILED
+    return NOT_JUDGED if result.skipped or not result.plans else 0

@@ -1,0 +1,55 @@
+"""`edc-swarm report`: a recording as one HTML page."""
+
+from __future__ import annotations
+
+from importlib.resources import files
+from pathlib import Path
+from typing import Annotated
+
+from cyclopts import Parameter
+
+from edc_swarm.analysis.metrics import compute_metrics, load_timings
+from edc_swarm.recording.reader import read_recording
+from edc_swarm.report_page.data import Page
+from edc_swarm.report_page.render import Assets, render
+from processes.cli.judging import judged
+from processes.runtime.console import note
+from processes.runtime.output import SUFFIX, check_new, new_file
+
+HTML = ".html"
+
+
+def report(
+    recording: Path,
+    /,
+    *,
+    out: Annotated[Path | None, Parameter(name=["--out", "-o"])] = None,
+    force: bool = False,
+) -> int:
+    """Make a page of a recording, self-contained: the animated mission, plots, metrics, guarantees.
+
+    Parameters
+    ----------
+    recording
+        The recording, FILE.mcap.
+    out
+        The page to write (FILE.html beside the recording).
+    force
+        Overwrite an existing page.
+    """
+    path = out or recording.with_name(recording.name.removesuffix(SUFFIX) + HTML)
+    check_new(path, HTML, force=force)
+    whole, timings = read_recording(recording), load_timings(recording, note)
+    metrics = compute_metrics(whole, timings)
+    page = Page.of(whole, metrics.heads, timings)
+    document = render(page, metrics, judged(whole), whole.run, _assets())
+    with new_file(path) as stream:
+        stream.write(document.encode())
+    print(path)
+    return 0
+
+
+def _assets() -> Assets:
+    folder = files("edc_swarm.report_page")
+    template, style, script = ((folder / f"page.{kind}").read_text("utf-8") for kind in ("html", "css", "js"))
+    return Assets(template, style, script)

@@ -1,0 +1,161 @@
+"""`edc-swarm run`: real processes over Zenoh."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from functools import partial
+from pathlib import Path
+from typing import Annotated
+
+from cyclopts import Parameter
+
+from edc_swarm.emulation.links import have_range
+from edc_swarm.errors import InputError
+from edc_swarm.mission.configuration import OPERATOR, RECORDER, ROUTER, Mission
+from edc_swarm.mission.faults import parse_faults
+from processes.bus.address import listening_endpoint, parse_endpoint, sought_router
+from processes.bus.credentials import TLS, Credentials, check_certificates
+from processes.bus.session import try_client
+from processes.cli.conclusion import conclude
+from processes.cli.options import MISSION_HELP, MissionOptions
+from processes.cli.whole import Whole
+from processes.host.launcher import Bus, Launcher, Protection, RunReport, View
+from processes.host.security import check_security
+from processes.operator.takeover import find_takeover
+from processes.runtime.clock import MissionClock
+from processes.runtime.console import FAILED, note
+from processes.runtime.limits import make_room
+from processes.runtime.output import Output, default_output, timestamp
+from processes.services.live import live_port
+from processes.services.orders import await_found
+
+
+def run(
+    mission_file: Annotated[Path | None, Parameter(help=MISSION_HELP)] = None,
+    /,
+    *,
+    options: MissionOptions | None = None,
+    listen: str | None = None,
+    live: bool = False,
+    remote: Whole = 0,
+    operate: str | None = None,
+    secure: bool = False,
+    certs: Path | None = None,
+) -> int:
+    """Fly a mission: a process for every UAV, a router, a recorder.
+
+    Parameters
+    ----------
+    listen
+        Where the router listens, tcp/HOST:PORT, with --secure tls/HOST:PORT (a free port of this host).
+    live
+        Let Foxglove or Lichtblick on this host watch the mission while it is flown.
+    remote
+        Leave so many UAVs, the last of the roster, to be flown by others: edc-swarm join.
+    operate
+        Start nothing: at this router, tcp/HOST:PORT or tls/HOST:PORT, all else is run by others.
+    secure
+        TLS on every link, a certificate for every process, and a router that lets each say only what is its own.
+    certs
+        Folder with the certificates, made by `edc-swarm certs` (new ones, for this run alone; not where others fly).
+    """
+    options = options or MissionOptions()
+    mission = options.mission(mission_file)
+    if not 0 <= remote <= len(mission.roster):
+        raise InputError("--remote", remote, f"from 0 to the number of UAVs, {len(mission.roster)}")
+    make_room(len(mission.roster))
+    protection = _protection(secure, certs, mission, elsewhere=bool(remote or operate))
+    if listen is not None:
+        listen = listen if protection is None else f"{TLS}{listen.removeprefix(TLS).removeprefix('tcp/')}"
+        listen = listening_endpoint(listen, "tcp" if protection is None else "tls")
+    if live and options.no_viz:
+        raise InputError("--live", live, "absent where --no-viz is given")
+    alone = {"--listen": listen, "--live": live, "--remote": remote}
+    bus = _meet(operate, mission, alone, protection) if operate is not None else None
+    view = View(viz=not options.no_viz, live_port=live_port() if live else 0)
+    if live:
+        note(f"live: open the Foxglove WebSocket connection ws://localhost:{view.live_port}")
+    with _output(mission, options, bus) as output:
+        launcher = Launcher(
+            mission,
+            output,
+            listen=listen,
+            view=view,
+            show_progress=not options.json,
+            remote=remote,
+            bus=bus,
+            protection=protection,
+        )
+        report = launcher.run()
+        if output.part.exists() and report.flew:
+            missing = "; ".join(output.recover_part()) or "nothing is missing"
+            note(f"the recorder died; recovered {output.path}: {missing}")
+    _tell(report, len(mission.roster))
+    status = conclude(output.path, as_json=options.json, last_slot=report.last_slot) if report.flew else FAILED
+    launcher.leave()
+    return FAILED if report.failed else status
+
+
+def _meet(address: str, mission: Mission, alone: Mapping[str, object], protection: Protection | None) -> Bus:
+    """The bus at a router that is there already, and this very mission if it has lost its operator there."""
+    parse_endpoint("--operate", address, "tcp" if protection is None else "tls")
+    own = Credentials(protection.certs, OPERATOR) if protection is not None and protection.certs is not None else None
+    if own is not None:
+        check_certificates(own.folder, [OPERATOR])
+    for field, value in alone.items():
+        if value:
+            raise InputError(field, value, "absent where --operate is given")
+    for fault in parse_faults(mission):
+        if fault.left and fault.target in {ROUTER, RECORDER}:
+            raise InputError("--fault", str(fault), "about UAVs where --operate is given")
+    session = await_found(partial(try_client, address, own, observer=True), partial(sought_router, address))
+    takeover = find_takeover(session, mission)
+    if takeover is not None and takeover.mission is not None:
+        MissionClock().check_epoch(takeover.mission)
+    return Bus(address, session, takeover)
+
+
+def _output(mission: Mission, options: MissionOptions, bus: Bus | None) -> Output:
+    """Where to write: anew, or where the recorder of a mission that is taken over is writing."""
+    begun = bus.takeover.recorder if bus is not None and bus.takeover is not None else None
+    if begun is not None:
+        return Output(Path(begun.out), force=True, begun=True)
+    path = options.out or default_output(mission.name, mission.planner, timestamp())
+    output = Output(path, force=options.force)
+    for found in output.salvaged:
+        note(f"recovered {found} from a run that was killed")
+    return output
+
+
+def _protection(secure: bool, certs: Path | None, mission: Mission, *, elsewhere: bool) -> Protection | None:
+    """What `--secure` asks for: certificates that processes elsewhere have too, and no UAV that hears the truth."""
+    if not secure:
+        if certs is not None:
+            raise InputError("--certs", str(certs), "given together with --secure")
+        return None
+    if elsewhere and certs is None:
+        raise InputError("--certs", "", "given with --secure where --remote or --operate is")
+    if have_range(mission):
+        raise InputError("--secure", secure, "absent where links have range_m: emulating it takes hearing the truth")
+    if certs is None:
+        check_security("--secure")
+    return Protection(certs)
+
+
+def _tell(report: RunReport, uavs: int) -> None:
+    """How the processes did."""
+    for text in report.notes:
+        note(text)
+    if report.interrupted:
+        note("interrupted")
+    if report.publishing_s is not None:
+        start = (
+            f"the fork source was ready (warm in {report.warm_s:.1f} s)" if report.warm_s else "the operator was ready"
+        )
+        flown = "no command was flown"
+        if report.first_flown_slot >= 0:
+            flown = f"first commands flown in slot {report.first_flown_slot}"
+        note(
+            f"{uavs} UAVs connected {report.connected_s:.2f} s and publishing {report.publishing_s:.2f} s after "
+            f"{start}; {flown}"
+        )

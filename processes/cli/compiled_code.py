@@ -1,0 +1,63 @@
+"""Where the compiled planner is kept: beside the package, else in the user's cache, else in a temporary folder."""
+
+from __future__ import annotations
+
+import os
+import stat
+import tempfile
+from pathlib import Path
+
+import edc_swarm.planner
+from processes.runtime.console import note
+
+VARIABLE = "NUMBA_CACHE_DIR"
+"""Where Numba looks first; processes that are started inherit it."""
+
+
+def find_a_place() -> None:
+    """See to it that compiled code can be kept somewhere, and tell where if that is no usual place."""
+    given = os.environ.get(VARIABLE, "")
+    usual = [given] if given else [str(Path(edc_swarm.planner.__file__).parent / "__pycache__"), _user_cache()]
+    if any(map(_takes_files, usual)):
+        return
+    own, reason = _temporary_folder(), f"{' and '.join(usual)} cannot be written"
+    if own is not None:
+        os.environ[VARIABLE] = str(own)
+        note(f"note: the compiled planner is kept in {own}, since {reason}")
+    else:
+        note(f"note: the planner is compiled anew at every start, since {reason}, nor can a temporary folder")
+
+
+def _temporary_folder() -> Path | None:
+    """A folder of this user alone for temporary files; None where there is none."""
+    try:
+        own = Path(tempfile.gettempdir()) / f"edc-swarm-compiled-{os.getuid()}"
+    except OSError:
+        return None
+    return own if _is_ours(own) and _takes_files(str(own)) else None
+
+
+def _user_cache() -> str:
+    """Numba's folder for this user."""
+    base = os.environ.get("XDG_CACHE_HOME", "") or str(Path(os.path.expanduser("~")) / ".cache")
+    return str(Path(base) / "numba")
+
+
+def _takes_files(folder: str) -> bool:
+    """Try it, as Numba does: rights alone do not tell of a disk that is mounted for reading."""
+    try:
+        Path(folder).mkdir(parents=True, exist_ok=True)
+        tempfile.TemporaryFile(dir=folder).close()
+    except OSError:
+        return False
+    return True
+
+
+def _is_ours(folder: Path) -> bool:
+    """Make the folder, or make sure that nobody else can put code there: it is run."""
+    try:
+        folder.mkdir(mode=0o700, exist_ok=True)
+        found = folder.lstat()
+    except OSError:
+        return False
+    return stat.S_ISDIR(found.st_mode) and found.st_uid == os.getuid() and not found.st_mode & 0o022

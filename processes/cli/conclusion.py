@@ -1,0 +1,51 @@
+"""The end of `run` and `sim`: metrics and guarantees, read back from the recording that was written."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import msgspec
+
+from edc_swarm.agent.node import PLANNER_FAILED
+from edc_swarm.analysis.metrics import OVERLOADED_PCT, Metrics, compute_metrics, load_timings
+from edc_swarm.recording.model import Recording
+from edc_swarm.recording.reader import read_recording
+from processes.cli.judging import judged
+from processes.cli.summary import guarantees_status, print_guarantees, print_metrics
+from processes.runtime.console import FAILED, NOT_JUDGED, note, print_json, stdout_console
+
+
+def conclude(path: Path, *, as_json: bool, last_slot: int = -1) -> int:
+    """Print what the recording at `path` says; the exit status.
+
+    `last_slot` is the newest slot that the operator saw: a recording that ends before it is not all of the run.
+    """
+    recording = read_recording(path)
+    metrics = compute_metrics(recording, load_timings(path, note))
+    guarantees = judged(recording, show_progress=not as_json)
+    if as_json:
+        print_json({**msgspec.to_builtins(metrics), "guarantees": guarantees, "recording": str(path)})
+    else:
+        console = stdout_console()
+        print_metrics(metrics, console)
+        print_guarantees(guarantees, console, limit=3)
+        print(path)
+    _warn(recording, metrics)
+    recorded_slot = metrics.slots - 1
+    if recorded_slot < last_slot:
+        note(f"warning: the operator saw slot {last_slot}, the recording ends at slot {recorded_slot}")
+    status = guarantees_status(guarantees) if metrics.completed else FAILED
+    return status or (NOT_JUDGED if recorded_slot < last_slot else 0)
+
+
+def _warn(recording: Recording, metrics: Metrics) -> None:
+    """Say what makes this run say less than it seems to."""
+    mission = recording.mission
+    if problem := next((event for event in recording.events if event.kind == PLANNER_FAILED), None):
+        failed = sum(report.status == "failed" for report in recording.reports)
+        note(f"warning: {failed} plans failed, and all held; first in slot {problem.slot}: {problem.detail}")
+    slot_ms, slowest_ms = mission.slot_ns / 1e6, metrics.plan_ms.max or 0.0
+    if slowest_ms > slot_ms:
+        note(f"warning: a plan took {slowest_ms:.0f} ms, a slot is {slot_ms:g} ms: too late for real UAVs, which hold")
+    if metrics.ticks_late_pct > OVERLOADED_PCT:
+        note(f"warning: the machine was overloaded: {metrics.ticks_late_pct:.1f} % of the ticks were late")

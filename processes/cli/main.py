@@ -1,0 +1,165 @@
+"""`edc-swarm`: the command line. Every command is a file in `processes/cli/commands` and a line here."""
+
+from __future__ import annotations
+
+import sys
+from collections.abc import Sequence
+from contextlib import suppress
+from importlib.metadata import version
+from pathlib import Path
+from typing import Any, Literal, get_args, get_origin
+
+from cyclopts import App, CoercionError, CycloptsError, MissingArgumentError, Parameter, Token, UnknownOptionError
+from cyclopts.exceptions import RepeatArgumentError, UnknownCommandError, UnusedCliTokensError
+
+from edc_swarm.errors import InputError, SwarmError
+from processes.bus.abort_notice import give_up
+from processes.cli.compiled_code import find_a_place
+from processes.runtime.children import PartEndedError
+from processes.runtime.console import BAD_INPUT, FAILED, UNREAD, complain, note
+from processes.runtime.output import unusable
+from processes.runtime.streams import UnreadError, let_go_of_results, prepare_streams
+
+app = App(
+    name="edc-swarm",
+    help=(
+        "A swarm emulator for centrally planned UAVs: elected head, safe slot QP, Zenoh bus, MCAP record.\n\n"
+        "Exit status 0: fine. 1: a guarantee is broken, a UAV is not at its target, or the mission failed. "
+        "2: bad input. 3: nothing is broken, but a guarantee could not be judged."
+    ),
+    version=lambda: f"edc-swarm {version('edc-swarm')}",
+    default_parameter=Parameter(negative=(), show_default=False),
+    help_format="plaintext",
+    print_error=False,
+    exit_on_error=False,
+    result_action="return_value",
+    suppress_keyboard_interrupt=False,
+)
+app.command("processes.cli.commands.run:run", help="Fly a mission: real processes over Zenoh, recorded.")
+app.command("processes.cli.commands.join:join", help="Fly UAVs of a mission that another machine operates.")
+app.command("processes.cli.commands.sim:sim", help="Simulate the same mission in one process, in virtual time.")
+app.command("processes.cli.commands.metrics:metrics", help="Print every metric of a recording.")
+app.command(
+    "processes.cli.commands.check:check", help="Check the guarantees of a recording; status 1: broken, 3: not judged."
+)
+app.command("processes.cli.commands.fuzz:fuzz", help="Search random fault schedules for a broken guarantee.")
+app.command("processes.cli.commands.figures:figures", help="Make the paper's figures and the energy bill.")
+app.command("processes.cli.commands.latency:latency", help="Fly a grid of delays, jitters and losses.")
+app.command(
+    "processes.cli.commands.replay:replay", help="Put a recording back onto a bus, or plan it again and compare."
+)
+app.command("processes.cli.commands.recover:recover", help="Make a whole recording of one that was cut off.")
+app.command("processes.cli.commands.visualise:visualise", help="Add what Foxglove draws to a recording.")
+app.command("processes.cli.commands.certs:certs", help="Make the certificates of a secured swarm.")
+app.command("processes.cli.commands.report:report", help="Make a self-contained page of a recording.")
+
+
+PLANNING = frozenset({"run", "join", "sim", "fuzz", "figures", "latency", "replay"})
+"""Commands that plan, in this process or in others that they start."""
+PLANNING_AGAIN = frozenset({"check", "report"})
+"""Commands that simulate a recorded mission a second time."""
+
+
+def main(arguments: Sequence[str] | None = None) -> int:
+    """Run one command and return its exit status.
+
+    0: fine; 1: a guarantee is broken, a UAV is not home, or the mission failed; 2: bad input; 3: nothing is broken,
+    but something could not be judged; 141: whoever read the results has left.
+    """
+    if arguments is None:
+        prepare_streams()
+        arguments = sys.argv[1:]
+    status = BAD_INPUT
+    try:
+        status = _run(arguments)
+    finally:
+        if status == BAD_INPUT:
+            with suppress(KeyboardInterrupt):
+                give_up(arguments)
+    return status
+
+
+def _run(arguments: Sequence[str]) -> int:
+    """Run one command, and tell in one line what it cannot do."""
+    try:
+        status = _command(arguments)
+        sys.stdout.flush()
+    except CycloptsError as error:
+        status = complain(_in_one_line(error))
+    except PartEndedError as error:
+        complain(error)
+        status = FAILED
+    except SwarmError as error:
+        status = complain(error)
+    except UnreadError:
+        status = UNREAD
+    except OSError as error:
+        status = complain(unusable(error))
+    except UnicodeEncodeError as error:
+        status = complain(InputError("text", error.object, "in UTF-8"))
+    except KeyboardInterrupt:
+        note("interrupted")
+        status = FAILED
+    let_go_of_results()
+    return status
+
+
+def _command(arguments: Sequence[str]) -> int:
+    plans = bool(arguments) and arguments[0] in PLANNING
+    try:
+        here = str(Path.cwd())
+    except FileNotFoundError:
+        if plans:
+            raise SwarmError("the working folder was removed: change to one that exists") from None
+    else:
+        if here not in sys.path:
+            sys.path.append(here)  # A user's planner may lie beside the mission.
+    if plans or (arguments and arguments[0] in PLANNING_AGAIN):
+        find_a_place()
+    return int(app(arguments) or 0)
+
+
+def _in_one_line(error: CycloptsError) -> str:
+    """A parse error as `FIELD = VALUE: must be ALLOWED`."""
+    unused = error.unused_tokens or [""]
+    match error:
+        case CoercionError(token=Token() as token):
+            said = (token.keyword or _name(error), token.value, _kind(error.target_type))
+        case MissingArgumentError():
+            said = (error.keyword or _name(error), "", "given")
+        case UnknownOptionError():
+            said = ("option", error.token.keyword or error.token.value, "one of those in --help")
+        case UnknownCommandError():
+            said = ("command", unused[0], f"one of {', '.join(_commands())}")
+        case UnusedCliTokensError():
+            said = ("arguments", " ".join(unused), "left out")
+        case RepeatArgumentError():
+            said = (error.token.keyword or _name(error), error.token.value, "given once")
+        case _:
+            return str(error)
+    field, value, allowed = said
+    return f"{field} = {value!r}: must be {allowed}"
+
+
+def _name(error: CycloptsError) -> str:
+    return error.argument.name if error.argument is not None else "argument"
+
+
+def _kind(target: Any) -> str:
+    """What a value is converted to, in words; `target` may be a union with None."""
+    kinds = (target, *get_args(target))
+    choices = [choice for kind in kinds if get_origin(kind) is Literal for choice in get_args(kind)]
+    if choices:
+        return f"one of {', '.join(choices)}"
+    return next((_KINDS[kind] for kind in kinds if kind in _KINDS), f"of type {target}")
+
+
+_KINDS = {int: "a whole number", float: "a number"}
+
+
+def _commands() -> list[str]:
+    return [name for name in app if not name.startswith("-")]
+
+
+if __name__ == "__main__":
+    sys.exit(main())

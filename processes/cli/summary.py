@@ -1,0 +1,48 @@
+"""What a run has come to: the table that a person reads, computed from the recording alone."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+from rich.console import Console
+from rich.table import Table
+from rich.text import Text
+
+from edc_swarm.analysis.guarantees.verdict import GuaranteeResult
+from edc_swarm.analysis.metrics import Metrics
+from edc_swarm.analysis.tables import metric_rows
+from edc_swarm.foreign_text import MAX_LINE, shown
+from processes.runtime.console import FAILED, NOT_JUDGED
+
+
+def print_metrics(metrics: Metrics, console: Console) -> None:
+    """Print the table of metrics."""
+    table = Table(show_header=False, box=None, pad_edge=False, padding=(0, 2, 0, 0))
+    table.add_column(style="bold")
+    table.add_column()
+    for name, value in metric_rows(metrics):
+        table.add_row(name, Text(shown(value, MAX_LINE)))
+    console.print(table)
+
+
+def print_guarantees(results: Sequence[GuaranteeResult], console: Console, limit: int = 1000) -> None:
+    """Print the verdict on every guarantee, with the first `limit` violations of each."""
+    for result in results:
+        notes = f" ({_some(result.notes, limit)})" if result.notes else ""
+        console.print(f"{result.guarantee} {result.title}: {result.status.replace('-', ' ')}{notes}", markup=False)
+        for where in result.where[:limit]:
+            console.print(f"    {where}", markup=False)
+        if len(result.where) > limit:
+            console.print(f"    ... {len(result.where)} in all", markup=False)
+
+
+def guarantees_status(results: Sequence[GuaranteeResult]) -> int:
+    """Return the exit status for verdicts: 1 when one is broken, else 3 when one was not judged, else 0."""
+    if any(result.broken for result in results):
+        return FAILED
+    return 0 if all(result.judged for result in results) else NOT_JUDGED
+
+
+def _some(texts: Sequence[str], limit: int) -> str:
+    more = f"; ... {len(texts)} in all" if len(texts) > limit else ""
+    return "; ".join(texts[:limit]) + more

@@ -1,0 +1,33 @@
+"""A planner with a stopwatch, for simulated runs."""
+
+from __future__ import annotations
+
+import time
+
+from edc_swarm.analysis.metrics import Timing
+from edc_swarm.mission.configuration import Mission
+from edc_swarm.planner.interface import Plan, Planner, PlanRequest, timeless
+from edc_swarm.planner.registry import make_planner
+
+
+class TimedPlanner:
+    """A planner whose times go into a list, not into its plans: recordings of `sim` have none."""
+
+    def __init__(self, mission: Mission, timings: list[Timing]) -> None:
+        self._planner: Planner = make_planner(mission.planner, mission, time.perf_counter_ns)
+        self._timings = timings
+
+    def plan(self, request: PlanRequest) -> Plan:
+        """Plan as the planner does, in no time."""
+        start_ns = time.perf_counter_ns()
+        plan = self._planner.plan(request)
+        self._timings.append(
+            Timing(
+                slot=request.slot - 1,
+                plan_ms=(time.perf_counter_ns() - start_ns) / 1e6,
+                guidance_ms=plan.guidance_ms,
+                assemble_ms=plan.assemble_ms,
+                solve_ms=plan.solve_ms,
+            )
+        )
+        return timeless(plan)

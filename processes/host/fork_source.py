@@ -1,0 +1,207 @@
+"""The fork source: one single-threaded process, warm, from which every UAV process is forked.
+
+A UAV that must be able to lead in any slot needs numpy, scipy, osqp and the compiled guidance,
+imported and run once: seconds of work, which is done here once. It never opens a Zenoh session,
+since a fork after that silently breaks. It is commanded over a socket of whole packets by the
+command, whose death is its own, and whose UAVs die with it.
+
+`python -m processes.host.fork_source FD PARENT`: FD is the socket; the mission comes on standard input.
+Without a mission it stays cold, and small: a UAV then loads the planner itself, if it may have to lead.
+"""
+
+from __future__ import annotations
+
+import gc
+import os
+import selectors
+import signal
+import socket
+import sys
+import time
+import traceback
+
+import msgspec
+from msgspec import Struct
+
+from edc_swarm.errors import SwarmError
+from edc_swarm.mission.configuration import Mission
+from processes.runtime.parent import die_with_parent
+from processes.uav.planner_loader import warm_planner
+from processes.uav.process import UavSettings, fly
+
+MAX_PACKET_BYTES = 1 << 16
+
+
+class Fork(Struct, frozen=True, kw_only=True, tag=True):
+    """Order: fork a UAV whose output goes to the file `log`."""
+
+    settings: UavSettings
+    log: str
+
+
+class Signal(Struct, frozen=True, kw_only=True, tag=True):
+    """Order: send a signal to the process of a UAV, if it lives."""
+
+    uav: str
+    number: int
+
+
+class Ready(Struct, frozen=True, kw_only=True, tag=True):
+    """All is imported and warm."""
+
+    warm_s: float
+
+
+class Failed(Struct, frozen=True, kw_only=True, tag=True):
+    """The planner cannot be had."""
+
+    reason: str
+
+
+class Forked(Struct, frozen=True, kw_only=True, tag=True):
+    """A UAV process was made."""
+
+    uav: str
+    pid: int
+
+
+class Exited(Struct, frozen=True, kw_only=True, tag=True):
+    """A UAV process ended; `status` is negative for a signal."""
+
+    uav: str
+    pid: int
+    status: int
+
+
+Order = Fork | Signal
+News = Ready | Failed | Forked | Exited
+
+
+class ForkSource:
+    """Forks, signals and reaps UAV processes. Being their parent, it never mistakes a reused id."""
+
+    def __init__(self, command: socket.socket) -> None:
+        self._command = command
+        self._children: dict[int, str] = {}
+        self._wakeup, wakeup_write = socket.socketpair()
+        for end in (self._wakeup, wakeup_write):
+            end.setblocking(False)
+        self._wakeup_write = wakeup_write
+        signal.set_wakeup_fd(wakeup_write.fileno(), warn_on_full_buffer=False)
+        signal.signal(signal.SIGCHLD, lambda *_: None)
+
+    def tell(self, news: News) -> None:
+        """Tell the command."""
+        self._command.send(msgspec.json.encode(news))
+
+    def serve(self) -> None:
+        """Obey until the command closes its end."""
+        with selectors.DefaultSelector() as selector:
+            selector.register(self._command, selectors.EVENT_READ)
+            selector.register(self._wakeup, selectors.EVENT_READ)
+            while True:
+                for key, _ in selector.select():
+                    if key.fileobj is self._wakeup:
+                        self._reap()
+                    elif not self._obey():
+                        return
+
+    def kill_all(self) -> None:
+        """Leave nobody behind, frozen or not."""
+        for pid in self._children:
+            os.kill(pid, signal.SIGKILL)
+
+    def _obey(self) -> bool:
+        packet = self._command.recv(MAX_PACKET_BYTES)
+        if not packet:
+            return False
+        match msgspec.json.decode(packet, type=Order):
+            case Fork(settings=settings, log=log):
+                self._fork(settings, log)
+            case Signal(uav=uav, number=number):
+                for pid in [pid for pid, child in self._children.items() if child == uav]:
+                    os.kill(pid, number)
+        return True
+
+    def _fork(self, settings: UavSettings, log: str) -> None:
+        parent = os.getpid()
+        pid = os.fork()
+        if pid == 0:
+            self._become(settings, log, parent)
+        self._children[pid] = settings.uav
+        self.tell(Forked(uav=settings.uav, pid=pid))
+
+    def _become(self, settings: UavSettings, log: str, parent: int) -> None:
+        """Be the child: fly, and never return into the loop of the fork source."""
+        status = 1
+        try:
+            die_with_parent(parent)
+            self._forget_parent()
+            _redirect_output(log)
+            status = fly(settings, obey_ctrl_c=False)
+        except BaseException:  # noqa: BLE001  (the child must end here, whatever happens)
+            traceback.print_exc()
+        finally:
+            sys.stdout.flush()
+            sys.stderr.flush()
+            os._exit(status)
+
+    def _forget_parent(self) -> None:
+        signal.set_wakeup_fd(-1)
+        signal.signal(signal.SIGCHLD, signal.SIG_DFL)
+        for end in (self._command, self._wakeup, self._wakeup_write):
+            end.close()
+
+    def _reap(self) -> None:
+        self._wakeup.recv(4096)
+        while self._children:
+            pid, status = os.waitpid(-1, os.WNOHANG)
+            if pid == 0:
+                return
+            uav = self._children.pop(pid)
+            self.tell(Exited(uav=uav, pid=pid, status=os.waitstatus_to_exitcode(status)))
+
+
+def _redirect_output(log: str) -> None:
+    file = os.open(log, os.O_WRONLY | os.O_CREAT | os.O_APPEND, 0o644)
+    os.dup2(file, sys.stdout.fileno())
+    os.dup2(file, sys.stderr.fileno())
+    os.close(file)
+
+
+def _warm(source: ForkSource) -> bool:
+    """Warm everything up; garbage collection then leaves what is shared alone."""
+    start_s = time.monotonic()
+    try:
+        if mission := sys.stdin.buffer.read():
+            warm_planner(msgspec.json.decode(mission, type=Mission))
+    except SwarmError as error:
+        source.tell(Failed(reason=str(error)))
+        return False
+    gc.collect()
+    gc.freeze()
+    threads = len(os.listdir("/proc/self/task"))
+    if threads != 1:
+        source.tell(Failed(reason=f"the planner started threads ({threads}): UAV processes cannot be forked"))
+        return False
+    source.tell(Ready(warm_s=time.monotonic() - start_s))
+    return True
+
+
+def main() -> int:
+    """Warm up, then obey."""
+    signal.signal(signal.SIGINT, signal.SIG_IGN)
+    die_with_parent(int(sys.argv[2]))
+    source = ForkSource(socket.socket(fileno=int(sys.argv[1])))
+    try:
+        if _warm(source):
+            source.serve()
+    except (ConnectionError, BrokenPipeError):
+        pass
+    finally:
+        source.kill_all()
+    return 0
+
+
+if __name__ == "__main__":
+    sys.exit(main())

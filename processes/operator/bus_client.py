@@ -1,0 +1,211 @@
+"""The operator's side of the bus: the mission, the faults, the end, and a view of what goes on."""
+
+from __future__ import annotations
+
+import os
+import secrets
+from collections.abc import Sequence
+from functools import partial
+from itertools import count
+
+import msgspec
+import zenoh
+
+from edc_swarm.mission.configuration import OPERATOR
+from edc_swarm.mission.faults import PROCESS_VERBS
+from edc_swarm.protocol.codec import encode
+from edc_swarm.protocol.completion import MissionMonitor
+from edc_swarm.protocol.keys import Keys
+from edc_swarm.protocol.messages import Command, Event, Fix, MissionMessage, Report
+from processes.bus.outbox import Outbox
+from processes.bus.session import hand_over
+from processes.bus.subscriptions import MAX_TOKENS, Gate, Heard, Token, heard_from
+from processes.operator.registration import Desk
+from processes.runtime.clock import JUMP, MissionClock
+from processes.runtime.inbox import Inbox
+
+
+class Operator:
+    """Publishes mission and events, answers whoever joins, and follows fixes, reports and events.
+
+    Attributes
+    ----------
+    clock
+        The mission's clock of this host.
+    closed
+        Publishers that have said their last sequence numbers.
+    monitor
+        Who leads and who has arrived; None before the mission.
+    first_flown_slot
+        First slot in which any UAV executed a command.
+    """
+
+    def __init__(self, session: zenoh.Session, desk: Desk, inbox: Inbox[object], clock: MissionClock) -> None:
+        self._keys = Keys(desk.mission.name)
+        self._desk = desk
+        self._inbox = inbox
+        self.clock = clock
+        self._instance = f"{os.getpid()}-{secrets.token_hex(4)}"
+        self._event_seq = count()
+        self._last_event_seq = -1
+        self._mission: MissionMessage | None = None
+        self._in_force: list[bytes] = []
+        self._tokens: set[tuple[str, str]] = set()
+        self._gate = Gate(partial(self.publish_event, "malformed"))
+        self.closed: set[str] = set()
+        self.heard: set[str] = set()
+        self.first_flown_slot = -1
+        self.monitor: MissionMonitor | None = None
+        self._session = session
+        self._outbox = Outbox(self._session, self._keys.again(OPERATOR, self._instance), inbox)
+        self._declare()
+        self._token = session.liveliness().declare_token(self._keys.alive(OPERATOR, self._instance))
+
+    def _declare(self) -> None:
+        keys, session = self._keys, self._session
+        for key in (keys.all_fixes, keys.all_reports, keys.command("*", "*"), keys.event("*")):
+            session.declare_subscriber(key, hand_over(self._take), allowed_origin=zenoh.Locality.REMOTE)
+        for key in (keys.mission, keys.event(OPERATOR)):
+            session.declare_queryable(key, hand_over(self._inbox.put))
+        self._desk.declare(session, self._inbox)
+        session.liveliness().declare_subscriber(keys.all_alive, hand_over(self._take_token), history=True)
+
+    def publish_mission(self, mission: MissionMessage) -> None:
+        """Start the mission; nobody else is let in."""
+        claims = self._desk.claims
+        claims.begin()
+        self._mission = msgspec.structs.replace(
+            mission,
+            claimants=claims.claimants([entry.uav for entry in mission.roster]),
+            instance=self._instance,
+            sent_ns=self.clock.now_ns(),
+        )
+        self.monitor = MissionMonitor(mission)
+        self._gate.know(self._mission)
+        self._say(self._keys.mission, encode(self._mission), self._mission.seq)
+
+    def take_over(self, mission: MissionMessage, in_force: Sequence[Event]) -> None:
+        """Go on with a mission, and the faults in force, that an operator before this one has told of."""
+        self._mission = mission
+        self._in_force = [encode(event) for event in in_force]
+        self._gate.know(mission)
+        uavs = (entry.uav for entry in mission.roster)
+        self._desk.claims.resume(dict(zip(uavs, mission.claimants, strict=False)))
+        self.monitor = MissionMonitor(mission)
+
+    def publish_event(self, kind: str, detail: str = "") -> None:
+        """Tell the swarm and the record."""
+        self._last_event_seq = next(self._event_seq)
+        event = Event(
+            source=OPERATOR,
+            instance=self._instance,
+            seq=self._last_event_seq,
+            sent_ns=self.clock.now_ns(),
+            slot=self.slot_now(),
+            kind=kind,
+            detail=detail,
+        )
+        payload = encode(event)
+        if is_in_force(event):
+            self._in_force.append(payload)
+        self._say(self._keys.event(OPERATOR), payload, event.seq)
+
+    def close(self) -> None:
+        """Say the last sequence numbers; the recorder ends with this."""
+        started = self._mission is not None and self._mission.instance == self._instance
+        last = {self._keys.event(OPERATOR): self._last_event_seq, self._keys.mission: 0 if started else -1}
+        known = {key: seq for key, seq in last.items() if seq >= 0}
+        self.publish_event("closed", msgspec.json.encode(known).decode())
+
+    def flush(self) -> None:
+        """Send what had to wait for a router, and tell of a jump of the wall clock."""
+        if self._mission is not None and (jump := self.clock.jump()) is not None:
+            self.publish_event(JUMP, jump)
+        self._outbox.flush()
+
+    def disconnect(self) -> None:
+        """Leave the bus."""
+        self._session.close()
+
+    def slot_now(self) -> int:
+        """The slot by the clock, -1 before the mission."""
+        if self._mission is None:
+            return -1
+        return max(-1, (self.clock.now_ns() - self._mission.epoch_ns) // self._mission.slot_ns)
+
+    @property
+    def alive(self) -> set[str]:
+        """Ids (UAVs, the recorder) with a liveliness token."""
+        return {uav for uav, _ in self._tokens}
+
+    @property
+    def claimed(self) -> set[str]:
+        """Ids that have been issued to somebody."""
+        return self._desk.claims.held
+
+    def take(self, item: object) -> None:
+        """Work on what the bus has handed over."""
+        match item:
+            case Heard(key, payload):
+                self._hear(key, payload)
+            case Token():
+                self._see(item)
+            case zenoh.Query():
+                if self._outbox.hear(item):
+                    self._outbox.answer()
+                else:
+                    self._answer(item)
+
+    def _see(self, token: Token) -> None:
+        """Take in who has come and who has gone."""
+        if not token.alive:
+            self._tokens.discard((token.uav, token.instance))
+        elif len(self._tokens) < MAX_TOKENS:
+            self._tokens.add((token.uav, token.instance))
+        self._desk.see(token)
+
+    def _say(self, key: str, payload: bytes, seq: int) -> None:
+        self._outbox.put(key, payload, seq)
+        self._outbox.flush()
+
+    def _hear(self, key: str, payload: bytes) -> None:
+        if self.monitor is None:
+            return
+        match self._gate.admit(Heard(key, payload)):
+            case Fix() as fix:
+                self.heard.add(fix.uav)
+                self.monitor.hear_fix(fix)
+                if fix.executing and self.first_flown_slot < 0:
+                    self.first_flown_slot = fix.slot
+            case Command() as command:
+                self.monitor.hear_command(command)
+            case Report() as report:
+                self.monitor.hear_report(report)
+            case Event(kind="closed", source=source):
+                self.closed.add(source)
+
+    def _answer(self, query: zenoh.Query) -> None:
+        """Give whoever takes part what it asks for, a late joiner the mission or the faults in force."""
+        key = str(query.key_expr)
+        if key == self._keys.event(OPERATOR):
+            answers = self._in_force
+        elif key == self._keys.mission and self._mission is not None:
+            answers = [encode(self._mission)]
+        else:
+            answers = self._desk.answers(query)
+        for payload in answers:
+            query.reply(key, payload)
+        query.drop()
+
+    def _take(self, sample: zenoh.Sample) -> None:
+        heard = heard_from(sample)
+        self._inbox.put(heard, len(heard.payload))
+
+    def _take_token(self, sample: zenoh.Sample) -> None:
+        uav, instance = str(sample.key_expr).split("/")[-2:]
+        self._inbox.put_always(Token(uav, instance, sample.kind == zenoh.SampleKind.PUT))
+
+
+def is_in_force(event: Event) -> bool:
+    """Whether an operator's event is a fault that whoever starts later must be told of."""
+    return event.kind == "fault" and event.detail.partition(" ")[0] not in PROCESS_VERBS

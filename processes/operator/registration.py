@@ -1,0 +1,74 @@
+"""The operator's desk: who wants to take part in the mission is answered here."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+
+import msgspec
+import zenoh
+
+from edc_swarm.mission.configuration import JOIN, Mission
+from edc_swarm.protocol.claims import Claim, Claims, Issued
+from edc_swarm.protocol.keys import Keys
+from processes.bus.session import hand_over
+from processes.bus.subscriptions import Token
+from processes.runtime.inbox import Inbox
+
+
+class Desk:
+    """Issues ids to claimants and orders to parts that nobody has launched. One loop, so one answer at a time.
+
+    Parameters
+    ----------
+    mission
+        The mission to be flown, under its id.
+    remote
+        The UAVs to be flown by others.
+    orders
+        What parts are told, by their names.
+    by_name
+        Ids are issued to those alone who say which they can fly: on a secured bus, have the certificates of.
+    """
+
+    def __init__(
+        self,
+        mission: Mission,
+        remote: Sequence[str] = (),
+        orders: Mapping[str, bytes] | None = None,
+        *,
+        by_name: bool = False,
+    ) -> None:
+        self.mission = mission
+        self._by_name = by_name
+        self.claims = Claims(remote)
+        self._orders = {Keys(mission.name).orders(name): payload for name, payload in (orders or {}).items()}
+
+    def declare(self, session: zenoh.Session, inbox: Inbox[object]) -> None:
+        """Open."""
+        for key in (Keys(self.mission.name).claims, *self._orders):
+            session.declare_queryable(key, hand_over(inbox.put))
+
+    def see(self, token: Token) -> None:
+        """Take in who has come and who has gone."""
+        if token.uav == JOIN:
+            self.claims.see_claimant(token.instance, token.alive)
+        elif token.alive:
+            self.claims.see_uav(token.uav, token.instance)
+
+    def answers(self, query: zenoh.Query) -> list[bytes]:
+        """What to say to a query, if it is for the desk."""
+        key = str(query.key_expr)
+        if key == Keys(self.mission.name).claims:
+            return self._issue(query.payload.to_bytes() if query.payload is not None else b"")
+        return [self._orders[key]] if key in self._orders else []
+
+    def _issue(self, payload: bytes) -> list[bytes]:
+        """The answer to a claim; none to what is no claim."""
+        try:
+            claim = msgspec.json.decode(payload, type=Claim)
+        except msgspec.DecodeError:
+            return []
+        if self._by_name and not claim.among:
+            return [msgspec.json.encode(Issued(mission=self.mission))]
+        left, uavs = len(self.claims.free(claim.among)), self.claims.issue(claim)
+        return [msgspec.json.encode(Issued(mission=self.mission, uavs=uavs, left=left, begun=self.claims.begun))]

@@ -1,0 +1,87 @@
+"""A mission whose operator has died, found again by the next one with the same mission.
+
+Its claimants, UAVs, recorder and visualiser are still on the bus; the recorder, which has heard the
+mission message and keeps its orders, answers for both.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import secrets
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import cast
+
+import msgspec
+import zenoh
+
+from edc_swarm.emulation.links import MAX_CHANGES
+from edc_swarm.errors import RecordingError
+from edc_swarm.mission.configuration import OPERATOR, RECORDER, Mission
+from edc_swarm.protocol.codec import decode
+from edc_swarm.protocol.keys import PREFIX, Keys
+from edc_swarm.protocol.messages import Event, MissionMessage
+from edc_swarm.recording.reader import read_recording
+from processes.operator.bus_client import is_in_force
+from processes.services.orders import ASK_TIMEOUT_S, asked
+from processes.services.recorder import RecorderSettings
+
+
+@dataclass(frozen=True, slots=True)
+class Takeover:
+    """What is known of such a mission.
+
+    Its id, the mission message if it has begun, the recorder's orders, and by the record the faults in force.
+    """
+
+    mission_id: str
+    mission: MissionMessage | None = None
+    recorder: RecorderSettings | None = None
+    in_force: Sequence[Event] = ()
+
+
+def new_mission_id(mission: Mission) -> str:
+    """An id that no other run has."""
+    return f"{_stem(mission)}-{secrets.token_hex(4)}"
+
+
+def find_takeover(session: zenoh.Session, mission: Mission) -> Takeover | None:
+    """The run of this very mission that is on the bus without an operator, if there is one."""
+    tokens = _tokens(session)
+    runs = {run for run, _ in tokens if run.startswith(f"{_stem(mission)}-")}
+    orphans = sorted(runs - {run for run, who in tokens if who == OPERATOR})
+    return _takeover(session, orphans[0]) if orphans else None
+
+
+def _stem(mission: Mission) -> str:
+    """Name and digest of a mission: only the same mission, to the last field, may be gone on with."""
+    digest = hashlib.blake2s(msgspec.json.encode(mission), digest_size=4).hexdigest()
+    return f"{mission.name[:45]}-{digest}"
+
+
+def _tokens(session: zenoh.Session) -> set[tuple[str, str]]:
+    """Mission and id of every liveliness token."""
+    replies = session.liveliness().get(f"{PREFIX}/*/alive/**", timeout=ASK_TIMEOUT_S)
+    keys = [str(reply.ok.key_expr).split("/") for reply in replies if reply.ok is not None]
+    return {(parts[1], parts[3]) for parts in keys if len(parts) == 5}
+
+
+def _takeover(session: zenoh.Session, run: str) -> Takeover:
+    keys = Keys(run)
+    said, orders = asked(session, keys.mission), asked(session, keys.orders(RECORDER))
+    recorder = msgspec.json.decode(orders, type=RecorderSettings) if orders is not None else None
+    return Takeover(
+        run,
+        cast("MissionMessage", decode(keys.mission, said)) if said is not None else None,
+        recorder,
+        _in_force(recorder.part) if recorder is not None and said is not None else (),
+    )
+
+
+def _in_force(part: str) -> list[Event]:
+    """The faults that whoever starts late must be told of, as far as the recorder has written them."""
+    try:
+        events = read_recording(part, salvage=True).events
+    except RecordingError:
+        return []
+    return [event for event in events if event.source == OPERATOR and is_in_force(event)][-MAX_CHANGES:]

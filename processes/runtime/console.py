@@ -1,0 +1,45 @@
+"""What the command prints: results on standard output, all else on standard error."""
+
+from __future__ import annotations
+
+import sys
+
+import msgspec
+from rich.console import Console
+
+from edc_swarm.errors import RecordingError, SwarmError
+from edc_swarm.foreign_text import shown_lines
+
+FAILED = 1
+"""Exit status: a guarantee is broken, a UAV is not at its target, or the mission failed."""
+BAD_INPUT = 2
+"""Exit status: an option, a file or the environment is not acceptable."""
+NOT_JUDGED = 3
+"""Exit status: nothing is broken, but a guarantee could not be judged for lack of evidence."""
+
+UNREAD = 128 + 13
+"""Exit status: the pipe of standard output was closed, told as a shell tells of a process that SIGPIPE has ended."""
+
+
+def note(text: str) -> None:
+    """Tell the user something beside the result."""
+    print(shown_lines(text), file=sys.stderr, flush=True)
+
+
+def complain(error: SwarmError | str) -> int:
+    """Print the one line about bad input; the exit status."""
+    text = str(error)
+    if isinstance(error, RecordingError):
+        text = f"recording = {str(error.path)!r}: must be a readable recording ({error.reason})"
+    note(f"error: {' '.join(text.split())}")
+    return BAD_INPUT
+
+
+def print_json(value: object) -> None:
+    """Print `value` as JSON, and nothing else, on standard output."""
+    sys.stdout.write(msgspec.json.format(msgspec.json.encode(value), indent=2).decode() + "\n")
+
+
+def stdout_console() -> Console:
+    """A console on standard output that wraps nothing where nobody looks."""
+    return Console(highlight=False, soft_wrap=True)

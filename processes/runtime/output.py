@@ -1,0 +1,267 @@
+"""Where a run writes: one recording, the logs beside it, the UAVs' files while it lasts."""
+
+from __future__ import annotations
+
+import errno
+import fcntl
+import os
+import shutil
+import stat
+import time
+from collections.abc import Iterator
+from contextlib import contextmanager, suppress
+from pathlib import Path
+from types import TracebackType
+from typing import BinaryIO
+
+from edc_swarm.errors import InputError, RecordingError, SwarmError
+from edc_swarm.files import open_regular
+from edc_swarm.recording.reader import recover
+
+SUFFIX = ".mcap"
+PART = ".part"
+TORN = ".torn"
+FOLDER = Path("recordings")
+
+
+class Output:
+    """The files of one run. Claimed at the start, so nothing is overwritten and nobody else has them.
+
+    `begun`: a recorder is writing them already, for an operator before this one.
+
+    Attributes
+    ----------
+    path
+        The recording when it is whole; `part` until then.
+    salvaged
+        Recordings recovered from what killed runs have left in the same folder.
+    logs
+        Folder with the output of every process; gone at the end if nobody said anything.
+    state
+        Folder with the UAVs' promises and airframes; gone at the end.
+    """
+
+    def __init__(self, path: Path, *, force: bool, begun: bool = False) -> None:
+        path = through_links(path)
+        if not begun:
+            check_output(path, force=force)
+        self.path = path
+        self.part = path.with_name(path.name + PART)
+        self.logs = path.with_name(path.name.removesuffix(SUFFIX) + ".logs")
+        self.state = self.logs / "state"
+        try:
+            path.parent.mkdir(parents=True, exist_ok=True)
+            self.salvaged = salvage_parts(path.parent)
+            os.close(os.open(self.part, os.O_RDWR | (0 if begun else os.O_CREAT | os.O_EXCL), 0o644))
+            shutil.rmtree(self.logs, ignore_errors=True)
+            self.state.mkdir(parents=True, exist_ok=True)
+        except FileExistsError:
+            raise InputError("--out", str(path), f"a file that no other run is writing ({self.part.name})") from None
+        except OSError as error:
+            raise InputError("--out", str(path), f"in a folder that can be written ({_why(error)})") from None
+
+    def __enter__(self) -> Output:
+        return self
+
+    def __exit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
+    ) -> None:
+        shutil.rmtree(self.state, ignore_errors=True)
+        _remove_empty_logs(self.logs)
+        if self.part.exists() and self.part.stat().st_size == 0:
+            self.part.unlink()
+
+    def log(self, name: str) -> Path:
+        """Log file of the process `name`."""
+        return self.logs / f"{name}.log"
+
+    def tail(self, name: str, lines: int = 8) -> str:
+        """The last lines that the process `name` wrote."""
+        try:
+            return "\n".join(self.log(name).read_text(errors="replace").splitlines()[-lines:])
+        except OSError:
+            return ""
+
+    def recover_part(self) -> list[str]:
+        """Make the recording of a recorder that died; what is missing, one line each."""
+        try:
+            missing = write_recovered(self.part, self.path)
+        except RecordingError as error:
+            if Path(error.path) != self.path:
+                raise
+            raise self.cannot_write(error.reason) from None
+        self.part.unlink()
+        return missing
+
+    def cannot_write(self, reason: str) -> InputError:
+        """Return the error that names the folder, and the file with what was recorded until then."""
+        kept = f"; edc-swarm recover {self.part} -o FILE.mcap, on another disk, makes a recording of what there is"
+        allowed = f"in a folder that can be written: {self.part.parent.resolve()}: {reason}"
+        return InputError("--out", str(self.path), allowed + (kept if self.part.exists() else ""))
+
+
+def default_output(name: str, planner: str, which: str) -> Path:
+    """`recordings/NAME-PLANNER-WHICH.mcap`, with a number where that is taken."""
+    stem = f"{name}-{planner.rpartition(':')[2]}-{which}"
+    for number in range(1, 1000):
+        path = FOLDER / (f"{stem}{SUFFIX}" if number == 1 else f"{stem}-{number}{SUFFIX}")
+        if not path.exists() and not path.with_name(path.name + PART).exists():
+            return path
+    raise InputError("--out", str(FOLDER / stem), "given: every default name is taken")
+
+
+def timestamp() -> str:
+    """Now, for a file name."""
+    return time.strftime("%Y%m%d-%H%M%S")
+
+
+def check_output(path: Path, *, force: bool) -> None:
+    """Raise `InputError` where writing `path` would overwrite something."""
+    check_new(path, SUFFIX, force=force)
+
+
+def check_new(path: Path, suffix: str, *, force: bool) -> None:
+    """Raise `InputError` unless a file of this kind can be written at `path` without overwriting something."""
+    if path.suffix != suffix:
+        raise InputError("--out", str(path), f"a name that ends in {suffix}")
+    try:
+        os.fsencode(path).decode()
+        os.fsencode(path.absolute()).decode()
+    except UnicodeDecodeError:
+        raise InputError("--out", str(path), "a path in UTF-8, folders included") from None
+    except FileNotFoundError:
+        raise InputError("--out", str(path), "an absolute path where the working folder was removed") from None
+    try:
+        mode = path.stat().st_mode
+    except FileNotFoundError:
+        return
+    except OSError as error:
+        raise InputError("--out", str(path), f"a path that can be written ({_why(error)})") from None
+    if not stat.S_ISREG(mode):
+        raise InputError("--out", str(path), f"a regular file, not {'a folder' if stat.S_ISDIR(mode) else 'a device'}")
+    if not force:
+        raise InputError("--out", str(path), "a new file (or give --force)")
+
+
+def through_links(path: Path) -> Path:
+    """The file that is written by whoever writes `path`: where a symbolic link leads, not the link."""
+    return Path(os.path.realpath(path)) if os.path.islink(path) else path
+
+
+def unusable(error: OSError) -> SwarmError:
+    """What the system has refused, as one line that says which file it was and what to do about it."""
+    named = f"{os.fsdecode(error.filename)}: " if isinstance(error.filename, (str, bytes)) else ""
+    return SwarmError(f"{named}{_why(error)}")
+
+
+def unwritten(option: str, path: Path, error: OSError) -> InputError:
+    """A file that was being written and could not be."""
+    return InputError(option, str(path), f"where it can be written ({_why(error)})")
+
+
+def salvage_parts(folder: Path) -> list[Path]:
+    """Recover what killed runs have left in `folder`; the originals are kept as NAME.mcap.part.torn.
+
+    A part that is still held is a run in progress and is left alone.
+    """
+    return [found for part in sorted(folder.glob(f"*{SUFFIX}{PART}")) if (found := _salvage(part)) is not None]
+
+
+def recovered_name(part: Path) -> Path:
+    """NAME.recovered.mcap, beside NAME.mcap.part or NAME.mcap."""
+    return part.with_name(part.name.removesuffix(PART).removesuffix(SUFFIX) + ".recovered" + SUFFIX)
+
+
+@contextmanager
+def held_for_writing(part: Path) -> Iterator[BinaryIO]:
+    """The file `part`, locked: nobody takes it for what a killed run has left. Rename it before it is let go.
+
+    Raises
+    ------
+    InputError
+        It cannot be written; then it is gone.
+    """
+    try:
+        with part.open("r+b") as stream:
+            fcntl.flock(stream, fcntl.LOCK_EX)
+            yield stream
+    except OSError as error:
+        part.unlink(missing_ok=True)
+        raise unwritten("--out", part.with_name(part.name.removesuffix(PART)), error) from None
+
+
+@contextmanager
+def locked_for_reading(part: Path) -> Iterator[None]:
+    """Keep whoever records from writing `part` meanwhile.
+
+    Raises
+    ------
+    RecordingError
+        It cannot be opened, or a run in progress is writing it.
+    """
+    try:
+        with open_regular(part) as held:
+            fcntl.flock(held, fcntl.LOCK_SH | fcntl.LOCK_NB)
+            yield
+    except BlockingIOError:
+        raise RecordingError(part, "is being written by a run in progress") from None
+    except OSError as error:
+        raise RecordingError(part, f"cannot be read ({_why(error)})") from None
+
+
+@contextmanager
+def new_file(path: Path) -> Iterator[BinaryIO]:
+    """A file that is at `path` when it is whole, and not before.
+
+    Raises
+    ------
+    InputError
+        It cannot be written.
+    """
+    path = through_links(path)
+    unfinished = path.with_name(path.name + ".tmp")
+    try:
+        with unfinished.open("wb") as stream:
+            yield stream
+        unfinished.replace(path)
+    except OSError as error:
+        raise unwritten("--out", path, error) from None
+    finally:
+        with suppress(OSError):
+            unfinished.unlink(missing_ok=True)
+
+
+def write_recovered(part: Path, whole: Path) -> list[str]:
+    """Recover `part` as `whole`; what is missing, one line each."""
+    with new_file(whole) as stream:
+        return recover(part, stream)
+
+
+def _salvage(part: Path) -> Path | None:
+    whole = recovered_name(part)
+    try:
+        with locked_for_reading(part):
+            if part.stat().st_size == 0 and time.time() - part.stat().st_mtime < 60:
+                return None
+            if not whole.exists():
+                with suppress(SwarmError):
+                    write_recovered(part, whole)
+            part.rename(part.with_name(part.name + TORN))
+    except RecordingError:
+        return None
+    return whole if whole.exists() else None
+
+
+def _remove_empty_logs(logs: Path) -> None:
+    for log in logs.glob("*.log"):
+        if log.stat().st_size == 0:
+            log.unlink()
+    if logs.exists() and not any(logs.iterdir()):
+        logs.rmdir()
+
+
+def _why(error: OSError) -> str:
+    why = (error.strerror or str(error)).lower()
+    if error.errno in {errno.ENOSPC, errno.EDQUOT}:
+        why += ": free some of that disk, or write to another one"
+    return why

@@ -1,0 +1,137 @@
+"""Who may say and hear what on a secured bus, as rules for the router, by the name in the certificate.
+
+Everything is denied but what is listed here. A UAV speaks under its own id alone, since whoever may
+become head is known by its key; it hears all fixes and reports, its own commands, the mission and
+the operator, and never the truth. Whoever starts UAVs on another host says nothing: it claims ids
+and hears the operator; the UAVs that it forks speak for themselves. What a rule lets in as `ingress`
+comes from the named process, what it lets out as `egress` goes to it.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Any
+
+from edc_swarm.mission.configuration import JOIN, LIVE, OPERATOR, RECORDER, VISUALISER
+from edc_swarm.protocol.keys import PREFIX, Keys
+from processes.bus.abort_notice import WORD
+from processes.bus.operator_presence import GAVE_UP
+
+ANY_MISSION = "*"
+"""In the place of a mission's id: rules for whatever mission is flown at the router."""
+ALL_ALIVE = f"{PREFIX}/*/alive/**"
+OPERATORS_ALIVE = f"{PREFIX}/*/alive/{OPERATOR}/*"
+"""What takes part finds the mission by: it cannot know its id before."""
+
+Rule = dict[str, Any]
+
+
+def access_control(mission: str, uavs: Sequence[str]) -> dict[str, Any]:
+    """Zenoh's `access_control` for one mission, or `ANY_MISSION`, and the UAVs that there may be."""
+    keys = Keys(mission)
+    shared = _shared_by_uavs(keys)
+    rules = list(shared)
+    policies = [{"subjects": list(uavs), "rules": [rule["id"] for rule in shared]}]
+    for name, own in [*((uav, _of_uav(keys, uav)) for uav in uavs), *_of_roles(keys).items()]:
+        rules += own
+        policies.append({"subjects": [name], "rules": [rule["id"] for rule in own]})
+    names = [*uavs, OPERATOR, RECORDER, VISUALISER, JOIN]
+    return {
+        "enabled": True,
+        "default_permission": "deny",
+        "rules": rules,
+        "subjects": [{"id": name, "cert_common_names": [name]} for name in names],
+        "policies": policies,
+    }
+
+
+def _shared_by_uavs(keys: Keys) -> list[Rule]:
+    asked = [keys.mission, keys.event(OPERATOR)]
+    return [
+        *_hears("uavs", [*asked, keys.all_fixes, keys.all_reports]),
+        *_asks("uavs", asked),
+        *_sees_the_living("uavs", keys.all_alive),
+    ]
+
+
+def _of_uav(keys: Keys, uav: str) -> list[Rule]:
+    own = [keys.fix(uav), keys.truth(uav), keys.command(uav, "*"), keys.report(uav), keys.event(uav)]
+    asked_again = _answers(uav, [keys.again(uav, "*")])
+    return [_says(uav, own), *_hears(uav, [keys.commands_to(uav)]), *asked_again, _lives(uav, keys)]
+
+
+def _of_roles(keys: Keys) -> dict[str, list[Rule]]:
+    asked = [keys.mission, keys.event(OPERATOR)]
+    seen = [keys.mission, f"{keys.root}/uav/**", f"{keys.root}/head/**", keys.event("*")]
+    return {
+        OPERATOR: [
+            _says(OPERATOR, asked),
+            *_hears(OPERATOR, [keys.all_fixes, keys.all_reports, keys.command("*", "*"), keys.event("*")]),
+            *_answers(OPERATOR, [*asked, keys.claims, keys.orders("*"), keys.again(OPERATOR, "*")]),
+            *_asks(OPERATOR, [keys.mission, keys.orders(RECORDER)]),
+            _lives(OPERATOR, keys),
+            _rule(f"{OPERATOR} gives up", "ingress", "liveliness_token", [f"{WORD}/*"]),
+            *_sees_the_living(OPERATOR, keys.all_alive),
+            _rule(f"{OPERATOR} looks for missions", "ingress", "liveliness_query", [ALL_ALIVE]),
+        ],
+        RECORDER: [
+            _says(RECORDER, [keys.event(RECORDER)]),
+            *_hears(RECORDER, [keys.everything]),
+            *_asks(RECORDER, [keys.orders(RECORDER), keys.again("*", "*")]),
+            *_answers(RECORDER, [keys.mission, keys.orders(RECORDER)]),
+            _lives(RECORDER, keys),
+            *_sees_the_living(RECORDER, OPERATORS_ALIVE, GAVE_UP),
+        ],
+        VISUALISER: [
+            _says(VISUALISER, [keys.event(VISUALISER), f"{keys.root}/viz/**"]),
+            *_hears(VISUALISER, seen),
+            *_asks(VISUALISER, [*asked, keys.orders(VISUALISER), keys.orders(LIVE)]),
+            *_answers(VISUALISER, [keys.again(VISUALISER, "*")]),
+            _lives(VISUALISER, keys),
+            *_sees_the_living(VISUALISER, OPERATORS_ALIVE, GAVE_UP),
+        ],
+        JOIN: [
+            *_hears(JOIN, [keys.event(OPERATOR)]),
+            *_asks(JOIN, [keys.claims]),
+            _lives(JOIN, keys),
+            *_sees_the_living(JOIN, OPERATORS_ALIVE, GAVE_UP),
+        ],
+    }
+
+
+def _says(name: str, keys: list[str]) -> Rule:
+    return _rule(f"{name} says", "ingress", "put", keys)
+
+
+def _hears(name: str, keys: list[str]) -> list[Rule]:
+    return [
+        _rule(f"{name} subscribes", "ingress", "declare_subscriber", keys),
+        _rule(f"{name} hears", "egress", "put", keys),
+    ]
+
+
+def _asks(name: str, keys: list[str]) -> list[Rule]:
+    return [_rule(f"{name} asks", "ingress", "query", keys), _rule(f"{name} is answered", "egress", "reply", keys)]
+
+
+def _answers(name: str, keys: list[str]) -> list[Rule]:
+    return [
+        _rule(f"{name} offers answers", "ingress", "declare_queryable", keys),
+        _rule(f"{name} is asked", "egress", "query", keys),
+        _rule(f"{name} answers", "ingress", "reply", keys),
+    ]
+
+
+def _lives(name: str, keys: Keys) -> Rule:
+    return _rule(f"{name} lives", "ingress", "liveliness_token", [keys.alive(name, "*")])
+
+
+def _sees_the_living(name: str, *whom: str) -> list[Rule]:
+    return [
+        _rule(f"{name} watches", "ingress", "declare_liveliness_subscriber", [*whom]),
+        _rule(f"{name} sees the living", "egress", "liveliness_token", [*whom]),
+    ]
+
+
+def _rule(name: str, flow: str, message: str, keys: list[str]) -> Rule:
+    return {"id": name, "permission": "allow", "flows": [flow], "messages": [message], "key_exprs": keys}

@@ -1,0 +1,103 @@
+"""The live view: what the visualiser shows, served by the Foxglove WebSocket protocol.
+
+foxglove-sdk is optional (`pip install edc-swarm[live]`) and imported only here, when it is asked for.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import importlib.util
+import socket
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import Any
+
+from edc_swarm.errors import InputError
+from edc_swarm.viz.channels import channel_of
+from edc_swarm.viz.scenery import Shown
+
+HOST = "127.0.0.1"
+ANY_HOST = "0.0.0.0"
+PORT = 8765
+"""The port that viewers offer first."""
+NOT_REPEATED = "/viz/log"
+
+
+@dataclass(frozen=True, slots=True)
+class Subscribed:
+    """A viewer wants to see a topic from now on."""
+
+    topic: str
+
+
+def live_port() -> int:
+    """The port to serve on: the usual one, or a free one where that is taken.
+
+    Raises
+    ------
+    InputError
+        The live view is not installed.
+    """
+    if importlib.util.find_spec("foxglove") is None:
+        raise InputError("--live", True, "absent, or foxglove-sdk installed: pip install 'edc-swarm[live]'")
+    for port in (PORT, 0):
+        with contextlib.suppress(OSError), socket.socket() as probe:
+            probe.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
+            probe.bind((HOST, port))
+            return int(probe.getsockname()[1])
+    raise InputError("--live", True, "absent: this host has no free port")
+
+
+class Live:
+    """A server. Whoever subscribes is to be shown the last message of the topic at once: `repeat`.
+
+    A scene is a full snapshot, so showing it again harms nobody.
+    """
+
+    def __init__(self, host: str, port: int, tell: Callable[[Subscribed], None]) -> None:
+        import foxglove  # noqa: PLC0415  (optional)
+        from foxglove.websocket import ServerListener  # noqa: PLC0415
+
+        class Listener(ServerListener):
+            """Only hands over: the server's threads never work here."""
+
+            def on_subscribe(self, client: Any, channel: Any) -> None:
+                del client
+                tell(Subscribed(channel.topic))
+
+        self._foxglove = foxglove
+        self._context = foxglove.Context()
+        self._channels: dict[str, Any] = {}
+        self._last: dict[str, Shown] = {}
+        self._server = foxglove.start_server(
+            name="edc-swarm", host=host, port=port, context=self._context, server_listener=Listener()
+        )
+
+    def show(self, shown: Shown) -> None:
+        """Send to everyone who subscribes to its topic."""
+        self._last[shown.topic] = shown
+        self._send(shown)
+
+    def repeat(self, topic: str) -> None:
+        """Send the last message of a topic again."""
+        if topic in self._last and topic != NOT_REPEATED:
+            self._send(self._last[topic])
+
+    def stop(self) -> None:
+        """Disconnect everyone."""
+        self._server.stop()
+
+    def _send(self, shown: Shown) -> None:
+        channel = self._channels.get(shown.topic) or self._advertise(shown.topic)
+        channel.log(shown.payload, log_time=shown.time_ns)
+
+    def _advertise(self, topic: str) -> Any:
+        described = channel_of(topic)
+        assert described is not None
+        schema = self._foxglove.Schema(
+            name=described.schema_name, encoding=described.schema_encoding, data=described.schema_data
+        )
+        channel = self._channels[topic] = self._foxglove.Channel(
+            topic, message_encoding=described.encoding, schema=schema, context=self._context
+        )
+        return channel

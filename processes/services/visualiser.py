@@ -1,0 +1,225 @@
+"""The visualiser: `python -m processes.services.visualiser [tcp/HOST:PORT [live]]`, with its orders, a `VizSettings`.
+
+It listens to the mission like the recorder, outside the link model, and publishes what viewers
+show. With `live_port` it also serves the Foxglove WebSocket protocol; as `live` it does nothing else.
+"""
+
+from __future__ import annotations
+
+import os
+import secrets
+import signal
+import sys
+import time
+from dataclasses import dataclass
+from functools import partial
+from itertools import count
+
+import msgspec
+import zenoh
+from msgspec import Struct
+
+from edc_swarm.errors import SwarmError
+from edc_swarm.mission.configuration import OPERATOR, VISUALISER
+from edc_swarm.protocol.codec import encode
+from edc_swarm.protocol.keys import Keys
+from edc_swarm.protocol.messages import Event, MissionMessage
+from edc_swarm.recording.writer import Stamp
+from edc_swarm.viz.channels import ROOT
+from edc_swarm.viz.scenery import Scenery, Shown
+from processes.bus.credentials import credentials
+from processes.bus.operator_presence import GIVE_UP_S, Operators
+from processes.bus.outbox import Outbox
+from processes.bus.session import hand_over, open_client
+from processes.bus.subscriptions import Gate, Heard, heard_from
+from processes.runtime.clock import JUMP, MissionClock
+from processes.runtime.console import complain
+from processes.runtime.inbox import SETTLE_S, Inbox
+from processes.runtime.parent import die_with_parent
+from processes.services.live import HOST, Live, Subscribed
+from processes.services.orders import orders, outlast_operator
+
+NAME = VISUALISER
+IDLE_S = 0.25
+BURST_BYTES = 32_768
+PAUSE_S = 0.004
+OVERHEAD_BYTES = 512
+"""What a small message costs beside its bytes."""
+KEPT_BYTES = 16 << 20
+"""What is kept to be sent again: a minute of the scenes of 50 UAVs."""
+
+
+class VizSettings(Struct, frozen=True, kw_only=True):
+    """What the visualiser must be told. `live_port` is 0 for no live view; without `records` there is nothing else."""
+
+    endpoint: str
+    mission: str
+    live_port: int = 0
+    live_host: str = HOST
+    records: bool = True
+    certs: str = ""
+    parent: int = 0
+    clock_ahead_ns: int | None = None
+
+
+@dataclass(frozen=True, slots=True)
+class _Said:
+    """Bytes from the bus and when they came."""
+
+    key: str
+    payload: bytes
+    time_ns: int
+
+
+@dataclass(frozen=True, slots=True)
+class _Stop:
+    """The order to end."""
+
+
+Item = _Said | Subscribed | _Stop | zenoh.Query
+
+
+class Visualiser:
+    """Shows one mission."""
+
+    def __init__(self, settings: VizSettings) -> None:
+        self._keys = Keys(settings.mission)
+        self._clock = MissionClock(settings.clock_ahead_ns)
+        self._inbox: Inbox[Item] = Inbox()
+        self._scenery = Scenery()
+        self._last: dict[str, int] = {}
+        self._instance = f"{os.getpid()}-{secrets.token_hex(4)}"
+        self._event_seq = count()
+        self._gate = Gate(partial(self._tell, "malformed"))
+        self._over = False
+        self._unsent = 0
+        self._records = settings.records
+        self._live = None
+        if settings.live_port:
+            self._live = Live(settings.live_host, settings.live_port, self._inbox.put_always)
+        self._session = open_client(settings.endpoint, credentials(settings.certs, NAME), observer=True)
+        keys, heard = self._keys, hand_over(self._take)
+        self._outbox = Outbox(self._session, keys.again(NAME, self._instance), self._inbox, KEPT_BYTES)
+        for key in (keys.mission, f"{keys.root}/uav/**", f"{keys.root}/head/**", keys.event("*")):
+            self._session.declare_subscriber(key, heard, allowed_origin=zenoh.Locality.REMOTE)
+        self._session.get(keys.mission, hand_over(self._take_reply), consolidation=zenoh.ConsolidationMode.NONE)
+        if settings.records:
+            self._token = self._session.liveliness().declare_token(keys.alive(NAME, self._instance))
+        self._mission = settings.mission
+        self._operators = None if settings.parent else Operators(self._session)
+
+    def stop(self) -> None:
+        """Ask to end; may be called from a signal handler."""
+        self._inbox.put_always(_Stop())
+
+    def show(self) -> None:
+        """Publish scenes until the operator says that the mission is over, then the last word."""
+        while not self._over:
+            for item in self._inbox.wait(self._patience_s(), SETTLE_S):
+                self._take_item(item)
+            self._publish(self._scenery.advance(self._clock.now_ns()))
+            if (jump := self._clock.jump()) is not None:
+                self._tell(JUMP, jump)
+            self._outbox.flush()
+            self._over |= self._is_deserted()
+        self._close()
+
+    def _is_deserted(self) -> bool:
+        """Whether the operator has gone for good without a last word."""
+        return self._operators is not None and self._operators.away_s(self._mission) > GIVE_UP_S
+
+    def _patience_s(self) -> float:
+        due_ns = self._scenery.next_ns
+        return IDLE_S if due_ns is None else min(IDLE_S, max(0.0, (due_ns - self._clock.now_ns()) / 1e9))
+
+    def _take_item(self, item: Item) -> None:
+        match item:
+            case _Stop():
+                self._over = True
+            case Subscribed(topic) if self._live is not None:
+                self._live.repeat(topic)
+            case zenoh.Query():
+                if self._outbox.hear(item):
+                    self._outbox.answer()
+            case _Said(key, payload, time_ns):
+                self._publish(self._scenery.advance(time_ns))
+                self._hear(key, payload, time_ns)
+
+    def _hear(self, key: str, payload: bytes, time_ns: int) -> None:
+        message = self._gate.admit(Heard(key, payload))
+        if message is None:
+            return
+        if isinstance(message, MissionMessage):
+            self._gate.know(message)
+        self._scenery.hear(message, time_ns)
+        if isinstance(message, Event) and message.source == OPERATOR and message.kind == "end":
+            self._over = True
+
+    def _publish(self, shown: list[Shown]) -> None:
+        for each in shown:
+            if self._records:
+                self._put(each)
+            if self._live is not None:
+                self._live.show(each)
+
+    def _put(self, shown: Shown) -> None:
+        key = f"viz/{shown.topic.removeprefix(ROOT)}"
+        seq = self._last[key] = self._last.get(key, -1) + 1
+        stamp = msgspec.json.encode(Stamp(self._instance, seq, shown.time_ns))
+        self._outbox.put(f"{self._keys.root}/{key}", shown.payload, seq, stamp)
+        self._outbox.flush()
+        self._pause(len(shown.payload))
+
+    def _pause(self, size: int) -> None:
+        """Let the bus take what was put: scenes are large, and it drops what comes too fast."""
+        self._unsent += size + OVERHEAD_BYTES
+        if self._unsent >= BURST_BYTES:
+            self._unsent = 0
+            time.sleep(PAUSE_S)
+
+    def _close(self) -> None:
+        """Say how many messages of each topic there were; in the record viewers' messages carry no numbers."""
+        self._publish(self._scenery.advance(self._clock.now_ns()))
+        self._tell("closed", msgspec.json.encode(self._last).decode())
+        self._outbox.flush()
+        self._outbox.stay(self._inbox)
+        self._session.close()
+        if self._live is not None:
+            self._live.stop()
+
+    def _tell(self, kind: str, detail: str) -> None:
+        """Publish an event; who only shows live says nothing on the bus."""
+        if not self._records:
+            return
+        seq, now_ns = next(self._event_seq), self._clock.now_ns()
+        event = Event(source=NAME, instance=self._instance, seq=seq, sent_ns=now_ns, kind=kind, detail=detail)
+        self._outbox.put(self._keys.event(NAME), encode(event), seq)
+
+    def _take(self, sample: zenoh.Sample) -> None:
+        heard = heard_from(sample)
+        self._inbox.put(_Said(heard.key, heard.payload, self._clock.now_ns()), len(heard.payload))
+
+    def _take_reply(self, reply: zenoh.Reply) -> None:
+        if reply.ok is not None:
+            self._take(reply.ok)
+
+
+def main() -> int:
+    """Show one mission."""
+    settings = orders(VizSettings, NAME)
+    if settings.parent:
+        die_with_parent(settings.parent)
+        signal.signal(signal.SIGINT, signal.SIG_IGN)
+    visualiser = Visualiser(settings)
+    signal.signal(signal.SIGTERM, lambda *_: visualiser.stop())
+    visualiser.show()
+    if not settings.parent:
+        outlast_operator(settings.endpoint, settings.mission, credentials(settings.certs, NAME))
+    return 0
+
+
+if __name__ == "__main__":
+    try:
+        sys.exit(main())
+    except SwarmError as error:
+        sys.exit(complain(error))

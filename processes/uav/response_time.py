@@ -1,0 +1,48 @@
+"""The response time of this computer: how long planning a reference slot takes it."""
+
+from __future__ import annotations
+
+import math
+import statistics
+import time
+
+from edc_swarm.mission.configuration import Mission
+from edc_swarm.planner.interface import PlanRequest
+from processes.uav.planner_loader import warm_planner
+
+UAVS = 12
+TRIALS = 3
+
+
+def measured_response_ms() -> float:
+    """Milliseconds that the reference slot takes, the same slot for every UAV and mission.
+
+    Processor time, not wall time: K processes that measure at once on few cores would otherwise
+    measure one another.
+    """
+    mission = Mission()
+    warm_planner(mission)
+    from edc_swarm.planner.registry import make_planner  # noqa: PLC0415  (imports numpy)
+
+    request = _reference_slot(mission)
+    times_ns = []
+    for _ in range(TRIALS):
+        planner = make_planner("edc", mission)
+        start_ns = time.thread_time_ns()
+        planner.plan(request)
+        times_ns.append(time.thread_time_ns() - start_ns)
+    return statistics.median(times_ns) / 1e6
+
+
+def _reference_slot(mission: Mission) -> PlanRequest:
+    """UAVs on a ring, as close as may be, each bound for the opposite side."""
+    radius_m = 1.1 * mission.r_m / math.sin(math.pi / UAVS)
+    angles = [math.tau * k / UAVS for k in range(UAVS)]
+    ring_m = [(radius_m * math.cos(angle), radius_m * math.sin(angle)) for angle in angles]
+    return PlanRequest(
+        slot=0,
+        uav=range(UAVS),
+        position_m=ring_m,
+        target_m=[(-x_m, -y_m) for x_m, y_m in ring_m],
+        r_m=[mission.r_m] * UAVS,
+    )
