@@ -40,7 +40,8 @@ class Run:
     Attributes
     ----------
     measure
-        What is done with the mission: "module:function" of a function from a `Mission` to plain data.
+        Name of the measurement, as whoever makes the run knows it, or "module:function" of a function of your own
+        from a `Mission` to plain data.
     mission
         As it would be in a mission file; what is left out is derived or drawn from its seed.
     alone

@@ -49,6 +49,8 @@ OWN = frozenset({"edc_swarm", "processes"})
 PACKAGES = ("numpy", "scipy", "numba", "osqp")
 DECIDE_NO_RESULT = ("experiments", "report_page", "viz")
 """Packages of the library that declare runs, judge results or show them, and decide none."""
+MEASURES = "processes.experiments.measures"
+"""Module with the measurements that are named without a module."""
 MEASURING = ("measures.py", "timed_planner.py")
 """Files beside this one that decide results."""
 
@@ -225,8 +227,8 @@ def make(run: Run, code: str) -> tuple[Any, float]:
     """
     if code != (own := code_of(run)):
         raise SweepError(f"a worker has another version of edc-swarm, or of what is flown ({own}, not {code})")
-    module, _, function = run.measure.partition(":")
-    measure: Callable[..., Any] = getattr(importlib.import_module(module), function)
+    module, _, function = run.measure.rpartition(":")
+    measure: Callable[..., Any] = getattr(importlib.import_module(module or MEASURES), function)
     begun_s = time.process_time()
     try:
         result = measure(run.mission)

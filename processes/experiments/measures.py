@@ -1,7 +1,7 @@
 """What sweeps measure: functions from a mission to plain data, run in worker processes.
 
-Each is named in a `Run` as "processes.experiments.measures:NAME", so that it is found in any process and on any
-machine. Everything is computed from the recording that the simulator made; nothing is written.
+A `Run` names its function, so any process on any machine finds it. Everything is computed from the recording that
+the simulator made; nothing is written.
 """
 
 from __future__ import annotations

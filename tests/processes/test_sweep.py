@@ -40,7 +40,7 @@ from processes.experiments.ledger import (
     sweep,
 )
 
-RUNS = [Run("processes.experiments.measures:fly", Mission(uavs=3, seed=seed)) for seed in range(8)]
+RUNS = [Run("fly", Mission(uavs=3, seed=seed)) for seed in range(8)]
 SWEEP = """
 import sys
 sys.path.insert(0, {tests!r})
@@ -157,7 +157,7 @@ def test_results_of_a_planner_that_was_edited_are_made_again(tmp_path: Path, mon
     file = tmp_path / "edited_planner.py"
     file.write_text("from edc_swarm.planner.straight import Straight as Mine\n")
     monkeypatch.syspath_prepend(tmp_path)
-    run = Run("processes.experiments.measures:fly", Mission(uavs=3, planner="edited_planner:Mine"))
+    run = Run("fly", Mission(uavs=3, planner="edited_planner:Mine"))
     with Ledger(tmp_path / "sweep") as ledger:
         sweep([RUNS[0], run], ledger, Local(2))
     with Ledger(tmp_path / "sweep") as ledger:
@@ -203,7 +203,7 @@ def test_a_worker_that_dies_ends_the_sweep_with_a_word() -> None:
 
 def test_failed_run_is_named_and_others_are_kept(tmp_path: Path) -> None:
     """A run that cannot be flown ends the sweep with its command; what was made stays."""
-    crowded = Run("processes.experiments.measures:fly", Mission(uavs=50, area_m2=100.0))
+    crowded = Run("fly", Mission(uavs=50, area_m2=100.0))
     with Ledger(tmp_path) as ledger, pytest.raises(SweepError, match="edc-swarm sim --uavs 50 --area 100"):
         sweep([RUNS[0], crowded], ledger, Local(1))
     assert len(lines(tmp_path)) == 1

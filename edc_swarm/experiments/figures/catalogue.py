@@ -20,11 +20,8 @@ from edc_swarm.experiments.sweeps import Run
 from edc_swarm.mission.configuration import EnergyModel, Mission
 from edc_swarm.simulation.closed_loop import AS_PRINTED
 
-FLY = "processes.experiments.measures:fly"
-FLY_PLAN = "processes.experiments.measures:fly_plan"
-TIME_PLANS = "processes.experiments.measures:time_plans"
-TIME_FORMS = "processes.experiments.measures:time_forms"
-FLY_LONG = "processes.experiments.measures:fly_long"
+FLY, FLY_PLAN, FLY_LONG = "fly", "fly_plan", "fly_long"
+TIME_PLANS, TIME_FORMS = "time_plans", "time_forms"
 
 PRINTED_UAVS = 20
 """Up to here the paper's model is also flown as printed, with all its variables."""

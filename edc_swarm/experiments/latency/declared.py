@@ -34,10 +34,7 @@ from edc_swarm.mission.roster import complete_mission
 from edc_swarm.planner.registry import check_planner
 
 Engine = Literal["sim", "processes"]
-MEASURE: dict[Engine, str] = {
-    "sim": "processes.experiments.measures:fly_latency",
-    "processes": "processes.experiments.real_runs:fly",
-}
+MEASURE: dict[Engine, str] = {"sim": "fly_latency", "processes": "fly_processes"}
 VERB: dict[Engine, str] = {"sim": "sim", "processes": "run"}
 MAX_RUNS = 100_000
 MOST_VALUES = 100
