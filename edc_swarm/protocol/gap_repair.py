@@ -14,8 +14,8 @@ from collections.abc import Container, Mapping
 from dataclasses import dataclass, field
 from itertools import islice
 
-from edc_swarm.mission.configuration import OPERATOR, RECORDER, VISUALISER
-from edc_swarm.protocol.keys import PREFIX
+from edc_swarm.mission.configuration import RECORDER
+from edc_swarm.protocol.keys import PREFIX, source_of
 from edc_swarm.protocol.retransmission import Answer, Ask, Kept, Span
 
 GATHER_S = 0.05
@@ -186,15 +186,3 @@ class Holes:
                 publisher = self._publishers.setdefault((source, instance), _Asked((source, instance)))
                 stream = publisher.streams[key] = self._streams[key, instance] = _Stream(publisher)
         return stream
-
-
-def source_of(key: str) -> str:
-    """Who publishes on a key of the bus, "" when it is nobody's."""
-    match key.split("/")[2:]:
-        case ["uav" | "head" | "event", source, *_]:
-            return source
-        case ["mission"]:
-            return OPERATOR
-        case ["viz", _, *_]:
-            return VISUALISER
-    return ""

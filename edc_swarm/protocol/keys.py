@@ -3,22 +3,65 @@
 from __future__ import annotations
 
 import re
-from typing import get_args
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from operator import attrgetter
+from typing import Any, get_args
 
 from msgspec import Struct
 
-from edc_swarm.mission.configuration import MissionId
+from edc_swarm.mission.configuration import OPERATOR, VISUALISER, MissionId
 from edc_swarm.protocol.messages import Command, Event, Fix, Message, MissionMessage, Report, Truth
 
 PREFIX = "swarm"
-_KINDS: dict[tuple[str, int], type[Struct]] = {
-    ("fix", 3): Fix,
-    ("truth", 3): Truth,
-    ("command", 4): Command,
-    ("report", 3): Report,
-    ("event", 2): Event,
-    ("mission", 1): MissionMessage,
+
+
+@dataclass(frozen=True, slots=True)
+class KeyForm:
+    """The key of one kind of message, below `swarm/{mission}/`.
+
+    `form` has a pair of braces for each of the message's `fields`; `sender` is the field that names the publisher,
+    or the role that alone publishes such messages.
+    """
+
+    form: str
+    fields: tuple[str, ...]
+    sender: str
+
+    @property
+    def stream(self) -> Callable[[Any], tuple[str, ...]]:
+        """Function from a message to its publisher's instance, followed by the fields."""
+        return attrgetter("instance", *self.fields)
+
+
+KEY_FORMS: dict[type[Struct], KeyForm] = {
+    Fix: KeyForm("uav/{}/fix", ("uav",), sender="uav"),
+    Truth: KeyForm("uav/{}/truth", ("uav",), sender="uav"),
+    Command: KeyForm("head/{}/command/{}", ("head", "uav"), sender="head"),
+    Report: KeyForm("head/{}/report", ("head",), sender="head"),
+    Event: KeyForm("event/{}", ("source",), sender="source"),
+    MissionMessage: KeyForm("mission", ("name",), sender=OPERATOR),
 }
+"""The keys of messages; whatever builds or parses one derives from this table."""
+SCENES = "viz"
+"""First part of the keys of scenes, which the visualiser publishes and which are no messages of the swarm."""
+ALL_ALIVE = f"{PREFIX}/*/alive/**"
+"""Liveliness tokens of every process of every mission at a router."""
+
+
+def _shape(parts: Sequence[str]) -> tuple[int, str, str]:
+    """Return what tells the keys of one kind from those of all others: the number of parts, the first and the third."""
+    return len(parts), parts[0], parts[2] if len(parts) > 2 else ""
+
+
+_KINDS = {_shape(form.form.split("/")): kind for kind, form in KEY_FORMS.items()}
+_SENDER_AT = {
+    words[0]: words.index("{}") if form.sender in form.fields else 0
+    for form in KEY_FORMS.values()
+    for words in [form.form.split("/")]
+}
+"""Position of the publisher in a key, by the key's first part; 0 where it is the operator's alone."""
+_STREAMS = {kind: form.stream for kind, form in KEY_FORMS.items()}
 _is_mission_id = re.compile(get_args(MissionId)[1].pattern).search
 
 
@@ -27,36 +70,39 @@ class Keys:
 
     def __init__(self, mission_id: str) -> None:
         self.root = f"{PREFIX}/{mission_id}"
-        self.mission = f"{self.root}/mission"
-        self.all_fixes = f"{self.root}/uav/*/fix"
-        self.all_truths = f"{self.root}/uav/*/truth"
-        self.all_reports = f"{self.root}/head/*/report"
+        self.mission = self._of(MissionMessage, mission_id)
+        self.all_fixes = self.fix("*")
+        self.all_truths = self.truth("*")
+        self.all_reports = self.report("*")
         self.all_alive = f"{self.root}/alive/**"
         self.everything = f"{self.root}/**"
 
+    def _of(self, kind: type[Struct], *values: str) -> str:
+        return f"{self.root}/{KEY_FORMS[kind].form.format(*values)}"
+
     def fix(self, uav: str) -> str:
         """Key of a UAV's fixes."""
-        return f"{self.root}/uav/{uav}/fix"
+        return self._of(Fix, uav)
 
     def truth(self, uav: str) -> str:
         """Key of the emulator's ground truth of a UAV."""
-        return f"{self.root}/uav/{uav}/truth"
+        return self._of(Truth, uav)
 
     def command(self, head: str, uav: str) -> str:
         """Key of `head`'s commands to `uav`."""
-        return f"{self.root}/head/{head}/command/{uav}"
+        return self._of(Command, head, uav)
 
     def commands_to(self, uav: str) -> str:
         """Key expression of every head's commands to `uav`."""
-        return f"{self.root}/head/*/command/{uav}"
+        return self._of(Command, "*", uav)
 
     def report(self, head: str) -> str:
         """Key of a head's slot reports."""
-        return f"{self.root}/head/{head}/report"
+        return self._of(Report, head)
 
     def event(self, source: str) -> str:
         """Key of a publisher's events."""
-        return f"{self.root}/event/{source}"
+        return self._of(Event, source)
 
     @property
     def claims(self) -> str:
@@ -77,19 +123,8 @@ class Keys:
 
     def of(self, message: Message) -> str:
         """Key on which `message` is published."""
-        match message:
-            case Fix():
-                return self.fix(message.uav)
-            case Truth():
-                return self.truth(message.uav)
-            case Command():
-                return self.command(message.head, message.uav)
-            case Report():
-                return self.report(message.head)
-            case Event():
-                return self.event(message.source)
-            case MissionMessage():
-                return self.mission
+        kind = type(message)
+        return self._of(kind, *_STREAMS[kind](message)[1:])
 
 
 def kind_of(key: str) -> type[Struct] | None:
@@ -102,9 +137,15 @@ def kind_of(key: str) -> type[Struct] | None:
         if not _is_mission_id(parts[1] if len(parts) > 1 else ""):
             return None
         parts = parts[2:]
-    if not parts:
-        return None
-    name = parts[0]
-    if (name == "uav" and len(parts) == 3) or (name == "head" and len(parts) in {3, 4}):
-        name = parts[2]
-    return _KINDS.get((name, len(parts)))
+    return _KINDS.get(_shape(parts)) if parts else None
+
+
+def source_of(key: str) -> str:
+    """Return who publishes on a key of the bus, or on one below it; "" where nobody does."""
+    first, *rest = key.split("/")[2:] or [""]
+    if first == SCENES and rest:
+        return VISUALISER
+    position = _SENDER_AT.get(first, -1)
+    if position == 0:
+        return "" if rest else OPERATOR
+    return rest[position - 1] if 0 < position <= len(rest) else ""

@@ -21,9 +21,9 @@ from typing import Any
 
 import msgspec
 
+from edc_swarm.protocol.keys import KEY_FORMS
 from edc_swarm.protocol.messages import Event, MissionMessage
 from edc_swarm.recording.model import Recording
-from edc_swarm.recording.sequences import KEY_FORMS
 
 FETCHED = "fetched"
 """Fact of `run_end`: how many messages were asked for again, and had."""
@@ -39,7 +39,7 @@ def put_in_order(recording: Recording) -> None:
     """Order every kind of message by content; drop exact duplicates and count them in `recording.duplicates`."""
     for kind, messages in recording.lists().items():
         count = len(messages)
-        messages[:] = _ordered(messages, kind, KEY_FORMS[kind][1])
+        messages[:] = _ordered(messages, kind, KEY_FORMS[kind].fields)
         recording.duplicates += count - len(messages)
 
 

@@ -9,7 +9,8 @@ from operator import attrgetter
 
 import msgspec
 
-from edc_swarm.protocol.messages import Command, Event, Fix, MissionMessage, Report, Truth
+from edc_swarm.protocol.keys import KEY_FORMS, PREFIX, SCENES
+from edc_swarm.protocol.messages import Event
 from edc_swarm.recording.model import Recording
 
 CLOSED = "closed"
@@ -17,16 +18,6 @@ CLOSED = "closed"
 
 Stream = tuple[str, str]
 """Key without its `swarm/{mission}/`, and instance of the publisher."""
-
-KEY_FORMS: dict[type, tuple[str, tuple[str, ...]]] = {
-    Fix: ("uav/{}/fix", ("uav",)),
-    Truth: ("uav/{}/truth", ("uav",)),
-    Command: ("head/{}/command/{}", ("head", "uav")),
-    Report: ("head/{}/report", ("head",)),
-    Event: ("event/{}", ("source",)),
-    MissionMessage: ("mission", ("name",)),
-}
-"""How the key of a message, without its `swarm/{mission}/`, is made of its fields."""
 
 _decode_tails = msgspec.json.Decoder(dict[str, int]).decode
 
@@ -69,19 +60,17 @@ def sequence_numbers(recording: Recording) -> dict[Stream, list[int]]:
     """Sequence numbers of every stream in the order of the record."""
     numbers: dict[Stream, list[int]] = {}
     for kind, messages in recording.lists().items():
-        form, names = KEY_FORMS[kind]
+        form = KEY_FORMS[kind]
         groups: defaultdict[tuple[str, ...], list[int]] = defaultdict(list)
-        for source, seq in zip(
-            map(attrgetter("instance", *names), messages), map(attrgetter("seq"), messages), strict=True
-        ):
+        for source, seq in zip(map(form.stream, messages), map(attrgetter("seq"), messages), strict=True):
             groups[source].append(seq)
-        numbers.update({(form.format(*ends), instance): seqs for (instance, *ends), seqs in groups.items()})
+        numbers.update({(form.form.format(*ends), instance): seqs for (instance, *ends), seqs in groups.items()})
     return numbers
 
 
 def _counted(recording: Recording, key: str) -> list[int]:
     """Numbers of what carries none, by counting: the visualiser's messages; a stream that is missing has none."""
-    return list(range(recording.unknown.get(f"/{key}", 0))) if key.startswith("viz/") else []
+    return list(range(recording.unknown.get(f"/{key}", 0))) if key.startswith(f"{SCENES}/") else []
 
 
 def _tails(recording: Recording) -> dict[Stream, int]:
@@ -107,7 +96,7 @@ def tails_in(event: Event) -> dict[str, int]:
 
 
 def _relative(key: str) -> str:
-    return key.split("/", 2)[2] if key.startswith("swarm/") and key.count("/") >= 2 else key
+    return key.split("/", 2)[2] if key.startswith(f"{PREFIX}/") and key.count("/") >= 2 else key
 
 
 def _holes(numbers: list[int], end: int) -> Iterator[tuple[int, int]]:

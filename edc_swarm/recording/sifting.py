@@ -11,9 +11,9 @@ from operator import attrgetter
 from typing import Any
 
 from edc_swarm.mission.configuration import ROLES
+from edc_swarm.protocol.keys import KEY_FORMS
 from edc_swarm.protocol.messages import Event, MissionMessage
 from edc_swarm.recording.model import Bin, Garbage, Recording
-from edc_swarm.recording.sequences import KEY_FORMS
 
 OLDER, STRANGE = "of an older run", "of nobody in the mission"
 
@@ -22,11 +22,12 @@ def sift(recording: Recording) -> None:
     """Move what is not of this run from the lists of `recording` to its garbage."""
     running = _running(recording)
     roster = {entry.uav for entry in recording.mission.roster}
-    known = {**dict.fromkeys(KEY_FORMS, roster), Event: roster | ROLES, MissionMessage: {recording.mission.name}}
+    known: dict[type, set[str]] = dict.fromkeys(KEY_FORMS, roster)
+    known |= {Event: roster | ROLES, MissionMessage: {recording.mission.name}}
     refused = Bin(recording.garbage)
-    for kind, (form, names) in KEY_FORMS.items():
+    for kind, form in KEY_FORMS.items():
         messages = recording.lists()[kind]
-        source = attrgetter("instance", *names)
+        source = form.stream
         foreign = {
             said: OLDER if known[kind].issuperset(said[1:]) else STRANGE
             for said in set(map(source, messages))
@@ -35,7 +36,7 @@ def sift(recording: Recording) -> None:
         if foreign:
             for message in messages:
                 if (of := source(message)) in foreign:
-                    refused.add(Garbage(form.format(*of[1:]), message.sent_ns, foreign[of]))
+                    refused.add(Garbage(form.form.format(*of[1:]), message.sent_ns, foreign[of]))
             messages[:] = [message for message in messages if source(message) not in foreign]
     recording.garbage = refused.contents()
 
@@ -47,8 +48,8 @@ def _running(recording: Recording) -> set[tuple[str, str]]:
     """
     mission = recording.mission
     running = {(mission.instance, mission.name)}
-    for kind, (_, names) in KEY_FORMS.items():
-        speaker: Callable[[Any], tuple[str, str]] = attrgetter("instance", names[0])
+    for kind, form in KEY_FORMS.items():
+        speaker: Callable[[Any], tuple[str, str]] = attrgetter("instance", form.fields[0])
         messages = recording.lists()[kind]
         running |= {speaker(message) for message in messages if message.sent_ns >= mission.epoch_ns}
     return running

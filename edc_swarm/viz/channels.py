@@ -17,7 +17,7 @@ from google.protobuf.descriptor_pb2 import FileDescriptorSet
 from google.protobuf.message import Message as Protobuf
 from msgspec import UNSET, Struct, UnsetType
 
-from edc_swarm.protocol.keys import PREFIX
+from edc_swarm.protocol.keys import PREFIX, SCENES
 from edc_swarm.recording.mcap_file import Channel
 from edc_swarm.recording.schemas import json_schema
 
@@ -60,7 +60,7 @@ TOPICS = frozenset(_SCHEMAS)
 def topic_of(key: str) -> str | None:
     """Topic of the visualisation on `key` of the bus, None for all other keys."""
     parts = key.split("/", 3)
-    if len(parts) == 4 and parts[0] == PREFIX and parts[2] == "viz":
+    if len(parts) == 4 and parts[0] == PREFIX and parts[2] == SCENES:
         return ROOT + parts[3]
     return None
 

@@ -19,7 +19,7 @@ from edc_swarm.emulation.links import MAX_CHANGES
 from edc_swarm.errors import RecordingError
 from edc_swarm.mission.configuration import OPERATOR, RECORDER, Mission
 from edc_swarm.protocol.codec import decode
-from edc_swarm.protocol.keys import PREFIX, Keys
+from edc_swarm.protocol.keys import ALL_ALIVE, Keys
 from edc_swarm.protocol.messages import Event, MissionMessage
 from edc_swarm.recording.reader import read_recording
 from processes.operator.bus_client import is_in_force
@@ -61,7 +61,7 @@ def _stem(mission: Mission) -> str:
 
 def _tokens(session: zenoh.Session) -> set[tuple[str, str]]:
     """Mission and id of every liveliness token."""
-    replies = session.liveliness().get(f"{PREFIX}/*/alive/**", timeout=ASK_TIMEOUT_S)
+    replies = session.liveliness().get(ALL_ALIVE, timeout=ASK_TIMEOUT_S)
     keys = [str(reply.ok.key_expr).split("/") for reply in replies if reply.ok is not None]
     return {(parts[1], parts[3]) for parts in keys if len(parts) == 5}
 

@@ -13,13 +13,12 @@ from collections.abc import Sequence
 from typing import Any
 
 from edc_swarm.mission.configuration import JOIN, LIVE, OPERATOR, RECORDER, VISUALISER
-from edc_swarm.protocol.keys import PREFIX, Keys
+from edc_swarm.protocol.keys import ALL_ALIVE, PREFIX, Keys
 from processes.bus.abort_notice import WORD
 from processes.bus.operator_presence import GAVE_UP
 
 ANY_MISSION = "*"
 """In the place of a mission's id: rules for whatever mission is flown at the router."""
-ALL_ALIVE = f"{PREFIX}/*/alive/**"
 OPERATORS_ALIVE = f"{PREFIX}/*/alive/{OPERATOR}/*"
 """What takes part finds the mission by: it cannot know its id before."""
 

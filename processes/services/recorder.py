@@ -29,7 +29,7 @@ from edc_swarm.mission.configuration import OPERATOR, RECORDER, ROLES
 from edc_swarm.protocol import retransmission
 from edc_swarm.protocol.codec import MAX_MESSAGE_BYTES, decode, encode
 from edc_swarm.protocol.gap_repair import Holes, Publisher
-from edc_swarm.protocol.keys import Keys, kind_of
+from edc_swarm.protocol.keys import SCENES, Keys, kind_of
 from edc_swarm.protocol.messages import Event, MissionMessage
 from edc_swarm.recording.ordering import FETCHED
 from edc_swarm.recording.sequences import CLOSED, tails_in
@@ -52,7 +52,7 @@ FLUSH_S = 1.0
 CANNOT_WRITE = 3
 """Exit status when the file could not be written."""
 QUEUE_LIMIT = 200_000
-KEY_WORDS = frozenset({"mission", "uav", "fix", "truth", "head", "command", "report", "event", "viz", *TOPICS})
+KEY_WORDS = frozenset({"mission", "uav", "fix", "truth", "head", "command", "report", "event", SCENES, *TOPICS})
 """What the keys of a mission are made of, beside the ids of its roster."""
 MAX_FOREIGN_KEYS = 1000
 """Keys of nobody in the mission that are recorded all the same, one topic each."""

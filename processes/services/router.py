@@ -20,7 +20,7 @@ from msgspec import Struct
 
 from edc_swarm.errors import InputError
 from edc_swarm.mission.configuration import OPERATOR, ROUTER
-from edc_swarm.protocol.keys import PREFIX
+from edc_swarm.protocol.keys import ALL_ALIVE
 from processes.bus.abort_notice import WORD
 from processes.bus.credentials import certified_uavs, check_certificates, credentials
 from processes.bus.operator_presence import GAVE_UP, LINGER_S
@@ -101,7 +101,7 @@ def _route_one_mission(session: zenoh.Session, signals: set[signal.Signals]) -> 
     def is_stopped(within_s: float) -> bool:
         return signal.sigtimedwait(signals, within_s) is not None
 
-    session.liveliness().declare_subscriber(f"{PREFIX}/*/alive/**", hand_over(take), history=True)
+    session.liveliness().declare_subscriber(ALL_ALIVE, hand_over(take), history=True)
     while not is_over():
         if is_stopped(LINGER_S):
             return 0

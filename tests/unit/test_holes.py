@@ -8,8 +8,8 @@ from itertools import pairwise
 import pytest
 
 from edc_swarm.protocol import gap_repair
-from edc_swarm.protocol.gap_repair import GATHER_S, MAX_AT_ONCE, MAX_HOLE, MAX_TRIES, WAITS_S, Holes, source_of
-from edc_swarm.protocol.keys import Keys
+from edc_swarm.protocol.gap_repair import GATHER_S, MAX_AT_ONCE, MAX_HOLE, MAX_TRIES, WAITS_S, Holes
+from edc_swarm.protocol.keys import Keys, source_of
 from edc_swarm.protocol.retransmission import Answer, Ask, Kept, Span
 
 KEYS = Keys("m")
@@ -264,6 +264,8 @@ def test_holes_are_bounded(watch: Watch, monkeypatch: pytest.MonkeyPatch):
         (KEYS.command("a", "b"), "a"),
         (KEYS.report("a"), "a"),
         (KEYS.event("viz"), "viz"),
+        (f"{KEYS.event('a')}/more", "a"),
+        (f"{KEYS.mission}/more", ""),
         (KEYS.mission, "operator"),
         (f"{KEYS.root}/viz/location/u001", "viz"),
         (f"{KEYS.root}/claims", ""),

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import Any
+from typing import Any, get_args
 
 import msgspec
 import pytest
@@ -10,8 +10,8 @@ import pytest
 from edc_swarm.errors import MessageError
 from edc_swarm.mission.configuration import RosterEntry
 from edc_swarm.protocol.codec import decode, encode
-from edc_swarm.protocol.keys import Keys, kind_of
-from edc_swarm.protocol.messages import Command, Event, Fix, MissionMessage, Report, Truth, roster_index
+from edc_swarm.protocol.keys import KEY_FORMS, Keys, kind_of, source_of
+from edc_swarm.protocol.messages import Command, Event, Fix, Message, MissionMessage, Report, Truth, roster_index
 
 KEYS = Keys("m1")
 
@@ -218,3 +218,13 @@ def test_roster_index() -> None:
         for uav in ("z", "a")
     ]
     assert roster_index(entries) == {"z": 0, "a": 1}
+
+
+@pytest.mark.parametrize("kind", get_args(Message))
+def test_the_table_of_keys_has_every_kind_once(kind: type):
+    """A key that the table builds is parsed back to its kind and its publisher; no other kind has such a key."""
+    form, values = KEY_FORMS[kind], [f"u{index}" for index in range(len(KEY_FORMS[kind].fields))]
+    key = f"swarm/m/{form.form.format(*values)}"
+    assert kind_of(key) is kind
+    assert source_of(key) == dict(zip(form.fields, values, strict=True)).get(form.sender, form.sender)
+    assert set(form.fields) <= set(kind.__struct_fields__)
