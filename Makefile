@@ -1,4 +1,5 @@
-# `make run` flies the default mission, `make test` runs every test, `make check` the linters.
+# `make run` flies the default mission, `make check` runs the linters, `make test` the tests that a change needs before
+# it is committed (six minutes on two processors), `make test-all` every test.
 # `make latency-figures` makes the figures of docs/latency.md again, in about an hour.
 # All that is needed is git, make and Python >= 3.11 with venv; the first call sets everything up.
 
@@ -8,16 +9,23 @@ BIN := $(VENV)/bin
 READY := $(VENV)/.ready
 RUN ?=
 
-.PHONY: run test check format clean latency-figures
+.PHONY: run test test-all check format clean latency-figures
 
 run: $(READY)
 	$(BIN)/edc-swarm run $(RUN)
 
-# Tests of real processes are about time, so they run one after the other; all others in parallel. A machine may stall:
-# one of them that fails is run once more, and named at the end; never one that says that a guarantee is broken.
+# Tests of real processes wait more than they compute, so two run side by side; those marked `timing` run alone. A machine
+# may stall: one of them that fails is run once more, and named at the end; never one that says that a guarantee is broken.
+RETRY := --reruns 1 --rerun-except broken -raR
+
 test: $(READY)
+	$(BIN)/pytest -n auto -m "not long" --ignore tests/processes --ignore tests/docker
+	$(BIN)/pytest -n 2 $(RETRY) -m "not timing and not long" tests/processes
+
+test-all: $(READY)
 	$(BIN)/pytest -n auto --ignore tests/processes --ignore tests/docker
-	$(BIN)/pytest --reruns 1 --rerun-except broken -raR tests/processes tests/docker
+	$(BIN)/pytest -n 2 $(RETRY) -m "not timing" tests/processes
+	$(BIN)/pytest $(RETRY) -m timing tests/processes tests/docker
 
 check: $(READY)
 	$(BIN)/ruff check

@@ -13,6 +13,8 @@ from edc_swarm.recording.sequences import unknown_tails
 from processes.bus.address import free_endpoint
 from tests.docker.conftest import USER, Swarm, logs, said
 
+pytestmark = pytest.mark.timing
+
 Make = Callable[..., Swarm]
 FAST = {"TIME_SCALE": "2"}
 

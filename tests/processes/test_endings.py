@@ -57,6 +57,7 @@ def test_kill_of_the_command_ends_its_children_even_frozen_ones(start):
     command.process.communicate()
 
 
+@pytest.mark.long
 def test_what_a_killed_run_has_left_is_recovered_at_the_next_start(start, run, tmp_path: Path):
     """The original stays beside what could be read of it."""
     command = start("run", name="killed.mcap")
@@ -69,6 +70,7 @@ def test_what_a_killed_run_has_left_is_recovered_at_the_next_start(start, run, t
     assert (tmp_path / "killed.mcap.part.torn").exists()
 
 
+@pytest.mark.long
 def test_a_recorder_killed_by_hand_ends_the_run_and_what_it_flushed_is_recovered(start):
     """Without a record a run is of no use; an independent reader and every checker take what there is of it."""
     command = start("run", "--json")
@@ -101,6 +103,7 @@ def test_a_part_killed_by_hand_fails_the_mission(start, part: str):
     assert len(ended.json["not_home"]) == ended.json["uavs"] - ended.json["arrived"] > 0
 
 
+@pytest.mark.long
 def test_a_full_disk_is_an_error_with_a_name(start):
     """A limit on the size of files stands in for the full disk: both are errors of `write`."""
     limited = ("bash", "-c", 'ulimit -f 64; exec "$@"', "limited")
@@ -130,6 +133,7 @@ def test_other_signals_end_in_order_too(start):
     assert not find_gaps(command.end().recording)
 
 
+@pytest.mark.long
 def test_a_simulation_keeps_its_recording_from_those_beside_it(start, tmp_path: Path):
     """Several in one folder: none takes another's for what a killed run has left."""
     command = start("sim", "--json", "--uavs", "30", "--area", "20000")

@@ -7,6 +7,8 @@ from __future__ import annotations
 
 import pytest
 
+pytestmark = pytest.mark.timing
+
 FAULTS = {
     "head killed": ["kill head @10"],
     "two heads killed within three slots": ["kill head @10", "kill head @12"],

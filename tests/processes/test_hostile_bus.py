@@ -6,12 +6,16 @@ import subprocess
 import sys
 from pathlib import Path
 
+import pytest
+
 from edc_swarm.protocol.messages import Event
 from edc_swarm.recording.mcap_file import McapFile
 from edc_swarm.recording.reader import read_recording
 from edc_swarm.recording.writer import RecordingWriter
 from processes.bus.address import free_endpoint
 from tests.processes.conftest import Fly, Started
+
+pytestmark = pytest.mark.timing
 
 NOISE = Path(__file__).parents[2] / "benchmarks" / "noise.py"
 MESSAGES = 3000

@@ -16,6 +16,8 @@ from edc_swarm.recording.reader import read_recording
 from processes.host.certificates import write_certificates
 from tests.processes.conftest import Started
 
+pytestmark = pytest.mark.timing
+
 HOME, NEAR, FAR = (f"edc{os.getpid()}-{name}" for name in ("home", "near", "far"))
 PORT = 7447
 SETTLED = 12

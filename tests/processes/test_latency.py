@@ -20,6 +20,8 @@ from edc_swarm.recording.reader import read_recording
 from processes.cli.main import main
 from tests.processes.conftest import Ended, Fly
 
+pytestmark = pytest.mark.timing
+
 SWEEP = """
 delays_ms = [0, 300]
 jitters_ms = [40]

@@ -8,6 +8,7 @@ import time
 from pathlib import Path
 
 import msgspec
+import pytest
 import zenoh
 
 from edc_swarm.analysis.guarantees.check import check
@@ -27,6 +28,7 @@ FOREIGN_KEYS = 1500
 FROZEN_FROM, FROZEN_SLOTS = 6, 10
 
 
+@pytest.mark.timing
 def test_a_frozen_recorder_delays_no_command_and_fetches_what_it_missed(start) -> None:
     """Five seconds without a recorder: UAVs fly on by commands, and every message is recorded in the end.
 

@@ -287,6 +287,7 @@ def small(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(catalogue, "FIGURES", figures)
 
 
+@pytest.mark.long
 @pytest.mark.usefixtures("small")
 def test_figures_command(tmp_path: Path, capfd: pytest.CaptureFixture[str]) -> None:
     """Every figure as PNG, SVG and CSV, a page that shows each, JSON alone on standard output."""
