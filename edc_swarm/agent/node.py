@@ -33,14 +33,13 @@ from edc_swarm.emulation.energy import compute_energy_j
 from edc_swarm.geodesy import to_wgs84
 from edc_swarm.mission.configuration import GpsModel, Mission
 from edc_swarm.planner.interface import Planner
+from edc_swarm.protocol.events import EventKind
 from edc_swarm.protocol.keys import Keys
 from edc_swarm.protocol.messages import Command, Event, Fix, Message, MissionMessage, Report, Truth
 
 MAX_PENDING = 4
 """Commands kept for slots to come."""
 
-PLANNER_FAILED = "planner-failed"
-"""Kind of the event by which a head says why its planner had no plan."""
 
 CLAIM_WAIT_FRACTION = 0.1
 """Part of a slot that a head which has just taken office waits for the fixes that are sent again."""
@@ -256,7 +255,7 @@ class UavNode:
             self._again_ns = None
             self._say(now_ns, with_truth=False)
 
-    def event(self, kind: str, detail: str = "") -> Publish:
+    def event(self, kind: EventKind, detail: str = "") -> Publish:
         """An event of this UAV, stamped, for what only the shell can see."""
         return Publish(self._stamped(Event(source=self.uav, slot=self.slot, kind=kind, detail=detail)))
 
@@ -319,7 +318,7 @@ class UavNode:
         self.ended = True
         self._persist()
         self._publish_truth()
-        self._out.append(self.event("battery-empty"))
+        self._out.append(self.event(EventKind.BATTERY_EMPTY))
         self._out.append(Stop())
 
     # --- messages ----------------------------------------------------------------------------
@@ -374,7 +373,7 @@ class UavNode:
         ahead_s = (fix.sent_ns - now_ns) / 1e9
         if ahead_s > max(self._mission.guard_s, 1e-3) and fix.uav not in self._clock_reported:
             self._clock_reported.add(fix.uav)
-            self._out.append(self.event("clock-offset", f"{fix.uav} is {ahead_s * 1e3:.1f} ms ahead or more"))
+            self._out.append(self.event(EventKind.CLOCK_OFFSET, f"{fix.uav} is {ahead_s * 1e3:.1f} ms ahead or more"))
 
     # --- the grant ---------------------------------------------------------------------------
 
@@ -404,7 +403,7 @@ class UavNode:
             self._head.take_office(self.grant)
             self._office_ns = now_ns
             if self._head.may_plan(self.slot):
-                self._out.append(self.event("takes-office", f"term {self.grant[0]}"))
+                self._out.append(self.event(EventKind.TAKES_OFFICE, f"term {self.grant[0]}"))
 
     def _publish_claim(self) -> None:
         claim, self._election.claim = self._election.claim, None
@@ -459,7 +458,7 @@ class UavNode:
     def _tell_problem(self, problem: str) -> None:
         """Say why there was no plan: once, until there is one again or the reason is another."""
         if problem and problem != self._problem:
-            self._out.append(self.event(PLANNER_FAILED, problem))
+            self._out.append(self.event(EventKind.PLANNER_FAILED, problem))
         self._problem = problem
 
     def _with_succession(self, report: Report) -> Report:

@@ -7,10 +7,10 @@ from collections.abc import Sequence
 import numpy as np
 from msgspec import Struct
 
-from edc_swarm.analysis.living import BATTERY_EMPTY
 from edc_swarm.analysis.metrics import PLANNED, Floats, Timing, columns_of, measured
 from edc_swarm.emulation.energy import compute_energy_j, propulsion_power_w, propulsion_powers_w
 from edc_swarm.mission.configuration import Mission
+from edc_swarm.protocol.events import EventKind
 from edc_swarm.recording.model import Recording
 
 
@@ -80,7 +80,7 @@ def _slot_energy_j(mission: Mission, step_m: Floats) -> Floats:
 
 def exhausted(recording: Recording) -> list[Exhausted]:
     """UAVs that fell out with an empty battery, in the order in which they did."""
-    return [Exhausted(event.source, event.slot) for event in recording.events if event.kind == BATTERY_EMPTY]
+    return [Exhausted(event.source, event.slot) for event in recording.events if event.kind == EventKind.BATTERY_EMPTY]
 
 
 def _messages_sent(recording: Recording) -> dict[str, int]:

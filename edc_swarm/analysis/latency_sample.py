@@ -18,8 +18,9 @@ from numpy.typing import NDArray
 
 from edc_swarm.analysis.guarantees.check import check
 from edc_swarm.analysis.metrics import OVERLOADED_PCT, Columns, columns_of, compute_metrics, counted_ns
-from edc_swarm.emulation.links import DELAY_ERROR, DelayError
+from edc_swarm.emulation.links import DelayError
 from edc_swarm.mission.configuration import ARRIVED_M
+from edc_swarm.protocol.events import EventKind
 from edc_swarm.protocol.messages import roster_index
 from edc_swarm.recording.model import Recording
 
@@ -171,7 +172,9 @@ def _next_slot(recording: Recording, at_ns: int) -> int:
 def _delay_error(recording: Recording) -> DelayError | None:
     """Over all UAVs: the median of their medians, the worst of their 99th percentiles and maxima."""
     told = [
-        msgspec.json.decode(event.detail, type=DelayError) for event in recording.events if event.kind == DELAY_ERROR
+        msgspec.json.decode(event.detail, type=DelayError)
+        for event in recording.events
+        if event.kind == EventKind.DELAY_ERROR
     ]
     if not told:
         return None

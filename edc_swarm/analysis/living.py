@@ -8,14 +8,12 @@ from numpy.typing import NDArray
 from edc_swarm.analysis.tracks import Tracks
 from edc_swarm.errors import MissionError
 from edc_swarm.mission.faults import parse_fault
+from edc_swarm.protocol.events import EventKind
 from edc_swarm.protocol.messages import roster_index
 from edc_swarm.recording.model import Recording
 
 SILENT_SLOTS = 3
 """A UAV without a fix for more slots than this, at the end, is not counted as living."""
-FAULT = "fault"
-"""Kind of the event that tells an injected fault; its detail is the fault's text."""
-BATTERY_EMPTY = "battery-empty"
 
 
 def alive_in(tracks: Tracks, living: NDArray[np.bool_]) -> NDArray[np.bool_]:
@@ -49,9 +47,9 @@ def _stopped(recording: Recording) -> list[tuple[str, int]]:
     """UAV and slot of every event that ends, or may end, a UAV's flight."""
     stopped = []
     for event in recording.events:
-        if event.kind == BATTERY_EMPTY:
+        if event.kind == EventKind.BATTERY_EMPTY:
             stopped.append((event.source, event.slot))
-        elif event.kind == FAULT and event.detail.startswith(("kill ", "freeze ")):
+        elif event.kind == EventKind.FAULT and event.detail.startswith(("kill ", "freeze ")):
             stopped.append((fault_target(event.detail, recording.mission.dt_s), event.slot))
     return stopped
 

@@ -28,7 +28,8 @@ from edc_swarm.emulation.energy import compute_energy_j, propulsion_power_w, pro
 from edc_swarm.errors import RecordingError
 from edc_swarm.files import read_regular
 from edc_swarm.mission.configuration import ARRIVED_M, OPERATOR, Mission
-from edc_swarm.mission.faults import WITHOUT_TARGET, parse_faults
+from edc_swarm.mission.faults import parse_faults
+from edc_swarm.protocol.events import EventKind
 from edc_swarm.protocol.messages import Report
 from edc_swarm.recording.model import Recording
 from edc_swarm.recording.ordering import fetched_count
@@ -272,7 +273,11 @@ def compute_metrics(recording: Recording, timings: Sequence[Timing] = ()) -> Met
 
 
 def _faults_undone(recording: Recording, duration_s: float) -> list[str]:
-    aimless = [event.detail for event in recording.events if event.kind == WITHOUT_TARGET and event.source == OPERATOR]
+    aimless = [
+        event.detail
+        for event in recording.events
+        if event.kind == EventKind.FAULT_WITHOUT_TARGET and event.source == OPERATOR
+    ]
     return aimless + [str(fault) for fault in parse_faults(recording.mission) if fault.at_s >= duration_s]
 
 

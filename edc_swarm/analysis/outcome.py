@@ -15,10 +15,11 @@ import numpy as np
 from msgspec import Struct
 from numpy.typing import NDArray
 
-from edc_swarm.analysis.living import BATTERY_EMPTY, FAULT, SILENT_SLOTS, fault_target, living_at_end
+from edc_swarm.analysis.living import SILENT_SLOTS, fault_target, living_at_end
 from edc_swarm.analysis.tracks import Tracks, tracks_of
 from edc_swarm.geometry import point_segment_distance_m
 from edc_swarm.mission.configuration import ARRIVED_M, OPERATOR
+from edc_swarm.protocol.events import EventKind
 from edc_swarm.protocol.messages import Event, Report
 from edc_swarm.recording.model import Recording
 from edc_swarm.recording.sequences import find_gaps
@@ -27,8 +28,6 @@ Bools = NDArray[np.bool_]
 
 STUCK_SLOTS = 20
 """A UAV that has come no nearer to its target for so many slots is stuck."""
-EXITED = "exited"
-"""Kind of the operator's event that tells of a process that nobody asked to end; its detail begins with who it is."""
 ENDS = {
     "completed": "the mission was ended before it had arrived",
     "max_slots": "ran out of slots",
@@ -167,7 +166,7 @@ class _Judge:
                 if gap.key.startswith("uav/") and gap.key.endswith("/fix") and not gap.duplicate
             ),
             plan=max(plans, key=lambda plan: (plan.term, plan.slot), default=None),
-            end=next((e for e in recording.events if e.kind == "end" and e.source == OPERATOR), None),
+            end=next((e for e in recording.events if e.kind == EventKind.END and e.source == OPERATOR), None),
         )
 
     def reason(self, k: int) -> NotHome:
@@ -199,13 +198,13 @@ class _Judge:
     def _ended_by(self, event: Event, uav: str) -> tuple[Cause, str] | None:
         """Cause and reason where `event` ended the flight of `uav`."""
         since = f"since slot {event.slot}"
-        if event.kind == BATTERY_EMPTY and event.source == uav:
+        if event.kind == EventKind.BATTERY_EMPTY and event.source == uav:
             return "battery-empty", f"battery empty {since}"
         if event.source != OPERATOR:
             return None
-        if event.kind == EXITED and event.detail.startswith(f"{uav} "):
+        if event.kind == EventKind.EXITED and event.detail.startswith(f"{uav} "):
             return "process-gone", f"dead {since} (its process {event.detail.removeprefix(f'{uav} ')})"
-        if event.kind == FAULT and fault_target(event.detail, self.recording.mission.dt_s) == uav:
+        if event.kind == EventKind.FAULT and fault_target(event.detail, self.recording.mission.dt_s) == uav:
             verb = event.detail.partition(" ")[0]
             if verb == "kill":
                 return "killed", f"dead {since} (killed by a fault)"

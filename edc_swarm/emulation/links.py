@@ -24,8 +24,6 @@ from edc_swarm.mission.faults import parse_faults
 
 NS_PER_MS = 1_000_000
 ANYONE = "*"
-DELAY_ERROR = "delay-error"
-"""Kind of the event with which a UAV process tells its `DelayError` at its end."""
 CLIPPED_AT = 3.0
 """A normal jitter is at most this many standard deviations."""
 

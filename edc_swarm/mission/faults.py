@@ -46,8 +46,6 @@ WORDS = {
 """What a fault may name besides the UAVs of the roster."""
 LASTING_VERBS = frozenset({"kill", "freeze", "partition", "link", "slow"})
 """Faults that may end by themselves, `for D`."""
-WITHOUT_TARGET = "fault-without-target"
-"""Kind of the event that tells of a fault whose target nobody is."""
 MOST = 1e9
 """Largest time in seconds and largest quantity in a fault."""
 MOST_DRIFT_PPM = 500_000.0

@@ -37,8 +37,6 @@ MOST_LOSS = 0.5
 """Share of lost or late messages up to which progress is promised."""
 SLACK_SLOTS = 20
 """A fault may be carried out so much later than planned, and the mission still lasts long enough."""
-END = "end"
-"""Kind of the event by which the operator ends a mission; its detail is one of the following reasons."""
 COMPLETED, GIVEN_UP, NOBODY_LEFT, STALLED = "completed", "max_slots", "nobody-left", "stalled"
 """All are there; `max_slots` are over; nobody flies any more; nothing can change any more."""
 

@@ -16,6 +16,7 @@ import msgspec
 from edc_swarm.errors import MessageError, MissionError
 from edc_swarm.mission.configuration import ROLES
 from edc_swarm.mission.faults import parse_faults
+from edc_swarm.protocol.events import EventKind
 from edc_swarm.protocol.messages import NO_ONE, Command, Event, Fix, Message, MissionMessage, Report, Truth
 
 SLACK_SLOTS = 1000
@@ -60,7 +61,7 @@ class Admission:
                 yield from self._unknown({message.source} - ROLES)
                 if message.sent_ns < self._mission.sent_ns:
                     yield "sent before the mission"
-                if message.kind == "fault":
+                if message.kind == EventKind.FAULT:
                     yield from self._of_fault(message.detail)
             case MissionMessage():
                 return

@@ -8,12 +8,11 @@ from operator import attrgetter
 from edc_swarm.errors import MissionError
 from edc_swarm.mission.configuration import OPERATOR
 from edc_swarm.mission.faults import parse_fault
+from edc_swarm.protocol.events import EventKind
 from edc_swarm.recording.model import Recording
-from edc_swarm.recording.sequences import CLOSED, KEY_FORMS
+from edc_swarm.recording.sequences import KEY_FORMS
 
 FATAL = ("kill", "freeze")
-EXITED = "exited"
-"""Kind of the operator's event about a process that died though nobody asked it to; its detail begins with the id."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -51,7 +50,7 @@ def ends_of(recording: Recording) -> Ends:
     newest: dict[str, tuple[int, str]] = {}
     for (source, instance), began_ns in first_ns.items():
         newest[source] = max((began_ns, instance), newest.get(source, (-1, "")))
-    closed = {(event.source, event.instance) for event in recording.events if event.kind == CLOSED}
+    closed = {(event.source, event.instance) for event in recording.events if event.kind == EventKind.CLOSED}
     deaths = _deaths(recording)
     killed = {source for source, at_ns in deaths.items() if at_ns >= newest.get(source, (0, ""))[0]}
     silent = {source for source, instance in first_ns.keys() - closed}
@@ -67,12 +66,12 @@ def _deaths(recording: Recording) -> dict[str, int]:
         if event.source != OPERATOR:
             continue
         who = ""
-        if event.kind == "fault" and event.detail.startswith(FATAL):
+        if event.kind == EventKind.FAULT and event.detail.startswith(FATAL):
             try:
                 who = parse_fault(event.detail, recording.mission.dt_s).target
             except MissionError:
                 continue
-        elif event.kind == EXITED:
+        elif event.kind == EventKind.EXITED:
             who = event.detail.split(" ", 1)[0]
         deaths[who] = max(event.sent_ns, deaths.get(who, 0))
     return deaths

@@ -9,12 +9,10 @@ from operator import attrgetter
 
 import msgspec
 
+from edc_swarm.protocol.events import EventKind
 from edc_swarm.protocol.keys import KEY_FORMS, PREFIX, SCENES
 from edc_swarm.protocol.messages import Event
 from edc_swarm.recording.model import Recording
-
-CLOSED = "closed"
-"""Kind of the event by which a publisher says the last `seq` of each of its keys, as JSON."""
 
 Stream = tuple[str, str]
 """Key without its `swarm/{mission}/`, and instance of the publisher."""
@@ -77,14 +75,14 @@ def _tails(recording: Recording) -> dict[Stream, int]:
     """Last sequence number of every stream whose publisher has said it."""
     tails: dict[Stream, int] = {}
     for event in recording.events:
-        if event.kind == CLOSED:
+        if event.kind == EventKind.CLOSED:
             tails.update({(_relative(k), event.instance): last for k, last in tails_in(event).items()})
     return tails
 
 
 def _closing(recording: Recording) -> set[Stream]:
     """Event streams that end with their own `closed`."""
-    return {(f"event/{event.source}", event.instance) for event in recording.events if event.kind == CLOSED}
+    return {(f"event/{event.source}", event.instance) for event in recording.events if event.kind == EventKind.CLOSED}
 
 
 def tails_in(event: Event) -> dict[str, int]:

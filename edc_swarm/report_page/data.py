@@ -10,9 +10,9 @@ import numpy as np
 from msgspec import Struct
 from numpy.typing import NDArray
 
-from edc_swarm.analysis.living import FAULT
 from edc_swarm.analysis.metrics import Columns, HeadTerm, Timing, columns_of
 from edc_swarm.analysis.separation import least_gaps_m
+from edc_swarm.protocol.events import EventKind
 from edc_swarm.protocol.messages import MissionMessage
 from edc_swarm.recording.model import Recording
 
@@ -118,7 +118,7 @@ def _leader(recording: Recording, columns: Columns) -> NDArray[np.int64]:
 
 
 def _faults(recording: Recording) -> list[FaultMark]:
-    mission, said = recording.mission, [event for event in recording.events if event.kind == FAULT]
+    mission, said = recording.mission, [event for event in recording.events if event.kind == EventKind.FAULT]
     per_s = mission.time_scale / 1e9
     return [FaultMark((e.sent_ns - mission.epoch_ns) * per_s, e.detail) for e in said[:MAX_FAULTS]]
 

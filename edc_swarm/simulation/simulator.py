@@ -37,10 +37,11 @@ from edc_swarm.agent.node import (
 from edc_swarm.agent.vehicle import LATE_FRACTION, Airframe, Promise, first_airframe, first_promise
 from edc_swarm.emulation.links import LinkEmulator, cut_pair, have_range, mission_s
 from edc_swarm.mission.configuration import NS_PER_S, OPERATOR, RECORDER, ROUTER
-from edc_swarm.mission.faults import WITHOUT_TARGET, Fault, parse_faults, resolve
-from edc_swarm.mission.prospect import COMPLETED, END, GIVEN_UP, NOBODY_LEFT, STALLED
+from edc_swarm.mission.faults import Fault, parse_faults, resolve
+from edc_swarm.mission.prospect import COMPLETED, GIVEN_UP, NOBODY_LEFT, STALLED
 from edc_swarm.planner.interface import Planner
 from edc_swarm.protocol.completion import MissionMonitor
+from edc_swarm.protocol.events import EventKind
 from edc_swarm.protocol.keys import Keys
 from edc_swarm.protocol.messages import Command, Event, Fix, Message, MissionMessage, Report, Truth
 
@@ -184,9 +185,9 @@ class Simulation:
             busy = computer.busy_until_ns > self._now_ns  # what it is about to say is numbered, but not said
             if computer.node is not None and not computer.frozen and not busy:
                 self._close(computer, computer.node)
-        self._publish_event(END, reason)
+        self._publish_event(EventKind.END, reason)
         last = {self._keys.mission: 0, self._keys.event(OPERATOR): self._operator_seq}
-        self._publish_event("closed", msgspec.json.encode(last).decode())
+        self._publish_event(EventKind.CLOSED, msgspec.json.encode(last).decode())
         self._heap.clear()  # What is left would tie this swarm, planners and all, into a cycle.
         return SimulationEnd(reason == COMPLETED, reason, self.slot + 1, self.motions)
 
@@ -312,7 +313,7 @@ class Simulation:
 
     def _close(self, computer: Computer, node: UavNode) -> None:
         last = msgspec.json.encode(node.last_seqs).decode()
-        self._carry_out(computer, [node.event("closed", last)])
+        self._carry_out(computer, [node.event(EventKind.CLOSED, last)])
 
     def _step(self, computer: Computer, event: NodeEvent) -> None:
         """Feed one event in, now or as soon as the process can take it."""
@@ -439,12 +440,12 @@ class Simulation:
     def _inject(self, fault: Fault) -> None:
         concrete = resolve(fault, self.monitor.head, self.monitor.standbys, self._roster)
         if concrete is None or RECORDER in concrete.left:
-            self._publish_event(WITHOUT_TARGET, str(fault))
+            self._publish_event(EventKind.FAULT_WITHOUT_TARGET, str(fault))
             return
-        self._publish_event("fault", str(concrete))
+        self._publish_event(EventKind.FAULT, str(concrete))
         getattr(self, f"_do_{concrete.verb}")(concrete)
 
-    def _publish_event(self, kind: str, detail: str) -> None:
+    def _publish_event(self, kind: EventKind, detail: str) -> None:
         event = Event(
             source=OPERATOR,
             instance=OPERATOR,

@@ -16,6 +16,7 @@ from foxglove_schemas_protobuf.SceneEntity_pb2 import SceneEntity
 from msgspec import UNSET
 
 from edc_swarm.mission.configuration import NS_PER_S, RosterEntry
+from edc_swarm.protocol.events import EVENT_FORMS
 from edc_swarm.protocol.messages import Command, Event, Fix, Message, MissionMessage, Report, Truth
 from edc_swarm.viz import channels
 from edc_swarm.viz.channels import ROOT, Status
@@ -50,7 +51,7 @@ FORGET_NS = 60 * NS_PER_S
 """After a longer silence the time in between is not shown."""
 LABELS_HIGH = 45
 """A view of the whole area is about as high as this many labels."""
-WARNINGS = frozenset({"fault", "exited", "suspects", "recorder-dropped"})
+WARNINGS = frozenset(kind for kind, form in EVENT_FORMS.items() if form.warning)
 
 
 @dataclass(frozen=True, slots=True)

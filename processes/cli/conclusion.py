@@ -6,8 +6,8 @@ from pathlib import Path
 
 import msgspec
 
-from edc_swarm.agent.node import PLANNER_FAILED
 from edc_swarm.analysis.metrics import OVERLOADED_PCT, Metrics, compute_metrics, load_timings
+from edc_swarm.protocol.events import EventKind
 from edc_swarm.recording.model import Recording
 from edc_swarm.recording.reader import read_recording
 from processes.cli.judging import judged
@@ -41,7 +41,7 @@ def conclude(path: Path, *, as_json: bool, last_slot: int = -1) -> int:
 def _warn(recording: Recording, metrics: Metrics) -> None:
     """Say what makes this run say less than it seems to."""
     mission = recording.mission
-    if problem := next((event for event in recording.events if event.kind == PLANNER_FAILED), None):
+    if problem := next((event for event in recording.events if event.kind == EventKind.PLANNER_FAILED), None):
         failed = sum(report.status == "failed" for report in recording.reports)
         note(f"warning: {failed} plans failed, and all held; first in slot {problem.slot}: {problem.detail}")
     slot_ms, slowest_ms = mission.slot_ns / 1e6, metrics.plan_ms.max or 0.0

@@ -15,6 +15,7 @@ from edc_swarm.agent.node import startup_candidates
 from edc_swarm.errors import InputError, SwarmError
 from edc_swarm.mission.configuration import JOIN, OPERATOR
 from edc_swarm.protocol.claims import Claim, Issued
+from edc_swarm.protocol.events import EventKind
 from edc_swarm.protocol.keys import Keys
 from edc_swarm.protocol.messages import Event
 from processes.bus.address import sought_router
@@ -209,9 +210,9 @@ class Joiner:
 
     def _take_event(self, heard: Heard) -> None:
         match self._gate.admit(heard):
-            case Event(kind="end"):
+            case Event(kind=EventKind.END):
                 self._over = True
-            case Event(kind=host_requests.KIND, detail=detail):
+            case Event(kind=EventKind.HOST_REQUEST, detail=detail):
                 self._obey(host_requests.asked_for(detail))
 
     def _note_crash(self, news: fork_source.Exited) -> None:

@@ -20,6 +20,7 @@ from edc_swarm.emulation.links import mission_s
 from edc_swarm.errors import InputError, SwarmError
 from edc_swarm.mission.configuration import LIVE, OPERATOR, ROUTER, Mission
 from edc_swarm.mission.prospect import COMPLETED, GIVEN_UP, NOBODY_LEFT, STALLED
+from edc_swarm.protocol.events import EventKind
 from edc_swarm.protocol.messages import MissionMessage, mission_message
 from processes.bus.address import (
     advertised_endpoint,
@@ -389,7 +390,7 @@ class Launcher:
         """Tell everybody, once, that it is over."""
         if not self._end_told:
             self._end_told = True
-            self.bus.publish_event("end", why)
+            self.bus.publish_event(EventKind.END, why)
 
     # --- what faults ask for -----------------------------------------------------------------
 
@@ -417,7 +418,7 @@ class Launcher:
             self._revived(name, self._pool.restart(name, lose_memory=lose_memory))
 
     def _ask_for(self, deed: host_requests.Deed) -> None:
-        self.bus.publish_event(host_requests.KIND, host_requests.told(deed))
+        self.bus.publish_event(EventKind.HOST_REQUEST, host_requests.told(deed))
 
     def _restart_the_router(self) -> None:
         if ROUTER in self._children:
@@ -492,7 +493,7 @@ class Launcher:
             self._loop.interrupted = True
         else:
             if self._operator is not None:
-                self._operator.publish_event("exited", f"{name} {_ended(status)}")
+                self._operator.publish_event(EventKind.EXITED, f"{name} {_ended(status)}")
             said = self._output.tail(name) or "it said nothing"
             self._loop.failure = PartEndedError(f"the {name} {_ended(status)}: {said}")
 
@@ -506,7 +507,7 @@ class Launcher:
     def _tell_exit(self, what: str, said: str = "") -> None:
         self._notes.append("\n".join(filter(None, [what, said])))
         if self._operator is not None:
-            self._operator.publish_event("exited", what)
+            self._operator.publish_event(EventKind.EXITED, what)
 
     # --- end ---------------------------------------------------------------------------------
 

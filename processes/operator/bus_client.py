@@ -15,13 +15,14 @@ from edc_swarm.mission.configuration import OPERATOR
 from edc_swarm.mission.faults import PROCESS_VERBS
 from edc_swarm.protocol.codec import encode
 from edc_swarm.protocol.completion import MissionMonitor
+from edc_swarm.protocol.events import EventKind
 from edc_swarm.protocol.keys import Keys
 from edc_swarm.protocol.messages import Command, Event, Fix, MissionMessage, Report
 from processes.bus.outbox import Outbox
 from processes.bus.session import hand_over
 from processes.bus.subscriptions import MAX_TOKENS, Gate, Heard, Token, heard_from
 from processes.operator.registration import Desk
-from processes.runtime.clock import JUMP, MissionClock
+from processes.runtime.clock import MissionClock
 from processes.runtime.inbox import Inbox
 
 
@@ -51,7 +52,7 @@ class Operator:
         self._mission: MissionMessage | None = None
         self._in_force: list[bytes] = []
         self._tokens: set[tuple[str, str]] = set()
-        self._gate = Gate(partial(self.publish_event, "malformed"))
+        self._gate = Gate(partial(self.publish_event, EventKind.MALFORMED))
         self.closed: set[str] = set()
         self.heard: set[str] = set()
         self.first_flown_slot = -1
@@ -93,7 +94,7 @@ class Operator:
         self._desk.claims.resume(dict(zip(uavs, mission.claimants, strict=False)))
         self.monitor = MissionMonitor(mission)
 
-    def publish_event(self, kind: str, detail: str = "") -> None:
+    def publish_event(self, kind: EventKind, detail: str = "") -> None:
         """Tell the swarm and the record."""
         self._last_event_seq = next(self._event_seq)
         event = Event(
@@ -115,12 +116,12 @@ class Operator:
         started = self._mission is not None and self._mission.instance == self._instance
         last = {self._keys.event(OPERATOR): self._last_event_seq, self._keys.mission: 0 if started else -1}
         known = {key: seq for key, seq in last.items() if seq >= 0}
-        self.publish_event("closed", msgspec.json.encode(known).decode())
+        self.publish_event(EventKind.CLOSED, msgspec.json.encode(known).decode())
 
     def flush(self) -> None:
         """Send what had to wait for a router, and tell of a jump of the wall clock."""
         if self._mission is not None and (jump := self.clock.jump()) is not None:
-            self.publish_event(JUMP, jump)
+            self.publish_event(EventKind.CLOCK_JUMP, jump)
         self._outbox.flush()
 
     def disconnect(self) -> None:
@@ -181,7 +182,7 @@ class Operator:
                 self.monitor.hear_command(command)
             case Report() as report:
                 self.monitor.hear_report(report)
-            case Event(kind="closed", source=source):
+            case Event(kind=EventKind.CLOSED, source=source):
                 self.closed.add(source)
 
     def _answer(self, query: zenoh.Query) -> None:
@@ -208,4 +209,4 @@ class Operator:
 
 def is_in_force(event: Event) -> bool:
     """Whether an operator's event is a fault that whoever starts later must be told of."""
-    return event.kind == "fault" and event.detail.partition(" ")[0] not in PROCESS_VERBS
+    return event.kind == EventKind.FAULT and event.detail.partition(" ")[0] not in PROCESS_VERBS

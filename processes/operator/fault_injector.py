@@ -12,7 +12,8 @@ from typing import Protocol
 
 from edc_swarm.emulation.links import mission_s
 from edc_swarm.mission.configuration import NS_PER_S, RECORDER, ROUTER
-from edc_swarm.mission.faults import PROCESS_VERBS, WITHOUT_TARGET, Fault, parse_faults, resolve
+from edc_swarm.mission.faults import PROCESS_VERBS, Fault, parse_faults, resolve
+from edc_swarm.protocol.events import EventKind
 from edc_swarm.protocol.messages import MissionMessage
 from processes.operator.bus_client import Operator
 
@@ -87,9 +88,9 @@ class Injector:
         roster = [entry.uav for entry in self._mission.roster]
         concrete = resolve(fault, bus.monitor.head, bus.monitor.standbys, roster)
         if concrete is None or (concrete.verb == "restart" and concrete.target == RECORDER):
-            bus.publish_event(WITHOUT_TARGET, str(fault))
+            bus.publish_event(EventKind.FAULT_WITHOUT_TARGET, str(fault))
             return
-        bus.publish_event("fault", str(concrete))
+        bus.publish_event(EventKind.FAULT, str(concrete))
         if concrete.verb == "freeze" or concrete.target == ROUTER:
             self._at(fault.at_s + SETTLE_S * self._mission.time_scale, partial(self._act, concrete))
         elif concrete.verb in PROCESS_VERBS:

@@ -13,7 +13,6 @@ from msgspec import Meta, Struct
 
 from edc_swarm.mission.configuration import UavId
 
-KIND = "deed"
 SIGNALS = frozenset({signal.SIGKILL, signal.SIGSTOP, signal.SIGCONT})
 
 

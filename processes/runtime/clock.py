@@ -9,8 +9,6 @@ from edc_swarm.mission.configuration import NS_PER_S
 from edc_swarm.protocol.admission import SLACK_SLOTS
 from edc_swarm.protocol.messages import MissionMessage
 
-JUMP = "clock-jump"
-"""Kind of the event that tells of a jump of the wall clock."""
 JUMP_NS = NS_PER_S // 2
 """A wall clock that moves by more between two looks has jumped; NTP otherwise slews it, by 0.5 ms in a second."""
 MOST_JUMPS_TOLD = 20

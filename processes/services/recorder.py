@@ -28,18 +28,19 @@ from edc_swarm.errors import InputError, SwarmError
 from edc_swarm.mission.configuration import OPERATOR, RECORDER, ROLES
 from edc_swarm.protocol import retransmission
 from edc_swarm.protocol.codec import MAX_MESSAGE_BYTES, decode, encode
+from edc_swarm.protocol.events import EventKind
 from edc_swarm.protocol.gap_repair import Holes, Publisher
 from edc_swarm.protocol.keys import SCENES, Keys, kind_of
 from edc_swarm.protocol.messages import Event, MissionMessage
 from edc_swarm.recording.ordering import FETCHED
-from edc_swarm.recording.sequences import CLOSED, tails_in
+from edc_swarm.recording.sequences import tails_in
 from edc_swarm.recording.writer import RecordingWriter, Stamp, TooLarge, is_mission, stamp_of
 from edc_swarm.viz.channels import TOPICS, channel_of, topic_of
 from processes.bus.credentials import credentials
 from processes.bus.operator_presence import GIVE_UP_S, Operators
 from processes.bus.session import ask_aside, hand_over, open_client, put
 from processes.bus.subscriptions import Gate, Heard
-from processes.runtime.clock import JUMP, MissionClock
+from processes.runtime.clock import MissionClock
 from processes.runtime.console import complain
 from processes.runtime.inbox import SETTLE_S, Inbox
 from processes.runtime.output import held_for_writing
@@ -128,7 +129,7 @@ class Recorder:
         self._told_dropped = 0
         self._messages = 0
         self._known = {*KEY_WORDS, *ROLES}
-        self._gate = Gate(partial(self.tell, "malformed"))
+        self._gate = Gate(partial(self.tell, EventKind.MALFORMED))
         self._foreign: set[str] = set()
         self._left_out = self._told_left_out = 0
         self._holes = Holes(settings.mission, self._known)
@@ -203,7 +204,7 @@ class Recorder:
         self._writer.finish(facts)
         self._stream.flush()
 
-    def tell(self, kind: str, detail: str) -> None:
+    def tell(self, kind: EventKind, detail: str) -> None:
         """Publish an event of the recorder."""
         self._seq += 1
         event = Event(
@@ -317,10 +318,10 @@ class Recorder:
 
     def _look_for_last_words(self, key: str, payload: bytes) -> None:
         """Take in who has closed; with the operator's last word the end begins."""
-        if CLOSED.encode() not in payload or kind_of(key) is not Event:
+        if EventKind.CLOSED.encode() not in payload or kind_of(key) is not Event:
             return
         message = self._gate.admit(Heard(key, payload))
-        if isinstance(message, Event) and message.kind == CLOSED:
+        if isinstance(message, Event) and message.kind == EventKind.CLOSED:
             self._holes.closed(message.source, message.instance, tails_in(message), time.monotonic())
             if message.source == OPERATOR:
                 self._end_by(time.monotonic() + CLOSING_S)
@@ -348,13 +349,15 @@ class Recorder:
         self._writer.flush()
         self._stream.flush()
         if self.has_mission and (jump := self._clock.jump()) is not None:
-            self.tell(JUMP, jump)
+            self.tell(EventKind.CLOCK_JUMP, jump)
         if self._inbox.dropped > self._told_dropped:
             self._told_dropped = self._inbox.dropped
-            self.tell("recorder-dropped", f"{self._told_dropped} messages in all, the queue or the file was full")
+            self.tell(
+                EventKind.RECORDER_DROPPED, f"{self._told_dropped} messages in all, the queue or the file was full"
+            )
         if self._left_out > self._told_left_out:
             self._told_left_out = self._left_out
-            self.tell("malformed", f"{self._left_out} on more keys of nobody than are recorded")
+            self.tell(EventKind.MALFORMED, f"{self._left_out} on more keys of nobody than are recorded")
 
 
 def reason_of(error: OSError) -> str:
@@ -384,7 +387,7 @@ def main() -> int:
             else:
                 Path(settings.part).unlink()
         except OSError as error:
-            recorder.tell("recording-failed", reason_of(error))
+            recorder.tell(EventKind.RECORDING_FAILED, reason_of(error))
             print(reason_of(error), file=sys.stderr, flush=True)
             os._exit(CANNOT_WRITE)
     if not settings.parent:

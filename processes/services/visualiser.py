@@ -22,6 +22,7 @@ from msgspec import Struct
 from edc_swarm.errors import SwarmError
 from edc_swarm.mission.configuration import OPERATOR, VISUALISER
 from edc_swarm.protocol.codec import encode
+from edc_swarm.protocol.events import EventKind
 from edc_swarm.protocol.keys import Keys
 from edc_swarm.protocol.messages import Event, MissionMessage
 from edc_swarm.recording.writer import Stamp
@@ -32,7 +33,7 @@ from processes.bus.operator_presence import GIVE_UP_S, Operators
 from processes.bus.outbox import Outbox
 from processes.bus.session import hand_over, open_client
 from processes.bus.subscriptions import Gate, Heard, heard_from
-from processes.runtime.clock import JUMP, MissionClock
+from processes.runtime.clock import MissionClock
 from processes.runtime.console import complain
 from processes.runtime.inbox import SETTLE_S, Inbox
 from processes.runtime.parent import die_with_parent
@@ -90,7 +91,7 @@ class Visualiser:
         self._last: dict[str, int] = {}
         self._instance = f"{os.getpid()}-{secrets.token_hex(4)}"
         self._event_seq = count()
-        self._gate = Gate(partial(self._tell, "malformed"))
+        self._gate = Gate(partial(self._tell, EventKind.MALFORMED))
         self._over = False
         self._unsent = 0
         self._records = settings.records
@@ -119,7 +120,7 @@ class Visualiser:
                 self._take_item(item)
             self._publish(self._scenery.advance(self._clock.now_ns()))
             if (jump := self._clock.jump()) is not None:
-                self._tell(JUMP, jump)
+                self._tell(EventKind.CLOCK_JUMP, jump)
             self._outbox.flush()
             self._over |= self._is_deserted()
         self._close()
@@ -152,7 +153,7 @@ class Visualiser:
         if isinstance(message, MissionMessage):
             self._gate.know(message)
         self._scenery.hear(message, time_ns)
-        if isinstance(message, Event) and message.source == OPERATOR and message.kind == "end":
+        if isinstance(message, Event) and message.source == OPERATOR and message.kind == EventKind.END:
             self._over = True
 
     def _publish(self, shown: list[Shown]) -> None:
@@ -180,14 +181,14 @@ class Visualiser:
     def _close(self) -> None:
         """Say how many messages of each topic there were; in the record viewers' messages carry no numbers."""
         self._publish(self._scenery.advance(self._clock.now_ns()))
-        self._tell("closed", msgspec.json.encode(self._last).decode())
+        self._tell(EventKind.CLOSED, msgspec.json.encode(self._last).decode())
         self._outbox.flush()
         self._outbox.stay(self._inbox)
         self._session.close()
         if self._live is not None:
             self._live.stop()
 
-    def _tell(self, kind: str, detail: str) -> None:
+    def _tell(self, kind: EventKind, detail: str) -> None:
         """Publish an event; who only shows live says nothing on the bus."""
         if not self._records:
             return

@@ -36,12 +36,13 @@ from edc_swarm.agent.node import (
     UavNode,
     WantPlanner,
 )
-from edc_swarm.emulation.links import DELAY_ERROR, LinkEmulator, have_range, mission_s
+from edc_swarm.emulation.links import LinkEmulator, have_range, mission_s
 from edc_swarm.errors import InputError, SwarmError
 from edc_swarm.mission.configuration import NS_PER_S
 from edc_swarm.planner.interface import Planner
 from edc_swarm.protocol.claims import LAUNCHED, instance_name
 from edc_swarm.protocol.codec import encode
+from edc_swarm.protocol.events import EventKind
 from edc_swarm.protocol.keys import Keys
 from edc_swarm.protocol.messages import Event, Message, MissionMessage, Truth
 from processes.bus.credentials import credentials
@@ -49,7 +50,7 @@ from processes.bus.outbox import Outbox
 from processes.bus.peers import Peers
 from processes.bus.session import is_connected, open_client
 from processes.bus.subscriptions import Ears, Gate, Heard, Item, Postbox, Token, sender_of
-from processes.runtime.clock import JUMP, MissionClock
+from processes.runtime.clock import MissionClock
 from processes.runtime.inbox import Inbox
 from processes.uav.local_faults import Faulty
 from processes.uav.planner_loader import SlowPlanner, load_planner
@@ -191,7 +192,7 @@ class UavProcess:
 
     def _tell_malformed(self, detail: str) -> None:
         if self._flight is not None:
-            self._carry_out([self._flight.node.event("malformed", detail)])
+            self._carry_out([self._flight.node.event(EventKind.MALFORMED, detail)])
 
     def _begin(self, mission: MissionMessage) -> None:
         """Make the node of this mission; a mission that has begun is never replaced."""
@@ -222,9 +223,9 @@ class UavProcess:
 
     def _obey(self, event: Event) -> None:
         """Do what the operator's event says: end, or suffer a fault."""
-        if event.kind == "end":
+        if event.kind == EventKind.END:
             self._leaving = True
-        elif event.kind == "fault" and self._flight is not None:
+        elif event.kind == EventKind.FAULT and self._flight is not None:
             for node_event in self._flight.faulty.suffer(event.detail):
                 self._step(node_event)
 
@@ -259,7 +260,7 @@ class UavProcess:
 
     def _look_at_clock(self) -> None:
         if self._flight is not None and (jump := self._clock.jump()) is not None:
-            self._carry_out([self._flight.node.event(JUMP, jump)])
+            self._carry_out([self._flight.node.event(EventKind.CLOCK_JUMP, jump)])
 
     # --- carrying out ------------------------------------------------------------------------
 
@@ -312,14 +313,14 @@ class UavProcess:
         if self._flight is not None:
             self._tell_delay_error(self._flight)
             last = msgspec.json.encode(self._flight.node.last_seqs).decode()
-            self._carry_out([self._flight.node.event("closed", last)])
+            self._carry_out([self._flight.node.event(EventKind.CLOSED, last)])
         self._outbox.stay(self._inbox)
         self._session.close()
 
     def _tell_delay_error(self, flight: Flight) -> None:
         error = flight.postbox.delay_error
         if error is not None:
-            self._carry_out([flight.node.event(DELAY_ERROR, msgspec.json.encode(error).decode())])
+            self._carry_out([flight.node.event(EventKind.DELAY_ERROR, msgspec.json.encode(error).decode())])
 
 
 @dataclass(slots=True)

@@ -12,8 +12,9 @@ import pytest
 from edc_swarm.errors import SwarmError
 from edc_swarm.mission.configuration import Mission
 from edc_swarm.mission.roster import complete_mission
+from edc_swarm.protocol.events import EventKind
 from edc_swarm.protocol.messages import mission_message
-from processes.runtime.clock import JUMP, MOST_JUMPS_TOLD, MissionClock
+from processes.runtime.clock import MOST_JUMPS_TOLD, MissionClock
 from tests.processes.conftest import Fly
 
 S = 10**9
@@ -47,7 +48,7 @@ def test_a_mission_does_not_follow_the_wall_clock(start: Fly, shim: Path, tmp_pa
     assert ended.json["completed"]
     recording = ended.recording
     assert max(fix.slot for fix in recording.fixes) < MOST_SLOTS
-    told = [event for event in recording.events if event.kind == JUMP]
+    told = [event for event in recording.events if event.kind == EventKind.CLOCK_JUMP]
     assert {event.source for event in told} >= {"operator", "recorder", "viz", "u001", "u002", "u003", "u004"}
     assert len({event.instance for event in told}) == len(told)
     way = "ahead" if by_s > 0 else "back"

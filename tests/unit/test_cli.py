@@ -11,8 +11,8 @@ from pathlib import Path
 
 import pytest
 
-from edc_swarm.agent.node import PLANNER_FAILED
 from edc_swarm.mission.configuration import Link
+from edc_swarm.protocol.events import EventKind
 from edc_swarm.recording.reader import read_recording
 from processes.cli.main import app, main
 from processes.cli.options import MissionOptions
@@ -246,7 +246,7 @@ def test_a_planner_beside_the_mission_is_found_and_its_failure_told(capsys, tmp_
     said = capsys.readouterr()
     assert said.err.startswith("warning: 5 plans failed, and all held; first in slot 4: LookupError: no more ideas")
     assert json.loads(said.out)["path_m"] == pytest.approx(3 * 3 * 2.5)
-    events = [event for event in read_recording("own.mcap").events if event.kind == PLANNER_FAILED]
+    events = [event for event in read_recording("own.mcap").events if event.kind == EventKind.PLANNER_FAILED]
     assert [event.slot for event in events] == [4], "once, not in every slot"
 
 

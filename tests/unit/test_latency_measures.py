@@ -8,11 +8,12 @@ import pytest
 from edc_swarm.analysis.guarantees.check import check
 from edc_swarm.analysis.latency_sample import Sample, sample_of
 from edc_swarm.analysis.metrics import compute_metrics
-from edc_swarm.emulation.links import DELAY_ERROR, DelayError
+from edc_swarm.emulation.links import DelayError
 from edc_swarm.experiments.latency.declared import sweep_of
 from edc_swarm.experiments.latency.findings import NAMED, findings, is_judged, is_safe, named
 from edc_swarm.experiments.latency.table import CellRow, flat, row_of
 from edc_swarm.mission.configuration import Link, Mission
+from edc_swarm.protocol.events import EventKind
 from edc_swarm.protocol.messages import Command, Event, Fix, Report, Truth
 from processes.experiments.measures import simulate
 from tests.unit.synthetic import change, flight, parallel, recorded, straight
@@ -120,7 +121,7 @@ def test_delay_error_is_over_all_uavs() -> None:
     """The median of medians, the worst of the rest."""
     told = [DelayError(10, 0.1, 0.5, 0.9), DelayError(30, 0.3, 0.4, 2.0), DelayError(20, 0.2, 0.7, 1.0)]
     events = [
-        Event(source=f"u{k}", instance=f"i{k}", kind=DELAY_ERROR, detail=msgspec.json.encode(one).decode())
+        Event(source=f"u{k}", instance=f"i{k}", kind=EventKind.DELAY_ERROR, detail=msgspec.json.encode(one).decode())
         for k, one in enumerate(told)
     ]
     messages = flight(parallel())

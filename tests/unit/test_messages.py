@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from pathlib import Path
 from typing import Any, get_args
 
 import msgspec
@@ -10,6 +11,7 @@ import pytest
 from edc_swarm.errors import MessageError
 from edc_swarm.mission.configuration import RosterEntry
 from edc_swarm.protocol.codec import decode, encode
+from edc_swarm.protocol.events import EVENT_FORMS, EventKind
 from edc_swarm.protocol.keys import KEY_FORMS, Keys, kind_of, source_of
 from edc_swarm.protocol.messages import Command, Event, Fix, Message, MissionMessage, Report, Truth, roster_index
 
@@ -228,3 +230,11 @@ def test_the_table_of_keys_has_every_kind_once(kind: type):
     assert kind_of(key) is kind
     assert source_of(key) == dict(zip(form.fields, values, strict=True)).get(form.sender, form.sender)
     assert set(form.fields) <= set(kind.__struct_fields__)
+
+
+def test_every_kind_of_event_is_documented():
+    """The table in docs/metrics.md is the table in the code."""
+    text = Path(__file__).parents[2].joinpath("docs/metrics.md").read_text(encoding="utf-8")
+    assert EVENT_FORMS.keys() == set(EventKind)
+    for kind, form in EVENT_FORMS.items():
+        assert f"| `{kind}` | {form.sender} | {form.detail} |\n" in text

@@ -7,9 +7,9 @@ from pathlib import Path
 
 import pytest
 
-from edc_swarm.agent.node import PLANNER_FAILED
 from edc_swarm.analysis.metrics import compute_metrics
 from edc_swarm.mission.configuration import Mission
+from edc_swarm.protocol.events import EventKind
 from processes.experiments.measures import simulate
 
 EXAMPLES = Path(__file__).parents[2] / "examples"
@@ -32,4 +32,4 @@ def test_own_planner_brings_everyone_home_apart(monkeypatch: pytest.MonkeyPatch)
     assert (found.completed, found.potential_collisions) == (True, 0)
     assert found.extra_distance_pct is not None
     assert found.extra_distance_pct > 5
-    assert {event.kind for event in recording.events}.isdisjoint({PLANNER_FAILED})
+    assert {event.kind for event in recording.events}.isdisjoint({EventKind.PLANNER_FAILED})

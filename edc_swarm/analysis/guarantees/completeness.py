@@ -9,16 +9,15 @@ from edc_swarm.analysis.guarantees.evidence import Evidence
 from edc_swarm.analysis.guarantees.verdict import GuaranteeResult, Violation, not_judged, verdict
 from edc_swarm.foreign_text import shown
 from edc_swarm.mission.configuration import OPERATOR
+from edc_swarm.protocol.events import EventKind
 from edc_swarm.recording.model import Recording
-from edc_swarm.recording.sequences import CLOSED, Gap, sequence_numbers, unknown_tails
+from edc_swarm.recording.sequences import Gap, sequence_numbers, unknown_tails
 
 _G5 = ("G5", "No loss in the record")
 MAX_GARBAGE_NOTES = 20
 MESSAGES = "messages"
 """Fact of `run_end`: how many messages were written."""
 MAX_DIGITS = 18
-END = "end"
-"""Kind of the operator's event that ends the mission."""
 VIEWERS = "/viz/"
 MAX_TOPICS = 5
 MAX_TOPIC = 60
@@ -62,7 +61,7 @@ def _unproved(evidence: Evidence) -> str:
     recording = evidence.recording
     if not sequence_numbers(recording):
         return "no message carries a number"
-    closed = {(event.source, event.instance) for event in recording.events if event.kind == CLOSED}
+    closed = {(event.source, event.instance) for event in recording.events if event.kind == EventKind.CLOSED}
     if not closed:
         return "no publisher said its last numbers"
     speaking = sorted(evidence.ends.unended)
@@ -76,7 +75,7 @@ def _unfinished(evidence: Evidence) -> Iterator[str]:
     """Say where a record ends that does not hold the end of its mission."""
     recording = evidence.recording
     said = {event.kind for event in recording.events if event.source == OPERATOR}
-    if not said & {END, CLOSED}:
+    if not said & {EventKind.END, EventKind.CLOSED}:
         slot = max((fix.slot for fix in recording.fixes), default=-1)
         yield f"the record ends at slot {slot}, without the end of the mission" if slot >= 0 else "no slot is recorded"
 

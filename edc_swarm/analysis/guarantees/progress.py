@@ -19,12 +19,13 @@ from numpy.typing import NDArray
 
 from edc_swarm.analysis.guarantees.evidence import Evidence
 from edc_swarm.analysis.guarantees.verdict import GuaranteeResult, Violation, not_applicable, not_judged, verdict
-from edc_swarm.analysis.living import BATTERY_EMPTY, FAULT, living_at_end
+from edc_swarm.analysis.living import living_at_end
 from edc_swarm.errors import MissionError
 from edc_swarm.geometry import Floats, capsule_distance_m
 from edc_swarm.mission.configuration import ARRIVED_M, OPERATOR
-from edc_swarm.mission.faults import WITHOUT_TARGET, Fault, parse_fault, parse_faults
-from edc_swarm.mission.prospect import END, STALLED, default_max_slots, prospect_of, settled_slot
+from edc_swarm.mission.faults import Fault, parse_fault, parse_faults
+from edc_swarm.mission.prospect import STALLED, default_max_slots, prospect_of, settled_slot
+from edc_swarm.protocol.events import EventKind
 
 _G7 = ("G7", "Progress")
 
@@ -67,7 +68,7 @@ def _drained(evidence: Evidence) -> NDArray[np.int64]:
     slots = np.full(len(evidence.tracks.uavs), -1)
     forgetful = {fix.uav for fix in evidence.recording.fixes if not fix.voter}
     for event in evidence.recording.events:
-        if event.kind == BATTERY_EMPTY and event.source in evidence.index.keys() - forgetful:
+        if event.kind == EventKind.BATTERY_EMPTY and event.source in evidence.index.keys() - forgetful:
             slots[evidence.index[event.source]] = event.slot
     return slots
 
@@ -120,10 +121,16 @@ def _missing(evidence: Evidence, k: int) -> Violation:
 def _faults(evidence: Evidence) -> list[Fault]:
     """Faults by time: as they were told, and those planned of which the record tells nothing."""
     mission, events = evidence.mission, evidence.recording.events
-    told = [_read(event.detail, mission.dt_s) for event in events if event.kind == FAULT and event.source == OPERATOR]
+    told = [
+        _read(event.detail, mission.dt_s)
+        for event in events
+        if event.kind == EventKind.FAULT and event.source == OPERATOR
+    ]
     done = [fault for fault in told if fault is not None]
     accounted = {_kind(fault) for fault in done}
-    aimless = {event.detail for event in events if event.kind == WITHOUT_TARGET and event.source == OPERATOR}
+    aimless = {
+        event.detail for event in events if event.kind == EventKind.FAULT_WITHOUT_TARGET and event.source == OPERATOR
+    }
     planned = [f for f in parse_faults(mission) if _kind(f) not in accounted and str(f) not in aimless]
     return sorted([*done, *planned], key=lambda fault: fault.at_s)
 
@@ -142,14 +149,14 @@ def _kind(fault: Fault) -> tuple[object, ...]:
 
 def _settled_slot(evidence: Evidence, faults: list[Fault]) -> int:
     """First slot after the last fault, which may have been carried out later than planned."""
-    told = [event.slot + 1 for event in evidence.recording.events if event.kind == FAULT]
+    told = [event.slot + 1 for event in evidence.recording.events if event.kind == EventKind.FAULT]
     return max([settled_slot(evidence.mission, faults), *told])
 
 
 def _stalled(evidence: Evidence) -> bool:
     """Whether the operator stopped the mission because nothing could change any more."""
     events = evidence.recording.events
-    return any(event.kind == END and event.source == OPERATOR and event.detail == STALLED for event in events)
+    return any(event.kind == EventKind.END and event.source == OPERATOR and event.detail == STALLED for event in events)
 
 
 def _given(evidence: Evidence) -> str:

@@ -1,0 +1,57 @@
+"""The events of the bus: every kind once, with its publishers and the form of its detail.
+
+Nodes, operator, recorder, viewers and readers take the kinds from here; `docs/metrics.md` has the same table.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from enum import StrEnum
+
+
+class EventKind(StrEnum):
+    """Kind of an event, as the field `kind` of `messages.Event` has it."""
+
+    FAULT = "fault"
+    FAULT_WITHOUT_TARGET = "fault-without-target"
+    HOST_REQUEST = "deed"
+    EXITED = "exited"
+    END = "end"
+    CLOSED = "closed"
+    TAKES_OFFICE = "takes-office"
+    PLANNER_FAILED = "planner-failed"
+    BATTERY_EMPTY = "battery-empty"
+    CLOCK_OFFSET = "clock-offset"
+    CLOCK_JUMP = "clock-jump"
+    DELAY_ERROR = "delay-error"
+    MALFORMED = "malformed"
+    RECORDER_DROPPED = "recorder-dropped"
+    RECORDING_FAILED = "recording-failed"
+
+
+@dataclass(frozen=True, slots=True)
+class EventForm:
+    """Form of one kind of event: who publishes it, what its detail says, and whether viewers show it as a warning."""
+
+    sender: str
+    detail: str
+    warning: bool = False
+
+
+EVENT_FORMS: dict[EventKind, EventForm] = {
+    EventKind.FAULT: EventForm("operator", "the fault that begins now, with ids in place of words", warning=True),
+    EventKind.FAULT_WITHOUT_TARGET: EventForm("operator", "the fault that nobody was the target of, as written"),
+    EventKind.HOST_REQUEST: EventForm("operator", "JSON: a signal or a restart that a host carries out for a fault"),
+    EventKind.EXITED: EventForm("operator", "the process that ended unasked, and how", warning=True),
+    EventKind.END: EventForm("operator", "the reason why the mission ends, such as `completed` or `max_slots`"),
+    EventKind.CLOSED: EventForm("every publisher", "JSON: the last `seq` of each of its keys; its last word"),
+    EventKind.TAKES_OFFICE: EventForm("UAV", "the term that it begins to lead in"),
+    EventKind.PLANNER_FAILED: EventForm("UAV", "the error of a user's planner, and its line"),
+    EventKind.BATTERY_EMPTY: EventForm("UAV", "nothing"),
+    EventKind.CLOCK_OFFSET: EventForm("UAV", "the UAV whose clock is ahead, and by how much at least"),
+    EventKind.CLOCK_JUMP: EventForm("every publisher", "by how much its wall clock jumped"),
+    EventKind.DELAY_ERROR: EventForm("UAV", "JSON: how late its emulated links handed messages over"),
+    EventKind.MALFORMED: EventForm("UAV, operator, recorder, visualiser", "what was rejected, and how often"),
+    EventKind.RECORDER_DROPPED: EventForm("recorder", "the number of messages that it could not write", warning=True),
+    EventKind.RECORDING_FAILED: EventForm("recorder", "the error that ended the file"),
+}
