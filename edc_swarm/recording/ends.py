@@ -41,8 +41,8 @@ def ends_of(recording: Recording) -> Ends:
     A process that was followed by another of the same id has ended, whatever it was that ended it.
     """
     first_ns: dict[tuple[str, str], int] = {}
-    for kind, (_, names) in KEY_FORMS.items():
-        speaker = attrgetter(names[0], "instance")
+    for kind, form in KEY_FORMS.items():
+        speaker = attrgetter(form.fields[0], "instance")
         for message in recording.lists()[kind]:
             who = speaker(message)
             first_ns[who] = min(message.sent_ns, first_ns.get(who, message.sent_ns))
