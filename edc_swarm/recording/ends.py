@@ -9,8 +9,8 @@ from edc_swarm.errors import MissionError
 from edc_swarm.mission.configuration import OPERATOR
 from edc_swarm.mission.faults import parse_fault
 from edc_swarm.protocol.events import EventKind
+from edc_swarm.protocol.keys import KEY_FORMS
 from edc_swarm.recording.model import Recording
-from edc_swarm.recording.sequences import KEY_FORMS
 
 FATAL = ("kill", "freeze")
 
