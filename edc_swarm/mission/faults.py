@@ -30,7 +30,8 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 
 from edc_swarm.errors import MissionError
-from edc_swarm.mission.configuration import RECORDER, ROUTER, Link, Mission, convert
+from edc_swarm.mission.configuration import RECORDER, ROUTER, Link, Mission
+from edc_swarm.mission.validation import convert
 
 HEAD, STANDBY, REST, HALVES = "head", "standby", "rest", "halves"
 PROCESS_VERBS = frozenset({"kill", "restart", "freeze", "resume"})
