@@ -90,12 +90,12 @@ def test_a_recorder_killed_by_hand_ends_the_run_and_what_it_flushed_is_recovered
     assert {path.name for path in ended.path.parent.iterdir()} == {ended.path.name}
 
 
-@pytest.mark.parametrize("part", ["router", "fork-source"])
-def test_a_part_killed_by_hand_fails_the_mission(start, part: str):
+@pytest.mark.parametrize(("part", "module"), [("router", "services.router"), ("fork-source", "host.fork_source")])
+def test_a_part_killed_by_hand_fails_the_mission(start, part: str, module: str):
     """It is no bad input: status 1, the cause in one line, and what was recorded says who is not home."""
     command = start("run", "--json")
     command.await_flight(10)
-    os.kill(command.pids(f"processes.{part.replace('-', '_')}")[0], signal.SIGKILL)
+    os.kill(command.pids(f"processes.{module}")[0], signal.SIGKILL)
     ended = command.end()
     assert ended.status == 1
     assert f"error: the {part} was ended by SIGKILL: it said nothing" in ended.stderr.splitlines()
