@@ -1,11 +1,11 @@
-"""Who leads: the election over the fixes, as a pure state machine. All transitions are in this file.
+"""Election of the head over the fixes, as a pure state machine. All transitions are in this file.
 
-Safety rests on the promise alone (a UAV grants one head per term for ever, terms only grow);
-whatever this module does, it only decides *when* to grant *what*, so that a swarm has one head soon
+Safety rests on the promise alone: a UAV grants one head per term and never changes it, and terms only grow.
+This module decides only *when* a UAV grants *which* head, so that a swarm has one head soon
 and keeps it while nothing is wrong.
 
-State: the grant (term, head); `suspects`, that the head is no longer heard; whether all fixes must
-be listened to. Transitions, in the order in which they are tried:
+State: the grant (term, head); `suspects`, the suspicion that the head is down. Transitions, in the order in
+which they are tried ("I" is this UAV):
 
 ==================  ====================================================  ============================
 event               condition                                             action
@@ -18,13 +18,13 @@ fix                 I suspect, and it carries a higher term               grant 
 fix                 a quorum of fixes carries one higher grant            grant the same
 fix, peer gone      I am the next standby, a quorum suspects              claim the next term
 peer gone           it is the head                                        suspect (a hint, never proof)
-slot begins         nothing from the head for `lease_slots` slots         suspect
+slot begins         no message of the head for `lease_slots` slots        suspect
 slot begins         suspicion for another lease, a quorum suspects        grant the best candidate
 ==================  ====================================================  ============================
 
-A *quorum of suspicions* before any move (pre-vote) is why one lossy link, or a UAV that comes back,
-disturbs nobody, and why a minority never raises its term. A standby claims later where a better one
-lives (a lease each) or where the head may be back (a whole slot): after an outage nothing has happened to it.
+A *quorum of suspicions* before any move (pre-vote) has two effects: one lossy link or one restarted UAV
+disturbs nobody, and a minority never raises its term. A standby delays its claim by a lease for each better
+standby that lives, and by a whole slot if the head may be back: a head survives an outage of the network.
 """
 
 from __future__ import annotations
@@ -39,14 +39,14 @@ from edc_swarm.protocol.messages import NO_ONE, Fix, Report
 
 @dataclass(frozen=True, slots=True)
 class Claim:
-    """A standby's claim of `term`, with the UAVs that suspect the old head."""
+    """A standby's claim to lead `term`, with the UAVs that suspect the old head."""
 
     term: int
     suspecting: tuple[str, ...]
 
 
 class Election:
-    """One UAV's part in the election.
+    """Election state of one UAV.
 
     Parameters
     ----------
@@ -59,7 +59,7 @@ class Election:
     voter
         False for a UAV that lost its promise: it never grants in this mission.
     knowledge
-        The newest fixes, the own one among them.
+        The newest fixes, with the own one.
     """
 
     def __init__(self, mission: Mission, uav: str, grant: Grant, voter: bool, knowledge: Knowledge) -> None:
@@ -90,18 +90,18 @@ class Election:
 
     @property
     def leads(self) -> bool:
-        """Whether this UAV grants itself."""
+        """True if this UAV grants itself."""
         return self.head == self._uav
 
     @property
     def listens(self) -> bool:
-        """Whether all fixes are needed: the head, its standbys, and whoever has no head."""
+        """True if this UAV needs all fixes: it leads, is a standby, or suspects its head."""
         return self.leads or self._uav in self.standbys or self.suspects
 
     def begin_slot(self, slot: int) -> None:
         """Let time pass; the fix of this slot then carries the result.
 
-        Called after the slot's command has begun, so a planned handover costs no slot.
+        The caller begins the slot's command first, so a planned handover costs no slot.
         """
         if self.slot < 0:
             self._suspects_since = slot
@@ -115,7 +115,7 @@ class Election:
             self._grant_best_candidate()
 
     def hear_fix(self, fix: Fix) -> None:
-        """Take in another UAV's fix, which the knowledge holds already."""
+        """Process another UAV's fix, which the knowledge holds already."""
         if fix.uav == self.head and fix.slot >= self.slot:
             self._head_gone = False
         if fix.term > self.term and fix.head != NO_ONE:
@@ -125,11 +125,11 @@ class Election:
         self._claim_if_next()
 
     def hear_command(self) -> None:
-        """Note a sign of life of the head granted, for this UAV."""
+        """Renew the lease: the head granted has sent this UAV a command."""
         self._renew()
 
     def hear_report(self, report: Report) -> None:
-        """Take in a slot report: sign of life, proof of a newer term, claim or handover."""
+        """Process a report: a sign of life, a proof of a newer term, a claim or a handover."""
         theirs = (report.term, report.head)
         if report.status == "claim":
             self._hear_claim(report, theirs)
@@ -141,32 +141,31 @@ class Election:
             self._hear_successor(report)
 
     def peer_gone(self, uav: str) -> None:
-        """Take in the hint that `uav` vanished from the bus while the own link was up."""
+        """Process the hint that `uav` vanished from the bus while the own link was up."""
         if uav == self.head and uav != self._uav:
             self._head_gone = True
             self._suspect()
         self._claim_if_next()
 
     def planned(self) -> None:
-        """Note that the own quorum is complete: a head renews its own lease by leading."""
+        """Renew the own lease: a head with a quorum leads."""
         self._renew()
 
     def ranked(self, among: Sequence[Fix]) -> list[str]:
-        """Ids of voters by the mission's criterion, best first, ties in roster order.
+        """Return the ids of the voters by the mission's criterion, best first, ties in roster order.
 
-        Those who suspect their head, and so may not hear, come last.
+        UAVs that suspect their head come last: they may not hear.
         """
         voters = [fix for fix in among if fix.voter]
         key = _CRITERIA[self._mission.elect]
         return [fix.uav for fix in sorted(voters, key=lambda fix: (fix.suspects, key(fix), self._order[fix.uav]))]
 
     def pick_successor(self, heard: Sequence[Fix], everyone_heard: bool) -> Grant | None:
-        """The grant that the head's next report asks for, or None to stay.
+        """Return the grant that the head's next report asks for, or None if the head stays.
 
-        A UAV whose promise keeps it from joining this term (it came back with a newer one, or took
-        part in a split vote) makes the head succeed itself above that. Else the best standby
-        succeeds it, at most every `HANDOVER_SLOTS` slots and with nobody unheard, when the own
-        criterion has fallen behind by `handover_margin`.
+        The head succeeds itself in a higher term if a UAV cannot join this one: that UAV has promised a newer term,
+        or has promised this term to another head. Otherwise the best candidate succeeds the head if its criterion is
+        better by `handover_margin`, every UAV is heard, and the last handover is `HANDOVER_SLOTS` slots ago.
         """
         astray = [fix.term for fix in self._knowledge.recent(self.slot - 2) if self._cannot_join(fix)]
         if astray:
@@ -176,7 +175,7 @@ class Election:
         return self._better_head(heard)
 
     def _cannot_join(self, fix: Fix) -> bool:
-        """Whether a UAV has promised this term to another head, or is in a newer one already."""
+        """Return True if a UAV has promised this term to another head, or is in a newer term."""
         return fix.term > self.term or (fix.term == self.term and fix.head != self.head)
 
     def _better_head(self, heard: Sequence[Fix]) -> Grant | None:
@@ -200,7 +199,7 @@ class Election:
             self._suspects_since = self.slot
 
     def _adopt(self, grant: Grant) -> None:
-        """Grant a higher term. The one place where the grant changes: terms only grow."""
+        """Grant a higher term. Only this method changes the grant, so terms only grow."""
         if not self._voter or grant[0] <= self.term:
             return
         self.term, self.head = grant
@@ -230,7 +229,7 @@ class Election:
         return sum((fix.term, fix.head) == grant for fix in recent if fix.uav != self._uav)
 
     def _suspecting(self) -> tuple[str, ...]:
-        """Who suspects, as far as heard in this slot or the last, this UAV included."""
+        """Return this UAV and the others whose fix of this slot or the last says that they suspect the head."""
         recent = self._knowledge.recent(self.slot - 1)
         others = [fix.uav for fix in recent if fix.suspects and fix.uav != self._uav and fix.term <= self.term]
         return (self._uav, *others)
@@ -250,11 +249,11 @@ class Election:
             self.claim = Claim(term, suspecting)
 
     def _head_may_be_back(self, since_slot: int) -> bool:
-        """Whether the head should have this slot to gather its quorum again.
+        """Return True if the standby leaves this slot to the head, which may gather its quorum again.
 
-        So it should, for one whole slot, when it was heard lately, or when this UAV was cut off from
-        most others until now: after an outage of the router everybody suspects a head that nothing has
-        happened to, and a claim would only make it and the standby outbid each other.
+        It leaves one whole slot if it heard the head lately, or if it was cut off from most UAVs until now. After an
+        outage of the router all UAVs suspect a head that still runs; after a claim that head and the standby would
+        outbid each other.
         """
         if self._head_gone:
             return False
@@ -262,14 +261,14 @@ class Election:
         return self._cut_off or (heard_lately and self.slot <= since_slot + 1)
 
     def _earlier_standby_lives(self, since_slot: int) -> bool:
-        """Whether a better standby was heard lately and has not had its time, a lease each, yet."""
+        """Return True if a better standby was heard lately and still has time, one lease each, to claim."""
         rank = self.standbys.index(self._uav)
         if self.slot - since_slot >= rank * self._mission.lease_slots:
             return False
         return any(self._knowledge.last_slot(uav) >= self.slot - 1 for uav in self.standbys[:rank])
 
     def _fallback_due(self) -> bool:
-        """Whether waiting for a claim is over: a further lease has gone by, or at the very start all are here."""
+        """Return True if this UAV has waited long enough for a claim: a lease, or at the start until all are heard."""
         if not self._voter:
             return False
         waited = self.slot - self._suspects_since
@@ -279,11 +278,11 @@ class Election:
         return waited >= self._mission.lease_slots
 
     def _grant_best_candidate(self) -> None:
-        """Grant (highest term heard + 1, best candidate), if a quorum is looking for a head.
+        """Grant (highest term heard + 1, best candidate), if a quorum suspects.
 
-        Whoever was granted in vain, since it cannot hear or cannot plan, has its turn again after all
-        others. All heads of the newest term count, not only the own one: what a split vote has set
-        apart then comes together again.
+        A head that was granted and never led (it cannot hear or cannot plan) is a candidate again after all
+        others. All heads of the newest term count as such, not only the own one: so the UAVs agree again after a
+        split vote.
         """
         since = self.slot - self._mission.lease_slots
         seen = [fix for fix in self._knowledge.recent(since) if fix.suspects or fix.uav == self._uav]
@@ -303,12 +302,12 @@ HANDOVER_SLOTS = 20
 
 
 def _by_energy(fix: Fix) -> float:
-    """Most remaining energy first (the paper's criterion i)."""
+    """Return the key of the paper's criterion i: most remaining energy first."""
     return -fix.energy_j
 
 
 def _by_response_time(fix: Fix) -> float:
-    """Shortest response time first (the paper's criterion ii); not measured yet is last."""
+    """Return the key of the paper's criterion ii: shortest response time first, an unmeasured one last."""
     return fix.response_ms if fix.response_ms > 0 else float("inf")
 
 

@@ -1,19 +1,19 @@
 """One UAV as a value: `UavNode.step(event, now_ns) -> effects`.
 
 The same class flies in a real process (`processes.uav.process`) and in the simulator
-(`edc_swarm.simulation.simulator`). It reads no clock, opens nothing and blocks on nothing but the planner.
-The shell carries the effects out in the order of the list; every `Persist` stands before whatever
-depends on it, so the write *is* the acceptance of a step.
+(`edc_swarm.simulation.simulator`). It reads no clock, opens no file and blocks on nothing but the planner.
+The shell carries out the effects in the order of the list; every `Persist` stands before the effects that
+depend on it, so the write *is* the acceptance of a step.
 
 A slot, from inside (the rules are named in ARCHITECTURE.md):
 
-1. the slot begins: the pending command is flown if it is valid, else the UAV holds; slot, grant and
-   waypoint are persisted; truth and fix are published;
-2. a head collects fixes until all are in, or until `tau_s`, or until the quorum completes, plans the
-   next slot once, publishes a command per heard UAV, then the report;
-3. messages may change the grant or the suspicion: then the promise is persisted and the fix is sent
-   again within the slot. So it is, half of `tau_s` into the slot, by whoever should have had a command
-   and has none: what is lost is likely to be lost again, and a head without a quorum of fixes is none.
+1. the slot begins: the UAV flies the pending command if it is valid, else it holds; it persists slot, grant
+   and waypoint; it publishes truth and fix;
+2. a head collects fixes until all are in, or until `tau_s` (later if the quorum is late); it plans the
+   next slot once, publishes a command to each UAV heard, then the report;
+3. a message may change the grant or the suspicion: the UAV then persists its promise and retransmits its fix
+   within the slot. A UAV that expected a command for this slot and has none retransmits its fix once too, half of
+   `tau_s` into the slot: its last fix may be lost, and a head without a quorum of fixes cannot plan.
 """
 
 from __future__ import annotations
@@ -38,42 +38,42 @@ from edc_swarm.protocol.keys import Keys
 from edc_swarm.protocol.messages import Command, Event, Fix, Message, MissionMessage, Report, Truth
 
 MAX_PENDING = 4
-"""Commands kept for slots to come."""
+"""Most commands that a UAV keeps for later slots."""
 
 
 CLAIM_WAIT_FRACTION = 0.1
-"""Part of a slot that a head which has just taken office waits for the fixes that are sent again."""
+"""Fraction of a slot for which a new head waits for retransmitted fixes."""
 
 
 @dataclass(frozen=True, slots=True)
 class Tick:
-    """Time has passed: look at the clock."""
+    """Passage of time: the node reads `now_ns`."""
 
 
 @dataclass(frozen=True, slots=True)
 class Received:
-    """A message has come from the bus, decoded."""
+    """A decoded message from the bus."""
 
     message: Message
 
 
 @dataclass(frozen=True, slots=True)
 class PeerGone:
-    """A UAV's liveliness token vanished while the own link to the router was up."""
+    """Loss of a UAV's liveliness token while the own link to the router was up."""
 
     uav: str
 
 
 @dataclass(frozen=True, slots=True)
 class PlannerReady:
-    """The planner that was wanted is loaded and warm."""
+    """The planner that the node wanted, loaded and warm."""
 
     planner: Planner
 
 
 @dataclass(frozen=True, slots=True)
 class GpsChanged:
-    """A fault: the GPS error model is another from now on."""
+    """A fault that replaces the GPS error model."""
 
     model: GpsModel
 
@@ -83,7 +83,7 @@ NodeEvent = Tick | Received | PeerGone | PlannerReady | GpsChanged
 
 @dataclass(frozen=True, slots=True)
 class Persist:
-    """Write the promise (and the emulated body) before going on."""
+    """Write the promise and the emulated body before the next effect."""
 
     promise: Promise | None
     airframe: Airframe
@@ -91,26 +91,26 @@ class Persist:
 
 @dataclass(frozen=True, slots=True)
 class Publish:
-    """Put a message on the bus; the shell fills in `sent_ns` from its clock."""
+    """Publish a message on the bus; the shell sets `sent_ns` from its clock."""
 
     message: Message
 
 
 @dataclass(frozen=True, slots=True)
 class Listen:
-    """Subscribe to all fixes, or no longer."""
+    """Subscribe to all fixes, or unsubscribe."""
 
     all_fixes: bool
 
 
 @dataclass(frozen=True, slots=True)
 class WantPlanner:
-    """Load the planner and hand it in with `PlannerReady`: this UAV may have to lead."""
+    """Load the planner and return it with `PlannerReady`: this UAV may have to lead."""
 
 
 @dataclass(frozen=True, slots=True)
 class Stop:
-    """This UAV has ended: it stays where it is, an obstacle."""
+    """End of this UAV: it stays at its waypoint as an obstacle."""
 
 
 Effect = Persist | Publish | Listen | WantPlanner | Stop
@@ -119,7 +119,7 @@ M = TypeVar("M", bound=Message)
 
 
 def startup_candidates(mission: Mission) -> set[str]:
-    """UAVs that may lead first: the best by energy; all where response times are to be measured."""
+    """Return the UAVs that may lead first: the best by energy, or all if the criterion is the response time."""
     if mission.elect == "response-time":
         return {entry.uav for entry in mission.roster}
     ranked = sorted(mission.roster, key=lambda entry: -entry.energy_j)
@@ -127,7 +127,7 @@ def startup_candidates(mission: Mission) -> set[str]:
 
 
 class UavNode:
-    """One UAV.
+    """One UAV as a state machine; `step` is its only input.
 
     Parameters
     ----------
@@ -136,15 +136,15 @@ class UavNode:
     uav
         The own id, one of the roster.
     instance
-        Name of this process's life; sequence numbers count per instance.
+        Name of this run of the process; sequence numbers count per instance.
     promise
-        What is on disk, or None when it was lost: such a UAV never grants in this mission.
+        The promise on disk, or None if it is lost: such a UAV never grants in this mission.
     airframe
-        The emulated body as it was left.
+        The emulated body, as last persisted.
     response_ms
-        Measured time to solve the reference slot QP, 0 when not measured.
+        Measured time to solve the reference slot QP, 0 if it was not measured.
     cpu_s
-        Reads the processor time used so far, for the fix.
+        Function that returns the processor time used so far, for the fix.
     """
 
     def __init__(
@@ -201,16 +201,16 @@ class UavNode:
 
     @property
     def leads(self) -> bool:
-        """Whether this UAV is the head that it grants."""
+        """True if this UAV grants itself."""
         return self._election.leads
 
     @property
     def last_seqs(self) -> dict[str, int]:
-        """Last sequence number of every key published on, for the `closed` event."""
+        """Last sequence number on each key of this UAV, for the `closed` event."""
         return dict(self._seq)
 
     def wakeup_ns(self, now_ns: int) -> int:
-        """When to send the next `Tick`, in nanoseconds of the clock of `step`."""
+        """Return the time of the next `Tick`, in nanoseconds of the clock of `step`."""
         if self._own is not None or self._plan_due(now_ns):
             return now_ns
         due_ns = [self._start_ns(self._slot_at(now_ns) + 1)]
@@ -221,11 +221,11 @@ class UavNode:
         return min(due_ns)
 
     def step(self, event: NodeEvent, now_ns: int) -> list[Effect]:
-        """Take in one event at `now_ns` (wall nanoseconds of the own clock); effects in order.
+        """Process one event at `now_ns` (wall nanoseconds of the own clock) and return the effects in order.
 
-        A slot that has begun is begun first, so a message is before a slot's start exactly when it
-        is taken in before it: what is late is late, however long the process was frozen. Planning
-        takes a step of its own, a `Tick` in which nothing else is due, so that no fix waits for it.
+        The node begins a due slot before it processes the event. So a message counts for a slot only if the node
+        processes it before that slot begins, even after a freeze. Planning takes a step of its own, a `Tick` in
+        which nothing else is due, so that no fix waits for a plan.
         """
         if self.ended:
             return []
@@ -256,13 +256,13 @@ class UavNode:
             self._say(now_ns, with_truth=False)
 
     def event(self, kind: EventKind, detail: str = "") -> Publish:
-        """An event of this UAV, stamped, for what only the shell can see."""
+        """Return a stamped event of this UAV, for facts that only the shell sees."""
         return Publish(self._stamped(Event(source=self.uav, slot=self.slot, kind=kind, detail=detail)))
 
     # --- the slot begins ---------------------------------------------------------------------
 
     def _begin_slots(self, now_ns: int) -> bool:
-        """Begin the current slot if it has not begun; slots slept through are only counted."""
+        """Begin the current slot if it has not begun; count the slots missed since the last one as held."""
         slot = self._slot_at(now_ns)
         if slot <= self.slot or slot < 0:
             return False
@@ -282,12 +282,12 @@ class UavNode:
         return True
 
     def _lacks_command(self) -> bool:
-        """Whether a head was granted in an earlier slot already, and there is no command of it to fly in this one."""
+        """Return True if the head granted was known before this slot and this UAV has no command of it to fly."""
         known = self._said is not None and self._said[0] == self.grant
         return known and self.grant[0] > 0 and self._flown is None
 
     def _fly(self, slot: int, late: bool) -> None:
-        """Validity: execute the pending command of this slot, or hold."""
+        """Fly the pending command of this slot if it is valid, else hold."""
         slots, self.slot = slot - self.slot, slot
         command = self._pending.pop(slot, None)
         if command is not None and refusal(command, self._situation(command, late)) is not None:
@@ -314,7 +314,7 @@ class UavNode:
             self._publish(self._head.powerless(self.slot))
 
     def _end(self) -> None:
-        """An empty battery: the UAV lands where it is and stays an obstacle."""
+        """End with an empty battery: the UAV lands at its waypoint and stays an obstacle."""
         self.ended = True
         self._persist()
         self._publish_truth()
@@ -338,9 +338,9 @@ class UavNode:
                 pass
 
     def _take_command(self, command: Command) -> None:
-        """Keep a command of the head granted for a slot to come; anything else is nothing to us.
+        """Keep a command of the head granted for a later slot; ignore all others.
 
-        There is one plan per term and slot: whatever comes after its command is not from that plan.
+        There is one plan per term and slot, so the node keeps the first command of each slot.
         """
         if command.uav != self.uav or (command.term, command.head) != self.grant:
             return
@@ -354,13 +354,13 @@ class UavNode:
         return to_wgs84(*position_m, self._mission.origin_lat_deg, self._mission.origin_lon_deg)
 
     def _take_own_command(self, now_ns: int) -> None:
-        """Receive what this head commanded itself: in the step after planning, which may have taken too long."""
+        """Receive the head's own command in the step after planning, since planning may have taken too long."""
         own, self._own = self._own, None
         if own is not None and self._slot_at(now_ns) < own.slot:
             self._take_command(own)
 
     def _take_report(self, report: Report) -> None:
-        """Believe a plan or a claim only with a quorum behind it, counted by the mission's own measure."""
+        """Process a report; ignore a plan or a claim without the quorum that the mission asks for."""
         if report.status != "no-quorum" and not report.is_backed(self._roster, self._mission.quorum):
             return
         if report.has_quorum:
@@ -369,7 +369,7 @@ class UavNode:
             self._election.hear_report(report)
 
     def _compare_clocks(self, fix: Fix, now_ns: int) -> None:
-        """A fix from the future beyond the guard means that a clock is off: say so once per UAV."""
+        """Publish an event, once per UAV, if a fix is from the future by more than the guard: a clock is off."""
         ahead_s = (fix.sent_ns - now_ns) / 1e9
         if ahead_s > max(self._mission.guard_s, 1e-3) and fix.uav not in self._clock_reported:
             self._clock_reported.add(fix.uav)
@@ -378,14 +378,14 @@ class UavNode:
     # --- the grant ---------------------------------------------------------------------------
 
     def _settle(self, now_ns: int) -> None:
-        """Say a changed grant or suspicion at once: persist, fix, then a claim if one was made."""
+        """Publish a changed grant or suspicion at once: persist, fix, then the claim if there is one."""
         if self.slot < 0 or self._said is None or self.ended:
             return
         if self._said != (self.grant, self._election.suspects):
             self._say(now_ns, with_truth=False)
 
     def _say(self, now_ns: int, *, with_truth: bool) -> None:
-        """Persist the promise, then publish truth and fix."""
+        """Persist the promise, then publish the truth if asked, the fix, and the claim if there is one."""
         if self._said is None or self._said[0] != self.grant:
             self._change_grant(now_ns)
         self._persist()
@@ -397,7 +397,7 @@ class UavNode:
         self._publish_claim()
 
     def _change_grant(self, now_ns: int) -> None:
-        """Granting a newer term discards what is pending; a new head takes office."""
+        """Discard the pending commands of the old grant; take office if this UAV is the new head."""
         self._pending.clear()
         if self._election.leads:
             self._head.take_office(self.grant)
@@ -425,7 +425,7 @@ class UavNode:
     # --- the head ----------------------------------------------------------------------------
 
     def _collecting(self) -> bool:
-        """Whether this UAV is head and its plan of this slot is still to be made."""
+        """Return True if this UAV is head and has not planned from this slot's fixes yet."""
         return (
             self._election.leads
             and self._head.office.grant == self.grant
@@ -434,7 +434,7 @@ class UavNode:
         )
 
     def _deadline_ns(self) -> int:
-        """When the head stops waiting for fixes; later in the slot in which it took office."""
+        """Return the time until which the head waits for fixes; it is later in the slot in which it took office."""
         tau_ns = self._start_ns(self.slot) + self._tau_ns
         return max(tau_ns, self._office_ns + round(CLAIM_WAIT_FRACTION * self._slot_ns))
 
@@ -456,13 +456,13 @@ class UavNode:
         self._tell_problem(outcome.problem)
 
     def _tell_problem(self, problem: str) -> None:
-        """Say why there was no plan: once, until there is one again or the reason is another."""
+        """Publish why there was no plan, once until there is a plan again or another reason."""
         if problem and problem != self._problem:
             self._out.append(self.event(EventKind.PLANNER_FAILED, problem))
         self._problem = problem
 
     def _with_succession(self, report: Report) -> Report:
-        """The report with the standbys ranked anew, and the successor if there is to be one."""
+        """Return the report with the standbys, ranked anew, and with the successor if the head names one."""
         heard = [self._knowledge.newest[uav] for uav in report.heard]
         ranked = [uav for uav in self._election.ranked(heard) if uav != self.uav]
         next_term, successor = self._election.pick_successor(heard, not report.unheard) or (0, "")
