@@ -1,5 +1,6 @@
 """The emulated world around an agent: network links, GPS receivers, energy.
 
-This package decides what the network does to a message, what a receiver measures and what a flight costs. It imports
+This package decides how links delay and drop messages, which position a receiver measures and how much energy a flight
+takes. It imports
 `mission`, never a message type. Open `links` first.
 """
