@@ -67,7 +67,7 @@ class Admission:
                 return
 
     def _of_sender(self, uav: str, slot: int, sent_ns: int) -> Iterator[str]:
-        """Yield the reasons against a sender in a slot: it is not in the roster, or the slot has not begun by its clock."""
+        """Yield reasons against the sender: not in the roster, or its clock says that the slot has not begun."""
         yield from self._unknown([uav])
         if slot > self._last_slot:
             yield f"slot {slot} is after the end of the mission"

@@ -133,7 +133,7 @@ class MissionMonitor:
         return fix is not None and fix.slot >= slot and (fix.arrived or self._covered(entry))
 
     def _covered(self, entry: RosterEntry) -> bool:
-        """Return True if a grounded UAV is or may be so near to this UAV's target that the planner keeps clear of it."""
+        """Return True if a grounded UAV is or may be nearer than R to this UAV's target."""
         target_m = (entry.target_x_m, entry.target_y_m)
         return any(
             self._distance_m(target_m, other) < entry.r_m + other.r_m
