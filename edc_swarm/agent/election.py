@@ -33,16 +33,50 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 from edc_swarm.agent.knowledge import Grant, Knowledge
+from edc_swarm.agent.succession import HANDOVER_SLOTS, Candidates
 from edc_swarm.mission.configuration import Mission
 from edc_swarm.protocol.messages import NO_ONE, Fix, Report
 
 
 @dataclass(frozen=True, slots=True)
-class Claim:
+class TermClaim:
     """A standby's claim to lead `term`, with the UAVs that suspect the old head."""
 
     term: int
     suspecting: tuple[str, ...]
+
+
+@dataclass(slots=True)
+class Lease:
+    """Trust in the head granted. It lasts until the end of slot `until`; `suspects` since slot `since`."""
+
+    slots: int
+    until: int = -1
+    suspects: bool = True
+    since: int = -1
+
+    def renew(self, slot: int) -> None:
+        """Trust the head for `slots` slots after `slot`."""
+        self.until = slot + self.slots
+        self.suspects = False
+
+    def suspect(self, slot: int) -> None:
+        """Suspect the head, from `slot` on if not earlier."""
+        if not self.suspects:
+            self.suspects, self.since = True, slot
+
+
+@dataclass(slots=True)
+class ClaimTiming:
+    """Facts that delay a standby's claim.
+
+    `since` is the slot in which a quorum of suspicions began, None without one. `head_gone` is true if the head has
+    left the bus; `cut_off` is true if this UAV heard no quorum when the slot began.
+    """
+
+    since: int | None = None
+    head_gone: bool = False
+    cut_off: bool = False
 
 
 class Election:
@@ -63,25 +97,19 @@ class Election:
     """
 
     def __init__(self, mission: Mission, uav: str, grant: Grant, voter: bool, knowledge: Knowledge) -> None:
-        self._mission = mission
         self._uav = uav
+        self._quorum = mission.quorum
         self._voter = voter
         self._knowledge = knowledge
-        self._order = {entry.uav: index for index, entry in enumerate(mission.roster)}
+        self.candidates = Candidates(mission)
         self.term, self.head = grant
         self.slot = -1
-        self.suspects = True
         self.standbys: tuple[str, ...] = ()
-        self._in_vain: set[str] = set()
-        self._was_led = True
-        self._lease_until = -1
-        self._suspects_since = -1
+        self.claim: TermClaim | None = None
+        self._lease = Lease(mission.lease_slots)
+        self._timing = ClaimTiming()
         self._granted_slot = 0
         self._successor: tuple[int, Grant] | None = None
-        self.claim: Claim | None = None
-        self._claimable_since: int | None = None
-        self._head_gone = False
-        self._cut_off = False
 
     @property
     def grant(self) -> Grant:
@@ -94,6 +122,11 @@ class Election:
         return self.head == self._uav
 
     @property
+    def suspects(self) -> bool:
+        """True if this UAV suspects that its head is down, or has none."""
+        return self._lease.suspects
+
+    @property
     def listens(self) -> bool:
         """True if this UAV needs all fixes: it leads, is a standby, or suspects its head."""
         return self.leads or self._uav in self.standbys or self.suspects
@@ -104,23 +137,23 @@ class Election:
         The caller begins the slot's command first, so a planned handover costs no slot.
         """
         if self.slot < 0:
-            self._suspects_since = slot
+            self._lease.since = slot
         self.slot = slot
-        self._cut_off = sum(1 for _ in self._knowledge.recent(slot - 1)) < self._mission.quorum
+        self._timing.cut_off = sum(1 for _ in self._knowledge.recent(slot - 1)) < self._quorum
         if self._successor is not None and slot > self._successor[0]:
             self._adopt(self._successor[1])
-        if slot > self._lease_until:
-            self._suspect()
+        if slot > self._lease.until:
+            self._lease.suspect(slot)
         if self.suspects and self._fallback_due():
             self._grant_best_candidate()
 
     def hear_fix(self, fix: Fix) -> None:
         """Process another UAV's fix, which the knowledge holds already."""
         if fix.uav == self.head and fix.slot >= self.slot:
-            self._head_gone = False
+            self._timing.head_gone = False
         if fix.term > self.term and fix.head != NO_ONE:
             theirs = (fix.term, fix.head)
-            if self.suspects or self._count(theirs) >= self._mission.quorum:
+            if self.suspects or self._knowledge.count_granting(theirs, self.slot - 1, self._uav) >= self._quorum:
                 self._adopt(theirs)
         self._claim_if_next()
 
@@ -143,60 +176,27 @@ class Election:
     def peer_gone(self, uav: str) -> None:
         """Process the hint that `uav` vanished from the bus while the own link was up."""
         if uav == self.head and uav != self._uav:
-            self._head_gone = True
-            self._suspect()
+            self._timing.head_gone = True
+            self._lease.suspect(self.slot)
         self._claim_if_next()
 
     def planned(self) -> None:
         """Renew the own lease: a head with a quorum leads."""
         self._renew()
 
-    def ranked(self, among: Sequence[Fix]) -> list[str]:
-        """Return the ids of the voters by the mission's criterion, best first, ties in roster order.
-
-        UAVs that suspect their head come last: they may not hear.
-        """
-        voters = [fix for fix in among if fix.voter]
-        key = _CRITERIA[self._mission.elect]
-        return [fix.uav for fix in sorted(voters, key=lambda fix: (fix.suspects, key(fix), self._order[fix.uav]))]
-
     def pick_successor(self, heard: Sequence[Fix], everyone_heard: bool) -> Grant | None:
         """Return the grant that the head's next report asks for, or None if the head stays.
 
-        The head succeeds itself in a higher term if a UAV cannot join this one: that UAV has promised a newer term,
-        or has promised this term to another head. Otherwise the best candidate succeeds the head if its criterion is
-        better by `handover_margin`, every UAV is heard, and the last handover is `HANDOVER_SLOTS` slots ago.
+        It hands over only if every UAV is heard and the last change of the grant is `HANDOVER_SLOTS` slots ago; see
+        `Candidates.successor`.
         """
-        astray = [fix.term for fix in self._knowledge.recent(self.slot - 2) if self._cannot_join(fix)]
-        if astray:
-            return (max(astray) + 1, self._uav)
-        if not everyone_heard or self.slot - self._granted_slot < HANDOVER_SLOTS:
-            return None
-        return self._better_head(heard)
-
-    def _cannot_join(self, fix: Fix) -> bool:
-        """Return True if a UAV has promised this term to another head, or is in a newer term."""
-        return fix.term > self.term or (fix.term == self.term and fix.head != self.head)
-
-    def _better_head(self, heard: Sequence[Fix]) -> Grant | None:
-        key, margin = _CRITERIA[self._mission.elect], self._mission.handover_margin
-        best = self.ranked(heard)[0]
-        keys = {fix.uav: key(fix) for fix in heard}
-        own, other = keys[self._uav], keys[best]
-        if best != self._uav and own - other > margin * abs(own):
-            return (self.term + 1, best)
-        return None
+        may_hand_over = everyone_heard and self.slot - self._granted_slot >= HANDOVER_SLOTS
+        newest = list(self._knowledge.recent(self.slot - 2))
+        return self.candidates.successor((self.term, self._uav), heard, newest, may_hand_over)
 
     def _renew(self) -> None:
-        self._lease_until = self.slot + self._mission.lease_slots
-        self.suspects = False
-        self._was_led = True
-        self._in_vain.clear()
-
-    def _suspect(self) -> None:
-        if not self.suspects:
-            self.suspects = True
-            self._suspects_since = self.slot
+        self._lease.renew(self.slot)
+        self.candidates.note_lead()
 
     def _adopt(self, grant: Grant) -> None:
         """Grant a higher term. Only this method changes the grant, so terms only grow."""
@@ -206,15 +206,13 @@ class Election:
         self.standbys = tuple(uav for uav in self.standbys if uav != self.head)
         self._successor = None
         self._granted_slot = self.slot
-        self._lease_until = self.slot + self._mission.lease_slots
-        self._suspects_since = self.slot
-        self._claimable_since = None
-        self._head_gone = False
-        self._was_led = False
-        self.suspects = False
+        self._lease.renew(self.slot)
+        self._lease.since = self.slot
+        self._timing.since, self._timing.head_gone = None, False
+        self.candidates.led = False
 
     def _hear_claim(self, report: Report, theirs: Grant) -> None:
-        if self.suspects and len(report.grants) >= self._mission.quorum:
+        if self.suspects and len(report.grants) >= self._quorum:
             self._adopt(theirs)
 
     def _hear_successor(self, report: Report) -> None:
@@ -224,29 +222,18 @@ class Election:
         if self.slot > report.slot:
             self._adopt(self._successor[1])
 
-    def _count(self, grant: Grant) -> int:
-        recent = self._knowledge.recent(self.slot - 1)
-        return sum((fix.term, fix.head) == grant for fix in recent if fix.uav != self._uav)
-
-    def _suspecting(self) -> tuple[str, ...]:
-        """Return this UAV and the others whose fix of this slot or the last says that they suspect the head."""
-        recent = self._knowledge.recent(self.slot - 1)
-        others = [fix.uav for fix in recent if fix.suspects and fix.uav != self._uav and fix.term <= self.term]
-        return (self._uav, *others)
-
     def _claim_if_next(self) -> None:
         if not (self._voter and self.suspects and self._uav in self.standbys):
             return
-        suspecting = self._suspecting()
-        if len(suspecting) < self._mission.quorum:
-            self._claimable_since = None
+        suspecting = (self._uav, *self._knowledge.suspecting(self.slot - 1, self.term, self._uav))
+        if len(suspecting) < self._quorum:
+            self._timing.since = None
             return
-        if self._claimable_since is None:
-            self._claimable_since = self.slot
-        if not self._earlier_standby_lives(self._claimable_since) and not self._head_may_be_back(self._claimable_since):
+        since = self._timing.since = self.slot if self._timing.since is None else self._timing.since
+        if not self._earlier_standby_lives(since) and not self._head_may_be_back(since):
             term = self.term + 1
             self._adopt((term, self._uav))
-            self.claim = Claim(term, suspecting)
+            self.claim = TermClaim(term, suspecting)
 
     def _head_may_be_back(self, since_slot: int) -> bool:
         """Return True if the standby leaves this slot to the head, which may gather its quorum again.
@@ -255,15 +242,15 @@ class Election:
         outage of the router all UAVs suspect a head that still runs; after a claim that head and the standby would
         outbid each other.
         """
-        if self._head_gone:
+        if self._timing.head_gone:
             return False
         heard_lately = self._knowledge.last_slot(self.head) >= self.slot - 1
-        return self._cut_off or (heard_lately and self.slot <= since_slot + 1)
+        return self._timing.cut_off or (heard_lately and self.slot <= since_slot + 1)
 
     def _earlier_standby_lives(self, since_slot: int) -> bool:
         """Return True if a better standby was heard lately and still has time, one lease each, to claim."""
         rank = self.standbys.index(self._uav)
-        if self.slot - since_slot >= rank * self._mission.lease_slots:
+        if self.slot - since_slot >= rank * self._lease.slots:
             return False
         return any(self._knowledge.last_slot(uav) >= self.slot - 1 for uav in self.standbys[:rank])
 
@@ -271,44 +258,18 @@ class Election:
         """Return True if this UAV has waited long enough for a claim: a lease, or at the start until all are heard."""
         if not self._voter:
             return False
-        waited = self.slot - self._suspects_since
+        waited = self.slot - self._lease.since
         if self.term == 0 and waited >= 1:
-            everyone = sum(1 for _ in self._knowledge.recent(self.slot - 1)) == len(self._order)
-            return everyone or waited >= self._mission.lease_slots
-        return waited >= self._mission.lease_slots
+            everyone = sum(1 for _ in self._knowledge.recent(self.slot - 1)) == len(self._knowledge.roster)
+            return everyone or waited >= self._lease.slots
+        return waited >= self._lease.slots
 
     def _grant_best_candidate(self) -> None:
-        """Grant (highest term heard + 1, best candidate), if a quorum suspects.
-
-        A head that was granted and never led (it cannot hear or cannot plan) is a candidate again after all
-        others. All heads of the newest term count as such, not only the own one: so the UAVs agree again after a
-        split vote.
-        """
-        since = self.slot - self._mission.lease_slots
+        """Grant (highest term heard + 1, best candidate), if a quorum suspects; see `Candidates.best`."""
+        since = self.slot - self._lease.slots
         seen = [fix for fix in self._knowledge.recent(since) if fix.suspects or fix.uav == self._uav]
-        if len(seen) < self._mission.quorum:
+        if len(seen) < self._quorum:
             return
         highest = max(self.term, *(fix.term for fix in seen))
-        if not self._was_led:
-            self._in_vain |= {self.head, *(fix.head for fix in seen if fix.term == highest)}
-        fresh = [fix for fix in seen if fix.uav not in self._in_vain]
-        if not fresh:
-            self._in_vain.clear()
-        self._adopt((highest + 1, self.ranked(fresh or seen)[0]))
-
-
-HANDOVER_SLOTS = 20
-"""Least number of slots between two planned handovers."""
-
-
-def _by_energy(fix: Fix) -> float:
-    """Return the key of the paper's criterion i: most remaining energy first."""
-    return -fix.energy_j
-
-
-def _by_response_time(fix: Fix) -> float:
-    """Return the key of the paper's criterion ii: shortest response time first, an unmeasured one last."""
-    return fix.response_ms if fix.response_ms > 0 else float("inf")
-
-
-_CRITERIA = {"energy": _by_energy, "response-time": _by_response_time}
+        granted = {self.head, *(fix.head for fix in seen if fix.term == highest)}
+        self._adopt((highest + 1, self.candidates.best(seen, granted)))

@@ -43,6 +43,7 @@ class Knowledge:
 
     def __init__(self, roster: Sequence[RosterEntry]) -> None:
         self._roster = {entry.uav: entry for entry in roster}
+        self.roster = frozenset(self._roster)
         self.newest: dict[str, Fix] = {}
         self._granting: Counter[tuple[int, int, str]] = Counter()
         self._early: dict[str, Fix] = {}
@@ -101,6 +102,15 @@ class Knowledge:
             fix = self.newest.get(uav)
             if fix is not None and fix.slot >= since_slot:
                 yield fix
+
+    def count_granting(self, grant: Grant, since_slot: int, besides: str) -> int:
+        """Return the number of recent fixes that carry `grant`, without those of UAV `besides`."""
+        return sum((fix.term, fix.head) == grant for fix in self.recent(since_slot) if fix.uav != besides)
+
+    def suspecting(self, since_slot: int, term: int, besides: str) -> list[str]:
+        """Return the ids, without `besides`, whose recent fix of at most `term` says that they suspect their head."""
+        recent = self.recent(since_slot)
+        return [fix.uav for fix in recent if fix.suspects and fix.uav != besides and fix.term <= term]
 
     def last_slot(self, uav: str) -> int:
         """Return the slot of the newest fix of `uav`, -1 if there is none."""

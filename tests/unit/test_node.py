@@ -10,13 +10,13 @@ import pytest
 from edc_swarm.agent.node import (
     MAX_PENDING,
     Effect,
+    Land,
     Listen,
     PeerGone,
     Persist,
     PlannerReady,
     Publish,
     Received,
-    Stop,
     Tick,
     UavNode,
     WantPlanner,
@@ -231,7 +231,7 @@ def test_the_battery_must_cover_the_step() -> None:
     effects = uav.step(Tick(), at(6))
     assert isinstance(effects[0], Persist)
     assert effects[0].airframe.y_m == 0.0
-    assert isinstance(effects[-1], Stop)
+    assert isinstance(effects[-1], Land)
     assert [event.kind for event in said(effects, Event)] == ["battery-empty"]
     assert uav.ended
     assert uav.step(Tick(), at(7)) == []
@@ -256,9 +256,8 @@ def test_pending_commands_are_few() -> None:
     uav = node()
     uav.step(Tick(), at(5))
     for slot in range(6, 100):
-        uav.step(Received(command(slot)), at(5.5))
-    assert len(uav._pending) == MAX_PENDING
-    assert flown(uav.step(Tick(), at(6)))
+        uav.step(Received(command(slot, start_y_m=slot - 6.0, target_y_m=slot - 5.0)), at(5.5))
+    assert [slot for slot in range(6, 100) if flown(uav.step(Tick(), at(slot)))] == list(range(6, 6 + MAX_PENDING))
 
 
 # --- what may be lost ---------------------------------------------------------------------------
@@ -461,4 +460,4 @@ def test_strangers_leave_no_trace() -> None:
         stranger = msgspec.structs.replace(fix("a", 5), uav=f"x{number}", sent_ns=at(50))
         assert uav.step(Received(stranger), at(5.2)) == []
         assert uav.step(PeerGone(f"x{number}"), at(5.2)) == []
-    assert (uav._gone, uav._clock_reported) == (set(), set())
+    assert (uav._leadership.gone, uav._clock._reported) == (set(), set())
