@@ -165,7 +165,8 @@ class Election:
         """Process a report: a sign of life, a proof of a newer term, a claim or a handover."""
         theirs = (report.term, report.head)
         if report.status == "claim":
-            self._hear_claim(report, theirs)
+            if self.suspects and len(report.grants) >= self._quorum:
+                self._adopt(theirs)
         elif report.has_quorum and report.term > self.term:
             self._adopt(theirs)
         if report.has_quorum and theirs == self.grant:
@@ -210,10 +211,6 @@ class Election:
         self._lease.since = self.slot
         self._timing.since, self._timing.head_gone = None, False
         self.candidates.led = False
-
-    def _hear_claim(self, report: Report, theirs: Grant) -> None:
-        if self.suspects and len(report.grants) >= self._quorum:
-            self._adopt(theirs)
 
     def _hear_successor(self, report: Report) -> None:
         if report.successor == NO_ONE or report.next_term <= self.term:

@@ -81,7 +81,6 @@ class UavNode:
     ) -> None:
         self._mission = mission
         self.uav = uav
-        self._cpu_s = cpu_s
         voter = promise is not None
         grant: Grant = promise.grant if promise is not None else (0, "")
         self.slot = promise.slot if promise is not None else -1
@@ -93,7 +92,7 @@ class UavNode:
         self._knowledge = Knowledge(mission.roster)
         self._election = Election(mission, uav, grant, voter, self._knowledge)
         self._leadership = Leadership(mission, uav, self._knowledge, self._election, self._clock)
-        self._outgoing = Outgoing(mission, uav, instance, voter=voter, response_ms=response_ms)
+        self._outgoing = Outgoing(mission, uav, instance, voter, response_ms, cpu_s)
         self._said: tuple[Grant, bool] | None = None
         self._listening: bool | None = None
         self._again_ns: int | None = None
@@ -117,7 +116,7 @@ class UavNode:
     def wakeup_ns(self, now_ns: int) -> int:
         """Return the time of the next `Tick`, in nanoseconds of the clock of `step`."""
         leadership, clock = self._leadership, self._clock
-        if leadership.own_command is not None or self._plan_due(now_ns):
+        if leadership.own_command is not None or (not self.ended and leadership.plan_due(self.slot, now_ns)):
             return now_ns
         due_ns = [clock.start_ns(clock.slot_at(now_ns) + 1)]
         if self._again_ns is not None:
@@ -158,7 +157,7 @@ class UavNode:
 
     def _do_due(self, now_ns: int) -> None:
         planner = self._leadership.planner
-        if planner is not None and self._plan_due(now_ns):
+        if planner is not None and self._leadership.plan_due(self.slot, now_ns):
             self._plan(planner)
         elif self._again_ns is not None and now_ns >= self._again_ns:
             self._again_ns = None
@@ -262,7 +261,7 @@ class UavNode:
         self._persist()
         if with_truth:
             self._publish(self._outgoing.truth(self.slot, self._vehicle))
-        made = self._outgoing.fix(self.slot, self._vehicle, self._flight, self._election, self._cpu_s())
+        made = self._outgoing.fix(self.slot, self._vehicle, self._flight, self._election)
         self._knowledge.hear_fix(self._publish(made), self.slot)
         self._said = (self.grant, self._election.suspects)
         claim, self._election.claim = self._election.claim, None
@@ -270,9 +269,6 @@ class UavNode:
             self._publish(self._outgoing.claim(self.slot, claim))
 
     # --- the head ----------------------------------------------------------------------------
-
-    def _plan_due(self, now_ns: int) -> bool:
-        return not self.ended and self._leadership.plan_due(self.slot, now_ns)
 
     def _plan(self, planner: Planner) -> None:
         outcome = self._leadership.head.plan(self.slot, planner)

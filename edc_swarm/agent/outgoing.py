@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from typing import TypeVar
 
 import msgspec
@@ -20,12 +21,21 @@ M = TypeVar("M", bound=Message)
 class Outgoing:
     """Maker of one UAV's messages. It keeps the last sequence number of each key."""
 
-    def __init__(self, mission: MissionMessage, uav: str, instance: str, *, voter: bool, response_ms: float) -> None:
+    def __init__(
+        self,
+        mission: MissionMessage,
+        uav: str,
+        instance: str,
+        voter: bool,
+        response_ms: float,
+        cpu_s: Callable[[], float],
+    ) -> None:
         self._mission = mission
         self._uav = uav
         self._instance = instance
         self._voter = voter
         self._response_ms = response_ms
+        self._cpu_s = cpu_s
         self._keys = Keys(mission.name)
         self.seqs: dict[str, int] = {}
 
@@ -57,7 +67,7 @@ class Outgoing:
             quorum=self._mission.quorum,
         )
 
-    def fix(self, slot: int, vehicle: Vehicle, flight: Flight, election: Election, cpu_s: float) -> Fix:
+    def fix(self, slot: int, vehicle: Vehicle, flight: Flight, election: Election) -> Fix:
         """Return the fix of a slot, not yet stamped."""
         flown = flight.flown
         x_m, y_m = vehicle.position_m
@@ -87,7 +97,7 @@ class Outgoing:
             response_ms=self._response_ms,
             held_slots=flight.held_slots,
             late_ticks=flight.late_ticks,
-            cpu_s=cpu_s,
+            cpu_s=self._cpu_s(),
         )
 
     def wgs84(self, position_m: tuple[float, float]) -> tuple[float, float]:

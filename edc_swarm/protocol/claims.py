@@ -36,7 +36,7 @@ MAX_CLAIMANTS = 10_000
 Claimant = Annotated[str, Meta(pattern=r"^[0-9a-f]{16}$(?!\n)")]
 
 
-class Claim(Struct, frozen=True, kw_only=True):
+class IdClaim(Struct, frozen=True, kw_only=True):
     """Request for `uavs` ids, or for the ids that this claimant already has.
 
     `among` has the ids that it can fly; empty stands for all.
@@ -86,7 +86,7 @@ class Claims:
         if claimant != LAUNCHED and uav in self._holder and self._holder[uav] is None:
             self._holder[uav] = claimant
 
-    def issue(self, claim: Claim) -> list[str]:
+    def issue(self, claim: IdClaim) -> list[str]:
         """Return the ids that the claimant now holds: as many as it asks for, or none.
 
         A claim may overtake the claimant's token, and also shows that the claimant is present.

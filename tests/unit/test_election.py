@@ -191,7 +191,7 @@ def test_a_claim_is_granted_by_who_suspects() -> None:
 
 
 def test_a_fix_with_a_higher_term() -> None:
-    """Who suspects grants it; who does not needs a quorum of such fixes."""
+    """A UAV that suspects grants it; one that does not needs a quorum of such fixes."""
     assert suspecting("d").hear(fix("e", 8, 2, "b")).election.grant == (2, "b")
     assert suspecting("d").hear(fix("e", 8, 2, "")).election.grant == (1, "a")
     assert suspecting("d").hear(fix("e", 8, 1, "b")).election.grant == (1, "a")

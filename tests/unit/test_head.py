@@ -157,7 +157,7 @@ def test_commands() -> None:
 
 
 def test_the_report() -> None:
-    """Who was heard, who was not and where it can be, what planning took."""
+    """It names the UAVs heard, the unheard ones with their hulls, and the times of planning."""
     report = head(*three()).plan(5, Moves()).report
     assert (report.head, report.slot, report.term, report.status) == ("a", 5, 2, "planned")
     assert (report.heard, report.grants, report.unheard, report.quorum) == (["a", "b", "c"], ["a", "b", "c"], ["d"], 3)

@@ -1,4 +1,4 @@
-"""What is known of the others: order of fixes, who is heard, each case of the hull."""
+"""Knowledge of the other UAVs: order of fixes, the UAVs heard, each case of the hull."""
 
 from __future__ import annotations
 

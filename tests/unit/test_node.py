@@ -93,7 +93,7 @@ def said(effects: list[Effect], kind: type[Message]) -> list[Any]:
 
 
 def flown(effects: list[Effect]) -> bool:
-    """Whether the slot that began in this step began with a command."""
+    """Return True if the slot that began in this step began with a command."""
     return bool(said(effects, Fix)[0].executing)
 
 
@@ -123,7 +123,7 @@ def test_a_step_is_persisted_before_it_is_said() -> None:
 
 
 def test_no_geodesy_is_left_for_the_tick() -> None:
-    """Where the next fix will be is converted when the command comes, not when the slot begins."""
+    """The node converts the position of the next fix when the command arrives, not when the slot begins."""
     uav = node()
     uav.step(Tick(), at(5))
     uav.step(Received(command(6, target_y_m=1.0625)), at(5.5))
@@ -215,7 +215,7 @@ def test_a_clock_that_steps_back() -> None:
 
 
 def test_a_frozen_uav_wakes_to_late_messages() -> None:
-    """What queued up while it slept was not received in time: the slot begins first."""
+    """Messages queued during the freeze were not received in time: the slot begins first."""
     uav = node()
     uav.step(Tick(), at(5))
     effects = uav.step(Received(command(8)), at(8.05))
@@ -380,7 +380,7 @@ def test_no_fix_waits_for_a_solver() -> None:
 
 
 def test_wishes() -> None:
-    """Whoever suspects listens to all fixes; who hears the head and is no standby does not; standbys want a planner."""
+    """A UAV that suspects, and a standby, listens to all fixes; others that hear the head do not; a standby wants a planner."""
     uav = node("c")
     first = uav.step(Tick(), at(5))
     assert Listen(True) in first
