@@ -14,7 +14,7 @@ import math
 from collections.abc import Collection, Sequence
 from dataclasses import dataclass, field
 
-from edc_swarm.agent.knowledge import Grant, HullRules, Knowledge, Stadium
+from edc_swarm.agent.knowledge import Grant, HullRules, Knowledge
 from edc_swarm.mission.configuration import Mission, RosterEntry
 from edc_swarm.planner.interface import Hull, Plan, Planner, PlanRequest
 from edc_swarm.protocol.messages import Command, Fix, Report
@@ -110,12 +110,12 @@ class Head:
         office.sent.update({command.uav: command for command in commands})
         return Outcome(commands, self._report(slot, fixes, hulls, plan), plan.problem)
 
-    def hulls(self, slot: int) -> dict[str, Stadium]:
+    def hulls(self, slot: int) -> dict[str, Hull]:
         """Return the hull of every UAV not heard in `slot`, in roster order."""
         heard = set(self.heard(slot))
         return {uav: self._hull(uav) for uav in self._roster if uav not in heard}
 
-    def _hull(self, uav: str) -> Stadium:
+    def _hull(self, uav: str) -> Hull:
         office = self.office
         return self._knowledge.hull(uav, office.grant, office.t0, office.sent, self._rules)
 
@@ -134,7 +134,7 @@ class Head:
             quorum=self._quorum,
         )
 
-    def _request(self, slot: int, fixes: Sequence[Fix], hulls: dict[str, Stadium]) -> PlanRequest:
+    def _request(self, slot: int, fixes: Sequence[Fix], hulls: dict[str, Hull]) -> PlanRequest:
         entries = [self._roster[fix.uav] for fix in fixes]
         return PlanRequest(
             slot=slot + 1,
@@ -142,19 +142,8 @@ class Head:
             position_m=[(fix.waypoint_x_m, fix.waypoint_y_m) for fix in fixes],
             target_m=[(entry.target_x_m, entry.target_y_m) for entry in entries],
             r_m=[entry.r_m for entry in entries],
-            hulls=[self._obstacle(uav, hull) for uav, hull in hulls.items()],
+            hulls=list(hulls.values()),
             previous_m=[(fix.from_x_m, fix.from_y_m) for fix in fixes] if self._mission.lag_slots else None,
-        )
-
-    def _obstacle(self, uav: str, hull: Stadium) -> Hull:
-        return Hull(
-            uav=self._index[uav],
-            ax_m=hull.ax_m,
-            ay_m=hull.ay_m,
-            bx_m=hull.bx_m,
-            by_m=hull.by_m,
-            radius_m=hull.radius_m,
-            r_m=self._roster[uav].r_m,
         )
 
     def _command(self, slot: int, fix: Fix, to_m: tuple[float, float]) -> Command:
@@ -183,7 +172,7 @@ class Head:
             fix_seq=fix.seq,
         )
 
-    def _report(self, slot: int, fixes: Sequence[Fix], hulls: dict[str, Stadium], plan: Plan) -> Report:
+    def _report(self, slot: int, fixes: Sequence[Fix], hulls: dict[str, Hull], plan: Plan) -> Report:
         heard = [fix.uav for fix in fixes]
         listed = {**hulls, self._uav: self._hull(self._uav)}
         return Report(

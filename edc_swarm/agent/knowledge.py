@@ -14,28 +14,14 @@ from __future__ import annotations
 import math
 from collections import Counter
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 from edc_swarm.mission.configuration import RosterEntry
+from edc_swarm.planner.interface import Hull
 from edc_swarm.protocol.messages import Command, Fix, Report
 
 Grant = tuple[int, str]
 """(term, head): a UAV's promise to obey one head in one term; (0, "") stands for no promise."""
-
-
-@dataclass(frozen=True, slots=True)
-class Stadium:
-    """All points within `radius_m` of the segment a-b: where a UAV can be."""
-
-    ax_m: float
-    ay_m: float
-    bx_m: float
-    by_m: float
-    radius_m: float = 0.0
-
-    def grown(self, by_m: float) -> Stadium:
-        """The same segment with a larger radius."""
-        return Stadium(self.ax_m, self.ay_m, self.bx_m, self.by_m, self.radius_m + by_m)
 
 
 class Knowledge:
@@ -43,11 +29,12 @@ class Knowledge:
 
     def __init__(self, roster: Sequence[RosterEntry]) -> None:
         self._roster = {entry.uav: entry for entry in roster}
+        self._index = {entry.uav: index for index, entry in enumerate(roster)}
         self.roster = frozenset(self._roster)
         self.newest: dict[str, Fix] = {}
         self._granting: Counter[tuple[int, int, str]] = Counter()
         self._early: dict[str, Fix] = {}
-        self._relayed: dict[str, tuple[int, int, Stadium]] = {}
+        self._relayed: dict[str, tuple[int, int, Hull]] = {}
 
     def hear_fix(self, fix: Fix, slot: int) -> None:
         """Keep a fix if it is the newest of its UAV; `slot` is the receiver's current slot."""
@@ -75,7 +62,7 @@ class Knowledge:
         for uav, *shape in zip(report.hull_uav, *report.hull_columns, strict=False):
             known = self._relayed.get(uav)
             if uav in self._roster and (known is None or age > known[:2]):
-                self._relayed[uav] = (*age, Stadium(*shape))
+                self._relayed[uav] = (*age, self._place(uav, *shape))
 
     def begin_slot(self, slot: int) -> None:
         """Process the fixes that came too early, now that `slot` has begun."""
@@ -117,7 +104,7 @@ class Knowledge:
         fix = self.newest.get(uav)
         return -1 if fix is None else fix.slot
 
-    def hull(self, uav: str, grant: Grant, t0: int, sent: Mapping[str, Command], rules: HullRules) -> Stadium:
+    def hull(self, uav: str, grant: Grant, t0: int, sent: Mapping[str, Command], rules: HullRules) -> Hull:
         """Return the hull of unheard `uav`: all places where it can be in any slot that the head of `grant` plans.
 
         (a) Its newest fix carries `grant`: the segment of the command sent for the slot after that fix, else its
@@ -127,13 +114,14 @@ class Knowledge:
         """
         fix = self.newest.get(uav)
         if fix is not None and (fix.term, fix.head) == grant:
-            return _after_own_command(fix, sent.get(uav), rules)
+            return self._after_own_command(fix, sent.get(uav), rules)
         seen = self._seen(uav, grant[0], rules)
         return min(
-            (place.grown(rules.u_max_m * max(0, t0 + 1 - slot)) for slot, place in seen), key=lambda hull: hull.radius_m
+            (_grown(place, rules.u_max_m * max(0, t0 + 1 - slot)) for slot, place in seen),
+            key=lambda hull: hull.radius_m,
         )
 
-    def _seen(self, uav: str, term: int, rules: HullRules) -> Iterator[tuple[int, Stadium]]:
+    def _seen(self, uav: str, term: int, rules: HullRules) -> Iterator[tuple[int, Hull]]:
         """Yield (slot, place): known places of `uav` at ends of slots, by its fix, by a head's report, else the roster.
 
         A report of slot s from the term just before `term` holds for the end of slot s + 1 too. No term lies between,
@@ -141,12 +129,28 @@ class Knowledge:
         """
         fix, relayed, entry = self.newest.get(uav), self._relayed.get(uav), self._roster[uav]
         if fix is not None:
-            yield fix.slot, _about(fix, rules)
+            yield fix.slot, self._about(fix, rules)
         if relayed is not None:
             slot, of_term, place = relayed
             yield slot + (of_term + 1 == term), place
         if fix is None and relayed is None:
-            yield -1, Stadium(entry.start_x_m, entry.start_y_m, entry.start_x_m, entry.start_y_m)
+            yield -1, self._place(uav, entry.start_x_m, entry.start_y_m, entry.start_x_m, entry.start_y_m)
+
+    def _about(self, fix: Fix, rules: HullRules) -> Hull:
+        """Return the waypoint of a fix; with lag also the segment to it, which the UAV may still fly."""
+        x_m, y_m = (fix.from_x_m, fix.from_y_m) if rules.lag_slots else (fix.waypoint_x_m, fix.waypoint_y_m)
+        return self._place(fix.uav, x_m, y_m, fix.waypoint_x_m, fix.waypoint_y_m)
+
+    def _after_own_command(self, fix: Fix, command: Command | None, rules: HullRules) -> Hull:
+        """Return hull (a): the segment of the command sent for the slot after the fix, else the waypoint."""
+        about = self._about(fix, rules)
+        if command is None or command.slot != fix.slot + 1:
+            return about
+        path = replace(about, bx_m=command.target_x_m, by_m=command.target_y_m)
+        return _grown(path, _distance_to_segment_m(fix.waypoint_x_m, fix.waypoint_y_m, path))
+
+    def _place(self, uav: str, ax_m: float, ay_m: float, bx_m: float, by_m: float, radius_m: float = 0.0) -> Hull:
+        return Hull(self._index[uav], ax_m, ay_m, bx_m, by_m, radius_m, self._roster[uav].r_m)
 
 
 @dataclass(frozen=True, slots=True)
@@ -157,23 +161,12 @@ class HullRules:
     lag_slots: int
 
 
-def _about(fix: Fix, rules: HullRules) -> Stadium:
-    """Return the waypoint of a fix; with lag also the segment to it, which the UAV may still fly."""
-    if rules.lag_slots:
-        return Stadium(fix.from_x_m, fix.from_y_m, fix.waypoint_x_m, fix.waypoint_y_m)
-    return Stadium(fix.waypoint_x_m, fix.waypoint_y_m, fix.waypoint_x_m, fix.waypoint_y_m)
+def _grown(hull: Hull, by_m: float) -> Hull:
+    """Return the hull with a larger radius."""
+    return replace(hull, radius_m=hull.radius_m + by_m)
 
 
-def _after_own_command(fix: Fix, command: Command | None, rules: HullRules) -> Stadium:
-    """Return hull (a): the segment of the command sent for the slot after the fix, else the waypoint."""
-    about = _about(fix, rules)
-    if command is None or command.slot != fix.slot + 1:
-        return about
-    path = Stadium(about.ax_m, about.ay_m, command.target_x_m, command.target_y_m)
-    return path.grown(_distance_to_segment_m(fix.waypoint_x_m, fix.waypoint_y_m, path))
-
-
-def _distance_to_segment_m(x_m: float, y_m: float, path: Stadium) -> float:
+def _distance_to_segment_m(x_m: float, y_m: float, path: Hull) -> float:
     dx_m, dy_m = path.bx_m - path.ax_m, path.by_m - path.ay_m
     length2 = dx_m * dx_m + dy_m * dy_m
     along = ((x_m - path.ax_m) * dx_m + (y_m - path.ay_m) * dy_m) / length2 if length2 > 0 else 0.0

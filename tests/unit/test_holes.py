@@ -120,7 +120,7 @@ def test_a_hole_during_an_ask_waits_for_the_answer(watch: Watch):
 
 
 def test_nothing_is_recorded_twice(watch: Watch):
-    """It ignores answers without a request: an answer twice, a message after it was fetched or before, keys never heard of."""
+    """It ignores answers without a request: one sent twice, one that came by itself, keys never heard of."""
     watch.hear(0, 3)
     watch.asks(GATHER_S)
     assert watch.hear(1) == [True]

@@ -380,7 +380,7 @@ def test_no_fix_waits_for_a_solver() -> None:
 
 
 def test_wishes() -> None:
-    """A UAV that suspects, and a standby, listens to all fixes; others that hear the head do not; a standby wants a planner."""
+    """A UAV that suspects, or is a standby, listens to all fixes; others do not; a standby wants a planner."""
     uav = node("c")
     first = uav.step(Tick(), at(5))
     assert Listen(True) in first
