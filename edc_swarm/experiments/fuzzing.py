@@ -248,7 +248,7 @@ def _schedule(rng: Random, mission: Mission) -> list[str]:
 
 
 def _for_good(rng: Random, mission: Mission) -> list[str]:
-    """In every third mission that must make progress, a fault that never ends but leaves a promise (`judgement`)."""
+    """In every third mission that must make progress, a fault that never ends but leaves a promise (`prospect`)."""
     at, ids = f"@{_slot(rng)}", [entry.uav for entry in mission.roster]
     minority = ",".join(rng.sample(ids, max(1, (len(ids) - 1) // 2)))
     lasting = (

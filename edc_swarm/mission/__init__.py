@@ -1,5 +1,6 @@
-"""The mission: every option with its default and limits, the faults, and the roster.
+"""The mission: every option with its default and limits, the faults, the roster, and until when progress is promised.
 
-This package decides which missions are valid and how a partly written one is completed. It imports
-`errors` and nothing else of the library. Open `configuration` first, then `faults` for the syntax of faults.
+This package decides which missions are valid and how a partly written one is completed. It imports `errors` and
+`files`, and nothing else of the library. Open `configuration` first, `faults` for the syntax of faults, `prospect`
+for what is promised after the last fault.
 """
