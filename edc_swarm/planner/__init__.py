@@ -1,6 +1,6 @@
 """Planners behind one small interface.
 
-This package decides where each UAV would like to go next. It imports `solver`, `emulation.energy`, `mission`,
+This package decides the next waypoint of each UAV. It imports `solver`, `emulation.energy`, `mission`,
 `geometry` and `errors`; it never sees a message. Open `interface` first; a planner of your own implements
 `interface.Planner`.
 

@@ -22,6 +22,7 @@ import msgspec
 from edc_swarm.agent.node import (
     Effect,
     GpsChanged,
+    Land,
     Listen,
     NodeEvent,
     PeerGone,
@@ -29,7 +30,6 @@ from edc_swarm.agent.node import (
     PlannerReady,
     Publish,
     Received,
-    Stop,
     Tick,
     UavNode,
     WantPlanner,
@@ -389,7 +389,7 @@ class Simulation:
             case WantPlanner():
                 planner = self._make_planner()
                 self._at(self._now_ns, partial(self._step, computer, PlannerReady(planner)))
-            case Stop():
+            case Land():
                 computer.ended = True
                 self.monitor.end(computer.uav)
                 self._at(self._now_ns + HINT_NS, partial(self._hint, computer, computer.lives))

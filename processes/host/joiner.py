@@ -14,7 +14,7 @@ import zenoh
 from edc_swarm.agent.node import startup_candidates
 from edc_swarm.errors import InputError, SwarmError
 from edc_swarm.mission.configuration import JOIN, OPERATOR
-from edc_swarm.protocol.claims import Claim, Issued
+from edc_swarm.protocol.claims import IdClaim, Issued
 from edc_swarm.protocol.events import EventKind
 from edc_swarm.protocol.keys import Keys
 from edc_swarm.protocol.messages import Event
@@ -101,7 +101,7 @@ class Joiner:
     def _claim(self, session: zenoh.Session, operators: Operators, mission: str) -> Issued:
         """Ask until the operator answers; the same claim has the same answer, so it may be repeated."""
         among = certified_uavs(self._certs) if self._certs else []
-        claim = msgspec.json.encode(Claim(claimant=self._folder.claimant, uavs=self._uavs, among=among))
+        claim = msgspec.json.encode(IdClaim(claimant=self._folder.claimant, uavs=self._uavs, among=among))
         answers: list[Issued] = []
 
         def ask() -> bool:

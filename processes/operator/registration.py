@@ -8,7 +8,7 @@ import msgspec
 import zenoh
 
 from edc_swarm.mission.configuration import JOIN, Mission
-from edc_swarm.protocol.claims import Claim, Claims, Issued
+from edc_swarm.protocol.claims import Claims, IdClaim, Issued
 from edc_swarm.protocol.keys import Keys
 from processes.bus.session import hand_over
 from processes.bus.subscriptions import Token
@@ -65,7 +65,7 @@ class Desk:
     def _issue(self, payload: bytes) -> list[bytes]:
         """The answer to a claim; none to what is no claim."""
         try:
-            claim = msgspec.json.decode(payload, type=Claim)
+            claim = msgspec.json.decode(payload, type=IdClaim)
         except msgspec.DecodeError:
             return []
         if self._by_name and not claim.among:

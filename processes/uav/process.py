@@ -24,6 +24,7 @@ from msgspec import Struct
 
 from edc_swarm.agent.node import (
     Effect,
+    Land,
     Listen,
     NodeEvent,
     PeerGone,
@@ -31,7 +32,6 @@ from edc_swarm.agent.node import (
     PlannerReady,
     Publish,
     Received,
-    Stop,
     Tick,
     UavNode,
     WantPlanner,
@@ -279,7 +279,7 @@ class UavProcess:
                     self._ears.listen_to_fixes(all_fixes)
                 case WantPlanner():
                     self._want_planner()
-                case Stop():
+                case Land():
                     self._leaving = True
         self._outbox.flush()
 

@@ -18,7 +18,7 @@ import msgspec
 import zenoh
 
 from edc_swarm.mission.configuration import JOIN
-from edc_swarm.protocol.claims import Claim
+from edc_swarm.protocol.claims import IdClaim
 from edc_swarm.protocol.codec import encode
 from edc_swarm.protocol.keys import Keys
 from edc_swarm.protocol.messages import Command, Event, Fix, Message, Report, Truth
@@ -56,7 +56,7 @@ def main() -> int:
         session.get(key, take, payload=again)
     time.sleep(LISTENS_S)
     stolen = [session.liveliness().declare_token(keys.alive(who, f"{INSTANCE}-{name}")) for who in ("u001", JOIN)]
-    claim = msgspec.json.encode(Claim(claimant=CLAIMANT, uavs=1, among=["u001"]))
+    claim = msgspec.json.encode(IdClaim(claimant=CLAIMANT, uavs=1, among=["u001"]))
     session.get(keys.claims, hand_over(lambda r: heard.update(["claim answered"] if r.ok else [])), payload=claim)
     for message in _forged(newest, "u001"):
         put(session, keys.of(message), encode(message))

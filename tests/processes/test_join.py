@@ -13,7 +13,7 @@ import msgspec
 import pytest
 
 from edc_swarm.mission.configuration import JOIN, OPERATOR
-from edc_swarm.protocol.claims import Claim, Issued
+from edc_swarm.protocol.claims import IdClaim, Issued
 from edc_swarm.protocol.keys import PREFIX, Keys
 from edc_swarm.recording.model import Recording
 from edc_swarm.recording.reader import read_recording
@@ -48,7 +48,7 @@ def claimed(address: str, uavs: int, own: Credentials | None = None) -> set[str]
     with open_client(address, own) as session:
         operators = Operators(session)
         mission = await_found(lambda: operators.only_mission(address), "the mission")
-        claim = msgspec.json.encode(Claim(claimant="c" * 16, uavs=uavs))
+        claim = msgspec.json.encode(IdClaim(claimant="c" * 16, uavs=uavs))
         answer = asked(session, Keys(mission).claims, claim)
         assert answer is not None
         with session.liveliness().declare_token(Keys(mission).alive(JOIN, "c" * 16)):

@@ -16,7 +16,7 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from edc_swarm.agent import node, vehicle
+from edc_swarm.agent import slot_clock, vehicle
 from edc_swarm.agent.election import Election
 from edc_swarm.agent.head import Head, Office
 from edc_swarm.agent.knowledge import Knowledge
@@ -113,8 +113,8 @@ def late_command_accepted(patch: Patch) -> None:
     def mutant(self: UavNode, command: Command) -> None:
         take(self, command)
         ours = command.uav == self.uav and (command.term, command.head) == self.grant
-        if ours and command.slot == self.slot and self._flown is None and self._said is not None:
-            self._flown = command
+        if ours and command.slot == self.slot and self._flight.flown is None and self._said is not None:
+            self._flight.flown = command
             self._vehicle.from_m = self._vehicle.waypoint_m
             self._vehicle.waypoint_m = (command.target_x_m, command.target_y_m)
             self._said = None
@@ -123,7 +123,7 @@ def late_command_accepted(patch: Patch) -> None:
     settle = UavNode._settle
 
     def settled(self: UavNode, now_ns: int) -> None:
-        if self._said is None and self._flown is not None and self.slot >= 0 and not self.ended:
+        if self._said is None and self._flight.flown is not None and self.slot >= 0 and not self.ended:
             self._say(now_ns, with_truth=True)
         settle(self, now_ns)
 
@@ -132,7 +132,7 @@ def late_command_accepted(patch: Patch) -> None:
 
 def frozen_uav_executes_late(patch: Patch) -> None:
     """A tick at 0.9 of the slot still flies."""
-    patch.setattr(node, "LATE_FRACTION", 0.95)
+    patch.setattr(slot_clock, "LATE_FRACTION", 0.95)
 
 
 def ungranted_uav_commanded(patch: Patch) -> None:
@@ -164,7 +164,7 @@ def planning_twice_in_a_slot(patch: Patch) -> None:
         known = isinstance(message, Fix) and self._knowledge.last_slot(message.uav)
         receive(self, message, now_ns)
         if isinstance(message, Fix) and known != self.slot and message.slot == self.slot and self.slot >= 0:
-            self._head.office.planned_slot = min(self._head.office.planned_slot, self.slot - 1)
+            self._leadership.head.office.planned_slot = min(self._leadership.head.office.planned_slot, self.slot - 1)
 
     patch.setattr(UavNode, "_receive", mutant)
 

@@ -65,7 +65,7 @@ def test_numbers_that_are_none(field: str, number: bytes) -> None:
 
 
 def test_lists_are_finite_too() -> None:
-    """Nor does an infinite number hide in a list, or in the roster of a mission."""
+    """A list, or the roster of a mission, has no infinite number either."""
     raw = encode(msgspec.structs.replace(REPORT, hull_r_m=[1.0, 123456.5])).replace(b"123456.5", b"1e999")
     with pytest.raises(MessageError):
         decode("head/h/report", raw)
@@ -126,7 +126,7 @@ def test_required_fields(name: str) -> None:
     ],
 )
 def test_sender_and_receiver_are_those_in_the_key(key: str, message: Fix | Command | Report) -> None:
-    """What one UAV may publish is decided by its keys alone."""
+    """The key alone decides which sender and receiver a message may name."""
     with pytest.raises(MessageError, match="is not the one in the key"):
         decode(key, encode(message))
 
@@ -176,7 +176,7 @@ def _unbounded(kind: Any, where: str) -> list[str]:
 
 @pytest.mark.parametrize("kind", [Fix, Truth, Command, Report, Event, MissionMessage])
 def test_everything_in_a_message_has_a_limit(kind: type[msgspec.Struct]) -> None:
-    """So no infinity gets in, no product of two numbers overflows, and no list is endless."""
+    """Hence no infinity passes, no product of two numbers overflows, and no list is endless."""
     assert _unbounded(kind, kind.__name__) == []
 
 
