@@ -1,6 +1,6 @@
-"""Recordings: MCAP files that hold every message of a run, verbatim.
+"""Recordings: MCAP files with every message of a run, byte for byte.
 
 This package decides how a run is written and read back; `reader.read_recording` returns a `model.Recording`. It
-imports `protocol`, `mission` and `errors`, and no numpy, since the recorder and the UAV start without it. Open
-`model` first.
+imports `protocol`, `mission` and `errors`. It does not import numpy, because the processes of the recorder and of
+the UAVs start without numpy. Open `model` first.
 """
