@@ -30,11 +30,11 @@ from edc_swarm.protocol.messages import Event, MissionMessage
 from edc_swarm.recording.model import Recording
 
 FETCHED = "fetched"
-"""Name of the fact in `run_end`: the number of messages that the recorder got by retransmission."""
+"""Fact of `run_end`: how many messages were asked for again, and had."""
 
 
 def fetched_count(recording: Recording) -> int:
-    """Return the number of messages that the recorder got by retransmission."""
+    """How many messages came late, since they had to be asked for again."""
     told = (recording.run_end or {}).get(FETCHED, "")
     return int(told) if told.isdecimal() else 0
 

@@ -910,7 +910,7 @@ def test_a_violation_is_told_in_one_line() -> None:
 def test_a_slot_beyond_reason_is_one_clear_line(messages: list[Message]) -> None:
     """A garbled slot number must not fill the memory."""
     change(messages, {"uav": "u1", "slot": 3}, Fix, slot=1 << 39)
-    with pytest.raises(RecordingError, match="beyond what can be examined"):
+    with pytest.raises(RecordingError, match="beyond the longest mission that can be analysed"):
         check(recorded(messages))
 
 

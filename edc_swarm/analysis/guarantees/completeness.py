@@ -1,4 +1,4 @@
-"""G5: nothing published is missing from the record, and what is missing is named."""
+"""G5: the recording contains every published message, or the verdict names the missing ones."""
 
 from __future__ import annotations
 
@@ -21,14 +21,21 @@ MAX_DIGITS = 18
 VIEWERS = "/viz/"
 MAX_TOPICS = 5
 MAX_TOPIC = 60
-"""Characters of a topic that are told."""
+"""Most characters of a topic that a note quotes."""
 
 
 def check_no_loss(evidence: Evidence) -> GuaranteeResult:
-    """G5. The tail of a publisher that a fault ended is unknown: a note. Of any other it leaves G5 not judged.
+    """Return the verdict on G5.
 
-    What the recorder had to drop is a loss too, unless the numbers prove that it has had all of it again;
-    so is what it counted and the file does not hold.
+    ==============================================  =======================================================
+    Finding                                         Verdict
+    ==============================================  =======================================================
+    Sequence gap, or a number recorded twice        broken
+    Recorder counted more messages than it wrote    broken
+    Recorder dropped messages                       broken, unless the numbers prove that it fetched them all
+    No `closed` event, a fault ended the publisher  held, with a note that the end of its stream is unknown
+    No `closed` event, for any other reason         not judged
+    ==============================================  =======================================================
     """
     recording = evidence.recording
     found = [_lost(gap) for gap in evidence.gaps]
@@ -49,7 +56,7 @@ def check_no_loss(evidence: Evidence) -> GuaranteeResult:
 
 
 def _uncounted(recording: Recording) -> Iterator[Violation]:
-    """What the recorder says that it wrote, and the file does not hold."""
+    """Yield a violation if the file holds fewer messages than the recorder counted."""
     counted = (recording.run_end or {}).get(MESSAGES, "")
     there = recording.message_count + recording.garbage_count + sum(recording.unknown.values()) + recording.duplicates
     if counted.isdecimal() and len(counted) <= MAX_DIGITS and int(counted) > there:
@@ -72,7 +79,7 @@ def _unproved(evidence: Evidence) -> str:
 
 
 def _unfinished(evidence: Evidence) -> Iterator[str]:
-    """Say where a record ends that does not hold the end of its mission."""
+    """Yield the last recorded slot if the recording lacks the end of its mission."""
     recording = evidence.recording
     said = {event.kind for event in recording.events if event.source == OPERATOR}
     if not said & {EventKind.END, EventKind.CLOSED}:
@@ -81,7 +88,7 @@ def _unfinished(evidence: Evidence) -> Iterator[str]:
 
 
 def _unknown_topics(recording: Recording) -> Iterator[str]:
-    """Name the topics of messages that nobody of the swarm defines; viewers' topics are known."""
+    """Yield a note on the topics that the protocol does not define; the topics of viewers count as defined."""
     strange = Counter({t: n for t, n in recording.unknown.items() if not t.startswith(VIEWERS)})
     if strange:
         named = ", ".join(f"{topic[:MAX_TOPIC]!r} ({count})" for topic, count in strange.most_common(MAX_TOPICS))
@@ -97,7 +104,7 @@ def _lost(gap: Gap) -> Violation:
 
 
 def _unknown_tails(recording: Recording) -> Iterator[str]:
-    """One note per publisher that never said its last words."""
+    """Yield one note per publisher without a `closed` event."""
     keys: dict[str, list[str]] = {}
     for key, instance in unknown_tails(recording):
         keys.setdefault(instance or "unnamed", []).append(key)
@@ -107,7 +114,7 @@ def _unknown_tails(recording: Recording) -> Iterator[str]:
 
 
 def _garbage(recording: Recording) -> Iterator[str]:
-    """One note per topic and reason, however much of it there is."""
+    """Yield one note per topic and reason of garbage."""
     counts: Counter[tuple[str, str]] = Counter()
     for garbage in sorted(recording.garbage, key=lambda garbage: (garbage.topic, garbage.reason)):
         counts[garbage.topic, garbage.reason] += garbage.count

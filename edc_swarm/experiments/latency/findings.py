@@ -1,4 +1,4 @@
-"""What a latency experiment has shown, in sentences computed from its rows."""
+"""Findings of a latency experiment, as sentences computed from its rows."""
 
 from __future__ import annotations
 
@@ -9,35 +9,35 @@ from msgspec import Struct
 from edc_swarm.experiments.latency.table import CellRow
 
 LITTLE_LOSS = 0.1
-"""Up to this loss every mission is expected to be completed."""
+"""Greatest loss at which every mission is expected to complete."""
 NAMED = 6
-"""Cells that are named in a sentence."""
+"""Most cells that a sentence names."""
 
 
 class Finding(Struct, frozen=True):
-    """One sentence, and whether it is as promised (None: nothing was promised)."""
+    """One sentence, with True if it is as promised, False if not, None without a promise."""
 
     kept: bool | None
     text: str
 
 
 def findings(rows: Sequence[CellRow]) -> list[Finding]:
-    """Everything that the rows show."""
+    """Return all findings of the rows."""
     return [_safety(rows), *_holding(rows), *_completion(rows), *_noise(rows)]
 
 
 def is_safe(rows: Sequence[CellRow]) -> bool:
-    """Whether nothing is known to have gone wrong: nothing overlapped, nothing collided and no guarantee broke."""
+    """Return True if no row has an overlap, a collision or a broken guarantee."""
     return not any(row.potential_collisions or row.true_collisions or row.broken for row in rows)
 
 
 def is_judged(rows: Sequence[CellRow]) -> bool:
-    """Whether there are runs, and every guarantee could be judged in each."""
+    """Return True if there are runs and every guarantee could be judged in each."""
     return bool(rows) and not any(row.not_judged for row in rows)
 
 
 def named(row: CellRow) -> str:
-    """A cell in words."""
+    """Return a cell in words."""
     cell = row.cell
     return (
         f"{row.engine}, {cell.uavs} UAVs, slot {cell.slot_s:g} s, delay {cell.delay_ms:g} + {cell.jitter_ms:g} ms,"
@@ -64,7 +64,7 @@ def _safety(rows: Sequence[CellRow]) -> Finding:
 
 
 def _holding(rows: Sequence[CellRow]) -> Iterator[Finding]:
-    """Where each swarm begins to do nothing but hold, without jitter and loss, against the arithmetic."""
+    """Yield, for each swarm, the delay from which all hold, without jitter and loss, beside the predicted one."""
     for engine, uavs, slot_s in dict.fromkeys((row.engine, row.cell.uavs, row.cell.slot_s) for row in rows):
         still = [
             row
