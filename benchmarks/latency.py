@@ -22,7 +22,7 @@ from rich.progress import track
 from edc_swarm.analysis.latency_sample import Sample, sample_of
 from edc_swarm.analysis.metrics import OVERLOADED_PCT
 from edc_swarm.recording.reader import read_recording
-from processes.experiments.zenoh_baseline import measure_floor
+from processes.experiments.zenoh_baseline import measure_baseline
 
 SLOT_S, SLOTS = 0.5, 40
 MOST_TIMES_FLOOR = 2.0
@@ -43,7 +43,7 @@ def fly(uavs: int, seed: int, folder: Path, *extra: str) -> Sample:
 
 def trial(uavs: int, seed: int, folder: Path) -> dict[str, float]:
     """Floor, swarm and delay error, in milliseconds."""
-    floor = measure_floor(uavs, SLOT_S, SLOTS)
+    floor = measure_baseline(uavs, SLOT_S, SLOTS)
     swarm, delayed = fly(uavs, seed, folder), fly(uavs, seed, folder, *DELAYED)
     error = delayed.delay_error
     assert error is not None

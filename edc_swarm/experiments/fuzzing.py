@@ -40,7 +40,7 @@ RECKLESS = "edc_swarm.experiments.fuzzing:Reckless"
 
 
 @dataclass(frozen=True, slots=True)
-class Finding:
+class Counterexample:
     """A run that violates a guarantee: its seed, the indices of its faults, and the violations."""
 
     seed: int
@@ -119,17 +119,17 @@ def fly(mission: Mission) -> list[str]:
     return [*overlaps(message, end.motions), *_broken(Recording.from_messages(said), _asked(mission))]
 
 
-def search(seed: int, kept: Collection[int] | None = None) -> Finding | None:
+def search(seed: int, kept: Collection[int] | None = None) -> Counterexample | None:
     """Run the scenario of `seed`; return None if every guarantee held."""
     mission = scenario(seed, kept)
     broken = fly(mission)
     if not broken:
         return None
     indices = tuple(sorted(kept)) if kept is not None else tuple(range(len(mission.fault)))
-    return Finding(seed, indices, tuple(broken))
+    return Counterexample(seed, indices, tuple(broken))
 
 
-def smallest(finding: Finding) -> Finding:
+def smallest(finding: Counterexample) -> Counterexample:
     """Drop faults one by one while a violation remains, and return the smallest such run."""
     index = 0
     while index < len(finding.kept):

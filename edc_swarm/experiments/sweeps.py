@@ -29,7 +29,7 @@ OPTIONS = {
     "time_scale": "--time-scale",
     "max_slots": "--max-slots",
 }
-"""Option of `edc-swarm sim` and `run` for each field of the mission that has one."""
+"""Option of `edc-swarm sim` and `run` that sets a field of the mission."""
 LINK_OPTIONS = {"delay_ms": "--delay-ms", "jitter_ms": "--jitter-ms", "loss": "--loss"}
 
 

@@ -27,8 +27,8 @@ from edc_swarm.experiments.sweeps import Run
 from edc_swarm.mission.configuration import Mission
 from processes.cli.main import main
 from processes.experiments.ledger import (
-    DECIDE_NO_RESULT,
     MEASURING,
+    RESULT_NEUTRAL_PACKAGES,
     RUNS_FILE,
     Ledger,
     Local,
@@ -171,7 +171,7 @@ def test_results_of_a_planner_that_was_edited_are_made_again(tmp_path: Path, mon
 def test_the_code_of_a_result_is_what_decides_it(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """The library but for what only judges results, each of which there is, and the measures."""
     library = Path(edc_swarm.__file__).parent
-    assert [name for name in DECIDE_NO_RESULT if not (library / name).exists()] == []
+    assert [name for name in RESULT_NEUTRAL_PACKAGES if not (library / name).exists()] == []
     monkeypatch.setattr(edc_swarm, "__file__", str(tmp_path / "library" / "__init__.py"))
     monkeypatch.setattr("processes.experiments.ledger.__file__", str(tmp_path / "ledger.py"))
     for folder in ("simulation", "experiments"):
@@ -180,7 +180,7 @@ def test_the_code_of_a_result_is_what_decides_it(tmp_path: Path, monkeypatch: py
         (tmp_path / name).touch()
     for name, decides in (
         ("simulation/closed_loop.py", True),
-        (f"{DECIDE_NO_RESULT[0]}/sweeps.py", False),
+        (f"{RESULT_NEUTRAL_PACKAGES[0]}/sweeps.py", False),
         *((f"../{name}", True) for name in MEASURING),
     ):
         before = code_fingerprint.__wrapped__()

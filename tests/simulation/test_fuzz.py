@@ -8,7 +8,7 @@ import msgspec
 import pytest
 
 from edc_swarm.experiments import fuzzing
-from edc_swarm.experiments.fuzzing import Finding, fly, scenario, search, smallest
+from edc_swarm.experiments.fuzzing import Counterexample, fly, scenario, search, smallest
 from edc_swarm.mission.configuration import mission_from_dict
 
 ONCE_BROKEN = {
@@ -67,13 +67,13 @@ def test_faults_can_be_kept_by_index() -> None:
 def test_shrinking_keeps_only_what_is_needed(monkeypatch: pytest.MonkeyPatch) -> None:
     """Of all faults the two that break something together remain."""
 
-    def broken_by_1_and_2(seed: int, kept: tuple[int, ...]) -> Finding | None:
-        return Finding(seed, tuple(kept), ("G1: broken",)) if {1, 2} <= set(kept) else None
+    def broken_by_1_and_2(seed: int, kept: tuple[int, ...]) -> Counterexample | None:
+        return Counterexample(seed, tuple(kept), ("G1: broken",)) if {1, 2} <= set(kept) else None
 
     monkeypatch.setattr(fuzzing, "search", broken_by_1_and_2)
-    assert smallest(Finding(5, (0, 1, 2, 3), ("G1: broken",))).kept == (1, 2)
+    assert smallest(Counterexample(5, (0, 1, 2, 3), ("G1: broken",))).kept == (1, 2)
 
 
 def test_a_finding_names_its_replay() -> None:
     """One line flies the run again."""
-    assert Finding(5, (1, 2), ("G1",)).command == "edc-swarm fuzz --seed 5 --runs 1 --keep 1,2"
+    assert Counterexample(5, (1, 2), ("G1",)).command == "edc-swarm fuzz --seed 5 --runs 1 --keep 1,2"

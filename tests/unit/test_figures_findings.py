@@ -7,7 +7,7 @@ from collections.abc import Callable
 import pytest
 
 from edc_swarm.experiments.figures.catalogue import FIGURES
-from edc_swarm.experiments.figures.findings import Finding, finding, grows, trend
+from edc_swarm.experiments.figures.findings import FigureFinding, finding, grows, trend
 from edc_swarm.experiments.figures.table import Row, line
 
 CLAIMS = {figure.name: figure.claim for figure in FIGURES}
@@ -22,7 +22,7 @@ def rows(figure: str, lines: dict[str, Callable[[float], float]], xs: list[float
     ]
 
 
-def found(figure: str, lines: dict[str, Callable[[float], float]], xs: list[float]) -> Finding:
+def found(figure: str, lines: dict[str, Callable[[float], float]], xs: list[float]) -> FigureFinding:
     """The finding on such rows."""
     return finding(figure, CLAIMS[figure], rows(figure, lines, xs))
 

@@ -27,7 +27,7 @@ VACUOUS = (
 )
 
 
-class Finding(Struct, frozen=True):
+class FigureFinding(Struct, frozen=True):
     """The paper's claim, True if the data reproduce it (None: undecided), and the result in sentences."""
 
     claim: str
@@ -43,10 +43,10 @@ class Finding(Struct, frozen=True):
         return {True: "reproduced", False: "not reproduced", None: "undecided, with so few runs"}[self.reproduced]
 
 
-def finding(figure: str, claim: str, rows: Sequence[Row]) -> Finding:
+def finding(figure: str, claim: str, rows: Sequence[Row]) -> FigureFinding:
     """Return the finding that the rows of `figure` support."""
     reproduced, found = _FINDERS[figure](rows)
-    return Finding(claim, reproduced, [*found, *_unfinished(rows)], figure not in OWN)
+    return FigureFinding(claim, reproduced, [*found, *_unfinished(rows)], figure not in OWN)
 
 
 Found = tuple[bool | None, list[str]]
