@@ -1,11 +1,11 @@
-"""A hostile neighbour: fuzzed bytes on every key of a running mission, which must not mind.
+"""Robustness to a hostile publisher: fuzzed messages on every key of a running mission, which must succeed.
 
-From a process of its own it listens to all that is said, and publishes noise, real messages with
-bytes or fields changed, and well-formed lies: on the mission's keys, on keys of strangers and on
-keys that stand for many. What still decodes after a change is made a stranger's, or older than the
-mission: to speak for a UAV of the roster is a forgery, which is what `--secure` is there for.
+A separate process receives all messages, and publishes random bytes, real messages with changed bytes or fields, and
+well-formed false messages. It uses the mission's keys, foreign keys, and wildcard keys. If a changed message still
+decodes, the process gives it a foreign publisher or a time before the mission. It never forges a message of a UAV of
+the roster: only `--secure` protects against that.
 
-    python benchmarks/noise.py [--messages 100000] [--rate 2000] [--seed 0]      flies a mission of its own
+    python benchmarks/noise.py [--messages 100000] [--rate 2000] [--seed 0]      runs a mission of its own
     python benchmarks/noise.py --connect tcp/HOST:PORT --messages 1000           joins one
 """
 

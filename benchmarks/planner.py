@@ -293,7 +293,7 @@ def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--quick", action="store_true", help="two missions each of the small cases")
     parser.add_argument("--only", default="", help=f"comma-separated cases of {', '.join(CASES)}")
-    parser.add_argument("--runs", type=int, default=0, help="missions per case (default: the number declared for the case)")
+    parser.add_argument("--runs", type=int, default=0, help="missions per case (default: as declared for the case)")
     parser.add_argument("--jobs", type=int, default=os.cpu_count() or 1)
     parser.add_argument("--json", metavar="FILE", default="", help="write the results to FILE ('-': standard output)")
     args = parser.parse_args()

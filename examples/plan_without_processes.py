@@ -45,7 +45,6 @@ def main() -> int:
                 target_m=[target[k] for k in heard],
                 r_m=[RADIUS_M] * len(heard),
                 # A silent UAV holds, so its hull is its present point.
-
                 hulls=[Hull(k, *position[k], *position[k], radius_m=0.0, r_m=RADIUS_M) for k in silent],
             )
         )
