@@ -1,4 +1,4 @@
-"""The recorder may be slow, frozen or dead: the swarm does not notice, and the record says what it lacks."""
+"""A slow, frozen or dead recorder does not disturb the swarm, and the record shows what it lacks."""
 
 from __future__ import annotations
 
@@ -47,7 +47,7 @@ def test_a_frozen_recorder_delays_no_command_and_fetches_what_it_missed(start) -
 
 
 def test_every_message_of_the_view_is_recorded_too(run) -> None:
-    """The visualiser's last word counts its messages per topic, and none is missing."""
+    """The visualiser's `closed` event counts its messages per topic, and none is missing."""
     recording = run("--uavs", "4", "--area", "2500").recording
     (said,) = (event.detail for event in recording.events if event.source == "viz")
     assert '"viz/uavs":' in said
@@ -58,14 +58,14 @@ def test_every_message_of_the_view_is_recorded_too(run) -> None:
 
 
 def test_without_a_view_there_is_none(run) -> None:
-    """No visualiser runs, and its topics are not in the record."""
+    """No visualiser runs, and the record has none of its topics."""
     recording = run("--uavs", "2", "--area", "900", "--no-viz").recording
     assert recording.unknown == {}
     assert not any(event.source == "viz" for event in recording.events)
 
 
 def test_keys_of_nobody_take_no_room_and_no_look_alike_ends_the_recording(endpoint: str, tmp_path: Path) -> None:
-    """Of 1500 strange keys the first thousand are recorded; the mission's own are, however late they come."""
+    """The recorder writes a thousand of 1500 foreign keys, and the mission's own keys at any time."""
     part, out = tmp_path / "run.mcap.part", tmp_path / "run.mcap"
     part.touch()
     settings = RecorderSettings(endpoint=endpoint, mission="m", part=str(part), out=str(out), run={})
