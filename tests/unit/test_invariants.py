@@ -403,7 +403,7 @@ def test_the_truth_tells_of_a_last_step() -> None:
 
 
 def forgot_after_slot_4(back: int) -> list[Message]:
-    """Return messages of u2 that accepts its step of slot 4, dies unheard, and is back in slot `back` without memory."""
+    """Return messages of u2 that accepts its step of slot 4, dies unheard, and has no memory from slot `back` on."""
     paths = parallel()
     paths[2] = [*paths[2][:5], *[paths[2][4]] * 10]
     messages = flight(paths)
