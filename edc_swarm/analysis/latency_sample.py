@@ -171,16 +171,16 @@ def _next_slot(recording: Recording, at_ns: int) -> int:
 
 def _delay_error(recording: Recording) -> DelayError | None:
     """Return the median over UAVs of their medians, and the greatest of their 99th percentiles and maxima."""
-    told = [
+    errors = [
         msgspec.json.decode(event.detail, type=DelayError)
         for event in recording.events
         if event.kind == EventKind.DELAY_ERROR
     ]
-    if not told:
+    if not errors:
         return None
     return DelayError(
-        messages=sum(one.messages for one in told),
-        p50_ms=float(np.median([one.p50_ms for one in told])),
-        p99_ms=max(one.p99_ms for one in told),
-        max_ms=max(one.max_ms for one in told),
+        messages=sum(one.messages for one in errors),
+        p50_ms=float(np.median([one.p50_ms for one in errors])),
+        p99_ms=max(one.p99_ms for one in errors),
+        max_ms=max(one.max_ms for one in errors),
     )

@@ -34,7 +34,7 @@ ENDS = {
     "interrupted": "the mission was interrupted",
     "failed": "the mission was broken off",
     "stalled": "stopped, since nothing could change any more",
-    "nobody-left": "nobody flew any more",
+    "nobody-left": "no UAV flew any more",
 }
 """Reason for a UAV that was still under way, by the detail of the operator's event `end`."""
 
@@ -187,8 +187,8 @@ class _Judge:
             return None
         uav, newest = self.tracks.uavs[k], int(self.newest[k])
         for event in reversed(self.recording.events):
-            if event.slot >= newest and (told := self._ended_by(event, uav)) is not None:
-                return self._not_home(k, *told, event.slot)
+            if event.slot >= newest and (ending := self._ended_by(event, uav)) is not None:
+                return self._not_home(k, *ending, event.slot)
         forgot = min((f.slot for f in self.recording.fixes if f.uav == uav and not f.voter), default=None)
         if forgot is not None:
             text = f"may not be commanded since slot {forgot} (its memory was lost)"
@@ -260,12 +260,12 @@ class _Judge:
     def _left_alone(self, k: int) -> NotHome | None:
         """Return that UAV `k` got no command, or flew none, for many slots up to the end, else None."""
         uav, last = self.tracks.uavs[k], self.tracks.slots - 1
-        told = max((c.slot for c in self.recording.commands if c.uav == uav), default=-1)
-        if told < last - SILENT_SLOTS:
+        commanded = max((c.slot for c in self.recording.commands if c.uav == uav), default=-1)
+        if commanded < last - SILENT_SLOTS:
             anybody = max((c.slot for c in self.recording.commands), default=-1) >= last - SILENT_SLOTS
-            since = f"since slot {told + 1}" if told >= 0 else "at any time"
-            text = f"not commanded {since}" + ("" if anybody else ": nobody was")
-            return self._not_home(k, "not-commanded", text, told + 1)
+            since = f"since slot {commanded + 1}" if commanded >= 0 else "at any time"
+            text = f"not commanded {since}" + ("" if anybody else ": no UAV was")
+            return self._not_home(k, "not-commanded", text, commanded + 1)
         flown = int(np.max(np.flatnonzero(self.tracks.executed[:, k]), initial=-1))
         if flown < last - SILENT_SLOTS:
             text = f"has flown no command since slot {flown + 1}: none came in time"

@@ -133,7 +133,7 @@ def _compare(recording: Recording, last: int, watch: Watch) -> _Comparison:
         if compared.different or compared.absent > limit or slot > last:
             return compared
     simulation.end()
-    unsaid = [Violation("unsaid", f"{key} {seq} is not said again", _slot(m)) for (key, _, seq), m in recorded.items()]
+    unsaid = [Violation("unsaid", f"{key} {seq} is not repeated", _slot(m)) for (key, _, seq), m in recorded.items()]
     compared.different += unsaid[: MAX_TOLD - len(compared.different)]
     return compared
 

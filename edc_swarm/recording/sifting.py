@@ -15,7 +15,7 @@ from edc_swarm.protocol.keys import KEY_FORMS
 from edc_swarm.protocol.messages import Event, MissionMessage
 from edc_swarm.recording.model import Bin, Garbage, Recording
 
-OLDER, STRANGE = "of an older run", "of nobody in the mission"
+OLDER, FOREIGN = "from an older run", "from no process of the mission"
 
 
 def sift(recording: Recording) -> None:
@@ -29,7 +29,7 @@ def sift(recording: Recording) -> None:
         messages = recording.lists()[kind]
         source = form.stream
         foreign = {
-            said: OLDER if known[kind].issuperset(said[1:]) else STRANGE
+            said: OLDER if known[kind].issuperset(said[1:]) else FOREIGN
             for said in set(map(source, messages))
             if said[:2] not in running or not known[kind].issuperset(said[1:])
         }

@@ -637,18 +637,18 @@ def test_g5_names_unknown_tails(messages: list[Message]) -> None:
     drop(messages, Event, instance="i2")
     result = results(messages)["G5"]
     assert result.status == "not-judged"
-    assert result.notes[0] == "no last word of u2, and no recorded fault that ended it"
+    assert result.notes[0] == "no `closed` event of u2, and no recorded fault that ended it"
     note = result.notes[1]
     killed = Event(source="operator", sent_ns=EPOCH_NS + 9 * SLOT_NS, slot=9, kind="fault", detail="kill u2 @9", seq=0)
     drop(messages, Event, instance="")
     messages = [*messages, msgspec.structs.replace(killed, kind="closed", detail='{"mission":0}', seq=1)]
     assert results([*messages, killed])["G5"].notes == [note]
     assert results([*messages, killed])["G5"].held
-    assert note.startswith("tail unknown: what was last said on uav/u2/fix and 1 more may be missing")
+    assert note.startswith("end unknown: the last messages on uav/u2/fix and 1 more may be missing")
     assert note.endswith("of i2")
     drop(messages, Truth, uav="u2")
     drop(messages, Event, instance="")
-    words = "tail unknown: what was last said on "
+    words = "end unknown: the last messages on "
     notes = [note.removeprefix(words).split(" may be missing")[0] for note in results(messages)["G5"].notes[1:]]
     assert notes == ["mission", "uav/u2/fix", "the record ends at slot 8, without the end of the mission"]
 
@@ -685,7 +685,7 @@ def test_g5_notes_what_is_no_message(messages: list[Message]) -> None:
     recording = recorded(messages)
     recording.garbage += [Garbage("/a", 0, "torn"), Garbage("/b", 0, "torn"), Garbage("/a", 0, "torn")]
     recording.run_end = {"foreign_left_out": "7"}
-    left_out = "left out: 7 messages on keys of nobody in the mission"
+    left_out = "left out: 7 messages on foreign keys"
     kinds = ["not a message: /a (torn), 2 times", "not a message: /b (torn)"]
     assert check_no_loss(gather(recording)).notes == [*kinds, left_out]
     recording.garbage += [Garbage(f"/{number}", 0, "torn") for number in range(MAX_GARBAGE_NOTES - 2)]

@@ -203,7 +203,7 @@ def test_who_is_not_commanded_says_since_when(messages: list[Message]) -> None:
     alone = [m for m in messages if not (isinstance(m, Command) and m.uav == "u2" and m.slot > 20)]
     assert (only(alone).cause, only(alone).reason) == ("not-commanded", "not commanded since slot 21")
     nobody = [m for m in messages if not (isinstance(m, Command) and m.slot > 20)]
-    assert only(nobody).reason == "not commanded since slot 21: nobody was"
+    assert only(nobody).reason == "not commanded since slot 21: no UAV was"
     for slot in range(21, 31):
         change(messages, {"uav": "u2", "slot": slot}, Fix, executing=False)
     assert (only(messages).cause, only(messages).slot) == ("commands-not-flown", 21)

@@ -338,7 +338,7 @@ def test_what_is_of_nobody_or_of_an_older_run_counts_for_nothing(tmp_path: Path,
     wrong = msgspec.structs.replace(report, slot=9, seq=9, grants=["u0"], quorum=1)
     recording = read_recording(saved(tmp_path / "a.mcap", record([*messages, *strange, wrong])))
     assert recording.garbage_count == len(strange)
-    assert {garbage.reason for garbage in recording.garbage} == {"of an older run", "of nobody in the mission"}
+    assert {garbage.reason for garbage in recording.garbage} == {"from an older run", "from no process of the mission"}
     assert recording.lists() == Recording.from_messages([*messages, wrong]).lists()
     (complete,) = (result for result in check(recording) if result.guarantee == "G5")
     assert not any("99" in where for where in complete.where)

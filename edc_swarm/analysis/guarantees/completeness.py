@@ -32,6 +32,7 @@ def check_no_loss(evidence: Evidence) -> GuaranteeResult:
     ==============================================  =======================================================
     Sequence gap, or a number recorded twice        broken
     Recorder counted more messages than it wrote    broken
+    A part of the file is unreadable                broken
     Recorder dropped messages                       broken, unless the numbers prove that it fetched them all
     No `closed` event, a fault ended the publisher  held, with a note that the end of its stream is unknown
     No `closed` event, for any other reason         not judged
@@ -44,7 +45,7 @@ def check_no_loss(evidence: Evidence) -> GuaranteeResult:
     notes = list(_unknown_tails(recording))
     dropped = (recording.run_end or {}).get("dropped", "0")
     if dropped != "0" and not (evidence.gaps or notes):
-        notes.append(f"the recorder dropped {dropped} messages; all that were said are there all the same")
+        notes.append(f"the recorder dropped {dropped} messages, and holds all of them by retransmission")
     elif dropped != "0":
         found.append(Violation("dropped", f"the recorder dropped {dropped} messages"))
     notes += [*_unfinished(evidence), *_garbage(recording), *_unknown_topics(recording)]
@@ -70,11 +71,11 @@ def _unproved(evidence: Evidence) -> str:
         return "no message carries a number"
     closed = {(event.source, event.instance) for event in recording.events if event.kind == EventKind.CLOSED}
     if not closed:
-        return "no publisher said its last numbers"
+        return "no publisher sent a `closed` event"
     speaking = sorted(evidence.ends.unended)
     if speaking:
         more = f" and {len(speaking) - 1} more" if len(speaking) > 1 else ""
-        return f"no last word of {speaking[0]}{more}, and no recorded fault that ended it"
+        return f"no `closed` event of {speaking[0]}{more}, and no recorded fault that ended it"
     return ""
 
 
@@ -110,7 +111,7 @@ def _unknown_tails(recording: Recording) -> Iterator[str]:
         keys.setdefault(instance or "unnamed", []).append(key)
     for instance, silent in keys.items():
         more = f" and {len(silent) - 1} more" if len(silent) > 1 else ""
-        yield f"tail unknown: what was last said on {silent[0]}{more} may be missing, no last word of {instance}"
+        yield f"end unknown: the last messages on {silent[0]}{more} may be missing, no `closed` event of {instance}"
 
 
 def _garbage(recording: Recording) -> Iterator[str]:
@@ -122,6 +123,6 @@ def _garbage(recording: Recording) -> Iterator[str]:
         yield f"not a message: {shown(topic)} ({shown(reason)})" + (f", {count} times" if count > 1 else "")
     left_out = (recording.run_end or {}).get("foreign_left_out", "0")
     if left_out != "0":
-        yield f"left out: {left_out} messages on keys of nobody in the mission"
+        yield f"left out: {left_out} messages on foreign keys"
     if len(counts) > MAX_GARBAGE_NOTES:
         yield f"not messages: {recording.garbage_count} in all, {len(counts)} kinds of them"

@@ -11,7 +11,7 @@ G1        fixes, commands,       grants and plans are unknown
 G2        fixes, commands        what was executed, or who ordered it, is unknown
 G3        fixes, truths          without fixes the discs, without truths the bodies are unknown
 G4        fixes, truths          motion is unknown
-G5        numbers, last words    what is missing is unknown; `run_end` tells how many there were
+G5        numbers, `closed`      what is missing is unknown; `run_end` tells how many there were
 G7        fixes                  who has arrived is unknown
 ========= ====================== ==========================================================
 """
@@ -140,10 +140,10 @@ class Evidence:
         if missing:
             yield f"{missing} {name} are missing"
         if unended := self.ends.unended & self.index.keys():
-            yield f"{name} of {_named(unended)} may be missing: no last word"
+            yield f"{name} of {_named(unended)} may be missing: no `closed` event"
         if kind in {"fix", "truth"}:
-            told = self.recording.fixes if kind == "fix" else self.recording.truths
-            silent = self.index.keys() - set(map(attrgetter("uav"), told)) - self.ends.ended_by_fault - unended
+            published = self.recording.fixes if kind == "fix" else self.recording.truths
+            silent = self.index.keys() - set(map(attrgetter("uav"), published)) - self.ends.ended_by_fault - unended
             if silent:
                 yield f"no {name} of {_named(silent)}" + (": bodies cannot be judged" if kind == "truth" else "")
 
@@ -189,11 +189,11 @@ def _judgeable(recording: Recording, index: dict[str, int], gaps: list[Gap], end
     lost = tracks.lost | (~tracks.heard & no_fix)
     if not (lost.any() or no_truth.any()):
         return tracks
-    told = np.zeros_like(tracks.heard)
+    published = np.zeros_like(tracks.heard)
     for truth in recording.truths:
         if truth.slot >= 0 and truth.uav in index:
-            told[truth.slot, index[truth.uav]] = True
-    unknown = (~told & (no_truth | lost))[..., None]
+            published[truth.slot, index[truth.uav]] = True
+    unknown = (~published & (no_truth | lost))[..., None]
     return replace(
         tracks,
         lost=lost,

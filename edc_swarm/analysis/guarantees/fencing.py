@@ -150,7 +150,7 @@ def _unknown(evidence: Evidence, fix: Fix) -> tuple[str, str]:
     for command in evidence.recording.commands:
         if (command.uav, command.term, command.seq) == (fix.uav, fix.command_term, fix.command_seq):
             return "other-slot", f"{named}, which is for slot {command.slot}"
-    return "no-such-command", f"{named}, which nobody published"
+    return "no-such-command", f"{named}, which no head published"
 
 
 def _astray(evidence: Evidence) -> Iterator[Violation]:

@@ -99,7 +99,7 @@ def _broken_promises(evidence: Evidence) -> Iterator[Violation]:
             newest = max(newest, fix.term)
             head = heads.setdefault(fix.term, fix.head)
             if head != fix.head:
-                text = f"grants {fix.head or 'nobody'} in term {fix.term} after {head or 'nobody'}"
+                text = f"grants {fix.head or 'no head'} in term {fix.term} after {head or 'no head'}"
                 yield Violation("grant-changed", text, fix.slot, [uav])
                 heads[fix.term] = fix.head
 

@@ -121,12 +121,12 @@ def _missing(evidence: Evidence, k: int) -> Violation:
 def _faults(evidence: Evidence) -> list[Fault]:
     """Return the faults by time: as the events report them, and the planned ones that no event reports."""
     mission, events = evidence.mission, evidence.recording.events
-    told = [
+    reported = [
         _read(event.detail, mission.dt_s)
         for event in events
         if event.kind == EventKind.FAULT and event.source == OPERATOR
     ]
-    done = [fault for fault in told if fault is not None]
+    done = [fault for fault in reported if fault is not None]
     accounted = {_kind(fault) for fault in done}
     aimless = {
         event.detail for event in events if event.kind == EventKind.FAULT_WITHOUT_TARGET and event.source == OPERATOR
@@ -149,8 +149,8 @@ def _kind(fault: Fault) -> tuple[object, ...]:
 
 def _settled_slot(evidence: Evidence, faults: list[Fault]) -> int:
     """Return the first slot after the last fault, which may have been carried out later than planned."""
-    told = [event.slot + 1 for event in evidence.recording.events if event.kind == EventKind.FAULT]
-    return max([settled_slot(evidence.mission, faults), *told])
+    reported = [event.slot + 1 for event in evidence.recording.events if event.kind == EventKind.FAULT]
+    return max([settled_slot(evidence.mission, faults), *reported])
 
 
 def _stalled(evidence: Evidence) -> bool:

@@ -16,7 +16,7 @@ Floats = NDArray[np.float64]
 DISC_TOLERANCE_M = 1e-9
 BODY_TOLERANCE_M = 1e-6
 UNEVEN_PLANNER = "edc"
-"""The planner that keeps discs apart however unevenly the steps are executed."""
+"""The planner that keeps discs apart for any uneven execution of the steps."""
 
 
 def check_separation(evidence: Evidence) -> GuaranteeResult:

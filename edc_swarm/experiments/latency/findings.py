@@ -56,9 +56,9 @@ def _safety(rows: Sequence[CellRow]) -> LatencyFinding:
     hits = sum(row.true_collisions for row in rows)
     broken = sorted({name for row in rows for name in row.broken})
     unjudged = sorted({name for row in rows for name in row.not_judged})
-    told = [f"broken guarantees: {' '.join(broken)}"] if broken else []
-    told += [f"not judged in every run: {' '.join(unjudged)}"] if unjudged else []
-    guarantees = "; ".join(told) or "G1-G5 held in every run"
+    parts = [f"broken guarantees: {' '.join(broken)}"] if broken else []
+    parts += [f"not judged in every run: {' '.join(unjudged)}"] if unjudged else []
+    guarantees = "; ".join(parts) or "G1-G5 held in every run"
     text = f"{len(rows)} cells, {runs} runs: {overlaps} overlaps of discs, {hits} true collisions; {guarantees}."
     return LatencyFinding(None if is_safe(rows) and not is_judged(rows) else is_safe(rows), text)
 
