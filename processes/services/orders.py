@@ -79,14 +79,14 @@ def asked(session: zenoh.Session, key: str, payload: bytes | None = None) -> byt
 
 def await_found(look: Callable[[], Found | None], what: What) -> Found:
     """Call `look` until it returns something; after a while, print `what` the process waits for."""
-    start_s, arguments = time.monotonic(), False
+    start_s, told = time.monotonic(), False
     while (found := look()) is None:
         waited_s = time.monotonic() - start_s
         if waited_s > START_TIMEOUT_S:
             raise SwarmError(f"waited {START_TIMEOUT_S:g} s for {in_words(what)}")
-        if waited_s > PATIENCE_S and not arguments:
+        if waited_s > PATIENCE_S and not told:
             note(f"waiting for {in_words(what)}")
-            arguments = True
+            told = True
         time.sleep(LOOK_EVERY_S)
     return found
 
