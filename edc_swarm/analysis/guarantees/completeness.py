@@ -45,7 +45,7 @@ def check_no_loss(evidence: Evidence) -> GuaranteeResult:
     notes = list(_unknown_tails(recording))
     dropped = (recording.run_end or {}).get("dropped", "0")
     if dropped != "0" and not (evidence.gaps or notes):
-        notes.append(f"the recorder dropped {dropped} messages, and holds all of them by retransmission")
+        notes.append(f"the recorder dropped {dropped} messages, and fetched all of them later")
     elif dropped != "0":
         found.append(Violation("dropped", f"the recorder dropped {dropped} messages"))
     notes += [*_unfinished(evidence), *_garbage(recording), *_unknown_topics(recording)]
