@@ -18,24 +18,22 @@ import time
 from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
-from typing import BinaryIO, cast
+from typing import BinaryIO, NamedTuple
 
 import msgspec
 import zenoh
 from msgspec import Struct
 
 from edc_swarm.errors import InputError, SwarmError
-from edc_swarm.mission.configuration import OPERATOR, RECORDER, ROLES
+from edc_swarm.mission.configuration import OPERATOR, RECORDER
 from edc_swarm.protocol import retransmission
-from edc_swarm.protocol.codec import MAX_MESSAGE_BYTES, decode, encode
+from edc_swarm.protocol.codec import MAX_MESSAGE_BYTES, encode
 from edc_swarm.protocol.events import EventKind
 from edc_swarm.protocol.gap_repair import Holes, Publisher
-from edc_swarm.protocol.keys import SCENES, Keys, kind_of
-from edc_swarm.protocol.messages import Event, MissionMessage
-from edc_swarm.recording.ordering import FETCHED
+from edc_swarm.protocol.keys import Keys, kind_of
+from edc_swarm.protocol.messages import Event
 from edc_swarm.recording.sequences import tails_in
-from edc_swarm.recording.writer import RecordingWriter, Stamp, TooLarge, is_mission, stamp_of
-from edc_swarm.viz.channels import TOPICS, channel_of, topic_of
+from edc_swarm.recording.writer import Stamp, TooLarge
 from processes.bus.credentials import credentials
 from processes.bus.operator_presence import GIVE_UP_S, Operators
 from processes.bus.session import ask_aside, hand_over, open_client, put
@@ -46,36 +44,19 @@ from processes.runtime.inbox import SETTLE_S, Inbox
 from processes.runtime.output import held_for_writing
 from processes.runtime.parent import die_with_parent
 from processes.services.orders import orders, outlast_operator
-from processes.services.recorded_view import attach_layout
+from processes.services.recording_file import Received, RecordingFile
 
 NAME = RECORDER
 FLUSH_S = 1.0
 CANNOT_WRITE = 3
 """Exit status if the file could not be written."""
 QUEUE_LIMIT = 200_000
-KEY_WORDS = frozenset({"mission", "uav", "fix", "truth", "head", "command", "report", "event", SCENES, *TOPICS})
-"""Parts of a mission's keys, besides the ids of its roster."""
-MAX_FOREIGN_KEYS = 1000
-"""Most foreign keys (of no process of the mission) that are recorded, with one topic each."""
-
 MAX_ANSWER_BYTES = 2 * MAX_MESSAGE_BYTES
 """Largest answer to a retransmission request: the messages of one turn, or a single message."""
-MAX_SCENE_BYTES = 4 << 20
-"""Largest scene of the visualiser, which may exceed a message."""
 CLOSING_S = 1.0
 """Longest wait for retransmissions after the `closed` event of the operator, in seconds."""
 STOPPING_S = 2.0
 """Longest wait for the operator's `closed` event after SIGTERM, since compose signals all services at once."""
-
-
-@dataclass(frozen=True, slots=True)
-class Received:
-    """A payload from the bus with its time of receipt, and the stamp that accompanies a scene."""
-
-    key: str
-    payload: bytes
-    time_ns: int
-    stamp: bytes = b""
 
 
 @dataclass(frozen=True, slots=True)
@@ -92,6 +73,13 @@ class RetransmissionAnswer:
 
     publisher: Publisher
     payload: bytes
+
+
+class _Losses(NamedTuple):
+    """Numbers of messages that were not recorded: the queue or the file was full, or the key was foreign."""
+
+    dropped: int
+    left_out: int
 
 
 @dataclass(frozen=True, slots=True)
@@ -121,22 +109,14 @@ class Recorder:
     def __init__(self, settings: RecorderSettings, stream: BinaryIO) -> None:
         self._keys = Keys(settings.mission)
         self._clock = MissionClock(settings.clock_ahead_ns)
-        self._stream = stream
-        self._writer = RecordingWriter(stream, settings.run)
+        self.file = RecordingFile(stream, self._keys, settings.run)
         self._inbox: Inbox[Item] = Inbox(QUEUE_LIMIT)
         self._instance = f"{os.getpid()}-{secrets.token_hex(4)}"
         self._seq = -1
-        self._reported_dropped = 0
-        self._messages = 0
-        self._known = {*KEY_WORDS, *ROLES}
+        self._reported = _Losses(0, 0)
         self._gate = Gate(partial(self.tell, EventKind.MALFORMED))
-        self._foreign: set[str] = set()
-        self._left_out = self._reported_left_out = 0
-        self._holes = Holes(settings.mission, self._known)
-        self._scenes = f"{self._keys.root}/viz/"
-        self._fetched = 0
+        self._holes = Holes(settings.mission, self.file.known)
         self._end_s = self._stop_s = math.inf
-        self.has_mission = False
         self._mission = settings.mission
         self._session = open_client(settings.endpoint, credentials(settings.certs, NAME), observer=True)
         self._session.declare_subscriber(self._keys.everything, hand_over(self._take))
@@ -144,7 +124,8 @@ class Recorder:
         self._operators = None
         if not settings.parent:
             self._operators = Operators(self._session)
-            self._offer_answers()
+            for key in (self._keys.mission, *self._answers):
+                self._session.declare_queryable(key, hand_over(self._inbox.put))
         self._token = self._session.liveliness().declare_token(self._keys.alive(NAME, self._instance))
 
     def stop(self) -> None:
@@ -159,19 +140,16 @@ class Recorder:
                 self._process(item)
             self._ask()
             if self._is_stopped():
-                self._end_by(time.monotonic())
+                self._end_s = min(self._end_s, time.monotonic())
             if time.monotonic() >= next_flush_s:
                 self._flush()
                 if self._is_deserted():
-                    self._end_by(time.monotonic())
+                    self._end_s = min(self._end_s, time.monotonic())
                 next_flush_s = time.monotonic() + FLUSH_S
 
     def _is_done(self) -> bool:
         """Return True if the mission has ended, and no message is outstanding or its deadline has passed."""
         return self._end_s < math.inf and (not self._holes.outstanding or time.monotonic() >= self._end_s)
-
-    def _end_by(self, end_s: float) -> None:
-        self._end_s = min(self._end_s, end_s)
 
     def _patience_s(self, next_flush_s: float) -> float:
         next_ask_s = self._holes.next_s
@@ -183,8 +161,8 @@ class Recorder:
             case Received():
                 self._receive(item)
             case Oversized(found, time_ns):
-                if self._has_place(found.key):
-                    self._writer.write_too_large(found, time_ns)
+                if self.file.has_place(found.key):
+                    self.file.write_too_large(found, time_ns)
             case RetransmissionAnswer(publisher, payload):
                 self._take_answer(publisher, payload)
             case zenoh.Query():
@@ -195,14 +173,12 @@ class Recorder:
     def finish(self) -> None:
         """Complete the file with the facts of the run's end."""
         self._session.close()
-        facts = {
-            "messages": str(self._messages),
-            "dropped": str(self._inbox.dropped),
-            "foreign_left_out": str(self._left_out),
-            FETCHED: str(self._fetched),
-        }
-        self._writer.finish(facts)
-        self._stream.flush()
+        self.file.finish(self._losses.dropped)
+
+    @property
+    def _losses(self) -> _Losses:
+        """Numbers of messages that were not recorded until now."""
+        return _Losses(self._inbox.dropped + self.file.without_room, self.file.left_out)
 
     def tell(self, kind: EventKind, detail: str) -> None:
         """Publish an event of the recorder."""
@@ -221,10 +197,6 @@ class Recorder:
         gone = self._operators is None or self._operators.away_s(self._mission) > 0
         return self._stop_s < math.inf and (gone or time.monotonic() >= self._stop_s)
 
-    def _offer_answers(self) -> None:
-        for key in (self._keys.mission, *self._answers):
-            self._session.declare_queryable(key, hand_over(self._inbox.put))
-
     def _answer(self, query: zenoh.Query) -> None:
         """Answer the next operator, if this one dies, with the mission and with the orders of this recorder."""
         key = str(query.key_expr)
@@ -234,16 +206,12 @@ class Recorder:
 
     def _take(self, sample: zenoh.Sample) -> None:
         key, payload, stamp = str(sample.key_expr), sample.payload.to_bytes(), sample.attachment
-        if len(payload) > self._limit_bytes(key):
+        if len(payload) > self.file.limit_bytes(key):
             found = TooLarge.of(key, payload)
             self._inbox.put(Oversized(found, self._clock.now_ns()), len(found.first))
             return
         message = Received(key, payload, self._clock.now_ns(), stamp.to_bytes() if stamp is not None else b"")
         self._inbox.put(message, len(payload))
-
-    def _limit_bytes(self, key: str) -> int:
-        """Return the size up to which a payload on `key` is recorded whole."""
-        return MAX_SCENE_BYTES if key.startswith(self._scenes) else MAX_MESSAGE_BYTES
 
     # --- retransmission of lost messages -----------------------------------------------------
 
@@ -266,54 +234,29 @@ class Recorder:
         consistent = [
             kept
             for kept in answer.found
-            if len(kept.payload) <= self._limit_bytes(kept.key) and self._number(kept) == (publisher[1], kept.seq)
+            if len(kept.payload) <= self.file.limit_bytes(kept.key)
+            and _is_of(publisher, kept.seq, self.file.stamp(kept))
         ]
         taken = self._holes.answered(publisher, msgspec.structs.replace(answer, found=consistent), time.monotonic())
-        for kept in filter(lambda kept: self._has_place(kept.key), taken):
-            self._write(Received(kept.key, kept.payload, self._clock.now_ns(), kept.stamp))
-            self._fetched += 1
-
-    def _number(self, kept: retransmission.Kept) -> tuple[str, int]:
-        """Return instance and sequence number from the message's own stamp."""
-        stamp = self._stamp(kept)
-        return stamp.instance, stamp.seq
-
-    def _stamp(self, message: Received | retransmission.Kept) -> Stamp:
-        """Return the stamp in a message, or the one that accompanies a scene."""
-        return stamp_of(message.stamp if message.key.startswith(self._scenes) else message.payload)
+        for kept in filter(lambda kept: self.file.has_place(kept.key), taken):
+            self._write(Received(kept.key, kept.payload, self._clock.now_ns(), kept.stamp), fetched=True)
 
     # --- writing -----------------------------------------------------------------------------
 
     def _receive(self, message: Received) -> None:
         """Write a message if it has a place in the file and is not there yet."""
-        if not self._has_place(message.key):
+        if not self.file.has_place(message.key):
             return
-        stamp = self._stamp(message)
+        stamp = self.file.stamp(message)
         if self._holes.heard(message.key, stamp.instance, stamp.seq, message.payload, time.monotonic()):
             self._write(message)
 
-    def _write(self, message: Received) -> None:
-        self._record(message)
-        self._messages += 1
+    def _write(self, message: Received, *, fetched: bool = False) -> None:
+        mission = self.file.write(message, fetched=fetched)
+        if mission is not None:
+            self._answers[message.key] = message.payload
+            self._gate.know(mission)
         self._process_closed(message.key, message.payload)
-
-    def _has_place(self, key: str) -> bool:
-        """Return True if a message on `key` is wanted and the file has room for it; else count it."""
-        wanted, room = self._is_wanted(key), self._writer.has_room_for(key)
-        self._left_out += not wanted
-        self._inbox.dropped += wanted and not room
-        return wanted and room
-
-    def _is_wanted(self, key: str) -> bool:
-        """Return True if `key` is one of the mission, or one of the first `MAX_FOREIGN_KEYS` others.
-
-        A file holds a limited number of topics. A flood of foreign keys must not take the place of the mission's.
-        """
-        if (kind_of(key) or topic_of(key)) and self._known.issuperset(key.split("/")[2:]):
-            return True
-        if len(self._foreign) < MAX_FOREIGN_KEYS:
-            self._foreign.add(key)
-        return key in self._foreign
 
     def _process_closed(self, key: str, payload: bytes) -> None:
         """Process a `closed` event; the operator's one starts the end of the recording."""
@@ -323,40 +266,24 @@ class Recorder:
         if isinstance(message, Event) and message.kind == EventKind.CLOSED:
             self._holes.closed(message.source, message.instance, tails_in(message), time.monotonic())
             if message.source == OPERATOR:
-                self._end_by(time.monotonic() + CLOSING_S)
-
-    def _record(self, message: Received) -> None:
-        """Record a message of the swarm, or a scene under the topic that viewers' layouts use."""
-        topic = topic_of(message.key)
-        channel = channel_of(topic) if topic is not None else None
-        if channel is not None:
-            stamp = self._stamp(message)
-            self._writer.write_as(channel, message.payload, message.time_ns, stamp.sent_ns, stamp.seq)
-            return
-        self._writer.write(message.key, message.payload, message.time_ns)
-        if not self.has_mission and is_mission(message.key, message.payload):
-            self.has_mission = True
-            self._answers[message.key] = message.payload
-            self._begin_mission(cast("MissionMessage", decode(message.key, message.payload)))
-
-    def _begin_mission(self, mission: MissionMessage) -> None:
-        self._gate.know(mission)
-        self._known.update(entry.uav for entry in mission.roster)
-        attach_layout(self._writer, mission)
+                self._end_s = min(self._end_s, time.monotonic() + CLOSING_S)
 
     def _flush(self) -> None:
-        self._writer.flush()
-        self._stream.flush()
-        if self.has_mission and (jump := self._clock.jump()) is not None:
+        self.file.flush()
+        if self.file.has_mission and (jump := self._clock.jump()) is not None:
             self.tell(EventKind.CLOCK_JUMP, jump)
-        if self._inbox.dropped > self._reported_dropped:
-            self._reported_dropped = self._inbox.dropped
-            self.tell(
-                EventKind.RECORDER_DROPPED, f"{self._reported_dropped} messages in all, the queue or the file was full"
-            )
-        if self._left_out > self._reported_left_out:
-            self._reported_left_out = self._left_out
-            self.tell(EventKind.MALFORMED, f"{self._left_out} on more keys of nobody than are recorded")
+        losses, reported = self._losses, self._reported
+        self._reported = losses
+        if losses.dropped > reported.dropped:
+            text = f"{losses.dropped} messages in all, the queue or the file was full"
+            self.tell(EventKind.RECORDER_DROPPED, text)
+        if losses.left_out > reported.left_out:
+            self.tell(EventKind.MALFORMED, f"{losses.left_out} on more keys of nobody than are recorded")
+
+
+def _is_of(publisher: Publisher, seq: int, stamp: Stamp) -> bool:
+    """Return True if a message's own stamp has the publisher's instance and the sequence number of the answer."""
+    return (stamp.instance, stamp.seq) == (publisher[1], seq)
 
 
 def reason_of(error: OSError) -> str:
@@ -381,7 +308,7 @@ def main() -> int:
         try:
             recorder.record()
             recorder.finish()
-            if recorder.has_mission:
+            if recorder.file.has_mission:
                 Path(settings.part).replace(settings.out)
             else:
                 Path(settings.part).unlink()

@@ -28,7 +28,8 @@ from processes.bus import outbox
 from processes.bus.outbox import Outbox
 from processes.bus.session import hand_over, open_client
 from processes.runtime.inbox import Inbox
-from processes.services.recorder import MAX_FOREIGN_KEYS, RecorderSettings
+from processes.services.recorder import RecorderSettings
+from processes.services.recording_file import MAX_FOREIGN_KEYS
 from tests.processes.conftest import await_true
 
 KEYS = Keys("m")
