@@ -1,8 +1,8 @@
-"""The recorder under load: K UAVs at F slots a second, all speaking at once at the start of a slot.
+"""The recorder under load: K UAVs at F slots a second that all publish at the start of a slot.
 
-Publishers with one session per UAV send, in phase, what a swarm sends in a slot: fix and truth of
-every UAV, then a command for each and a report. Printed are the gaps (by sequence number) and the
-recorder's share of one processor, start and end included.
+Publishers with one session per UAV send, in phase, the messages of a swarm in a slot: fix and truth of every UAV, then
+a command for each and a report. The script prints the sequence gaps and the recorder's share of one processor, start
+and end included.
 
     python benchmarks/recorder.py [--uavs 50] [--hz 20] [--seconds 20]
 """

@@ -1,4 +1,4 @@
-"""What each UAV spent its battery on, from a recording alone."""
+"""The energy that each UAV spent on cruise, hover, radio and computation, from a recording alone."""
 
 from __future__ import annotations
 
@@ -34,14 +34,14 @@ class EnergyBill(Struct, frozen=True, kw_only=True):
 
 
 class Exhausted(Struct, frozen=True):
-    """A UAV whose battery ran empty: from this slot on it is an obstacle."""
+    """A UAV whose battery is empty: from this slot on it does not move."""
 
     uav: str
     slot: int
 
 
 def energy_bills(recording: Recording, timings: Sequence[Timing] = ()) -> list[EnergyBill]:
-    """The bill of every UAV, in roster order. `timings`, when given, replace the recorded plan times."""
+    """Return the bill of every UAV in roster order. `timings`, if given, replace the recorded plan times."""
     mission, columns = recording.mission, columns_of(recording)
     slot_j = _slot_energy_j(mission, columns.step_m)
     sent, (plan_s, led) = _messages_sent(recording), _head_work(recording, timings)
@@ -72,19 +72,19 @@ def energy_bills(recording: Recording, timings: Sequence[Timing] = ()) -> list[E
 
 
 def _slot_energy_j(mission: Mission, step_m: Floats) -> Floats:
-    """Propulsion energy of every slot, as a UAV's battery pays it: flown outside the guards, hovered within."""
+    """Return the propulsion energy of every slot: a UAV flies between the slot's guards and hovers within them."""
     flown_s = mission.dt_s - 2 * mission.guard_s
     hovered_j = propulsion_power_w(0.0, mission.energy) * (mission.dt_s - flown_s)
     return propulsion_powers_w(step_m / flown_s, mission.energy) * flown_s + hovered_j
 
 
 def exhausted(recording: Recording) -> list[Exhausted]:
-    """UAVs that fell out with an empty battery, in the order in which they did."""
+    """Return the UAVs whose battery became empty, in the order of time."""
     return [Exhausted(event.source, event.slot) for event in recording.events if event.kind == EventKind.BATTERY_EMPTY]
 
 
 def _messages_sent(recording: Recording) -> dict[str, int]:
-    """Messages that each UAV put on the air; truths are the emulator's."""
+    """Return the number of messages that each UAV sent by radio, without truths, which the emulation sends."""
     sent: dict[str, int] = {}
     senders = [f.uav for f in recording.fixes] + [c.head for c in recording.commands]
     for uav in senders + [r.head for r in recording.reports]:
@@ -93,7 +93,7 @@ def _messages_sent(recording: Recording) -> dict[str, int]:
 
 
 def _head_work(recording: Recording, timings: Sequence[Timing]) -> tuple[dict[str, float | None], dict[str, int]]:
-    """Seconds that each head planned (None where a plan was not timed), and slots that it led."""
+    """Return the seconds that each head planned (None if a plan was not timed), and the number of slots that it led."""
     in_slot_ms: dict[int, list[float]] = {}
     for timing in measured(recording, timings):
         in_slot_ms.setdefault(timing.slot, []).append(timing.plan_ms)

@@ -1,4 +1,4 @@
-"""A run as a data frame, for notebooks: one row per UAV and slot."""
+"""Data frames of a run for notebooks, with one row per UAV and slot."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ LIBRARIES = ("pandas", "polars")
 
 
 def table_of(columns: Columns) -> dict[str, Any]:
-    """Columns of equal length, one entry per slot and UAV (slot-major), units in the names.
+    """Return columns of equal length with one entry per slot and UAV (slot-major) and units in their names.
 
     `start_*` is the disc's centre when the slot begins, `end_*` and `away_m` (from the target) when it ends.
     """
@@ -39,12 +39,12 @@ def table_of(columns: Columns) -> dict[str, Any]:
 
 
 def frame_of(columns: Columns, library: str = "pandas") -> Any:
-    """`table_of` as a pandas or polars data frame (extra `frames`).
+    """Return `table_of(columns)` as a pandas or polars data frame (extra `frames`).
 
     Raises
     ------
     InputError
-        Another library, or one that is not installed.
+        `library` is neither of the two, or is not installed.
     """
     if library not in LIBRARIES:
         raise InputError("library", library, f"one of {', '.join(LIBRARIES)}")

@@ -1,4 +1,4 @@
-"""What a run has come to, in rows of words and numbers: the same on the terminal and on the page."""
+"""The table of a run's metrics, as rows of name and value, for the terminal and the report page."""
 
 from __future__ import annotations
 
@@ -6,11 +6,11 @@ from edc_swarm.analysis.metrics import Metrics, Quantiles
 
 MAX_HEADS = 6
 MAX_NAMED = 10
-"""UAVs that are named with the reason why they are not home; `--json` names all."""
+"""Most UAVs whose reason for not being home is printed; `--json` contains all."""
 
 
 def metric_rows(m: Metrics) -> list[tuple[str, str]]:
-    """Name and value of everything that is told of a run."""
+    """Return the rows (name, value) of a run's metrics."""
     heads = ", ".join(f"{h.head} (term {h.term}, slots {h.first_slot}-{h.last_slot})" for h in m.heads[:MAX_HEADS])
     away = f"; not living: {', '.join(m.not_living)}" if m.not_living else ""
     undone = [("faults not done", "; ".join(m.faults_undone))] if m.faults_undone else []
@@ -36,7 +36,7 @@ def metric_rows(m: Metrics) -> list[tuple[str, str]]:
 
 
 def _not_home(m: Metrics) -> list[tuple[str, str]]:
-    """Who is not home and why: no row where everybody is."""
+    """Return a row with the UAVs that are not home and their reasons; no row if all are home."""
     named = [str(who) for who in m.not_home[:MAX_NAMED]]
     named += [f"and {len(m.not_home) - MAX_NAMED} more"] * (len(m.not_home) > MAX_NAMED)
     return [("not home", "; ".join(named))] if named else []

@@ -1,4 +1,4 @@
-"""Recordings: MCAP files that hold every message of a run, verbatim.
+"""Recordings: MCAP files with every message of a run, byte for byte.
 
 This package decides how a run is written and read back; `reader.read_recording` returns a `model.Recording`. It
 imports `protocol`, `mission`, `files` and `errors`, and no numpy, since the recorder and the UAV start without it. Open

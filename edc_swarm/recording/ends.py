@@ -1,4 +1,4 @@
-"""How each publisher ended: by its last word, by a fault, or, as far as the record tells, not at all."""
+"""The end of each publisher: with a `closed` event, by a fault, or unknown to the recording."""
 
 from __future__ import annotations
 
@@ -17,17 +17,17 @@ FATAL = ("kill", "freeze")
 
 @dataclass(frozen=True, slots=True)
 class Ends:
-    """Publishers by how they ended.
+    """Publishers, grouped by how they ended.
 
     Attributes
     ----------
     without_last_word
-        Ids of which some process never said its last numbers, killed ones among them.
+        Ids with at least one process that published no `closed` event, including killed processes.
     ended_by_fault
-        Ids that a recorded fault, or the death that the operator saw, has ended.
+        Ids whose newest process was ended by a recorded fault, or was reported dead by the operator.
     unended
-        Ids whose newest process never said its last numbers, though nothing recorded ended it, and UAVs of
-        the mission of which nothing at all is recorded.
+        Ids whose newest process published no `closed` event although no recorded fault or death ended it, and
+        UAVs of the mission without any recorded message.
     """
 
     without_last_word: frozenset[str]
@@ -36,9 +36,9 @@ class Ends:
 
 
 def ends_of(recording: Recording) -> Ends:
-    """Tell for every UAV, and everybody else who spoke, how it ended.
+    """Return how every UAV and every other publisher ended.
 
-    A process that was followed by another of the same id has ended, whatever it was that ended it.
+    A process has certainly ended if a later process with the same id has published.
     """
     first_ns: dict[tuple[str, str], int] = {}
     for kind, form in KEY_FORMS.items():
@@ -60,7 +60,7 @@ def ends_of(recording: Recording) -> Ends:
 
 
 def _deaths(recording: Recording) -> dict[str, int]:
-    """When each id was last told to be killed or frozen, or was seen dead."""
+    """Return, by id, the time of the last recorded kill, freeze or observed death in nanoseconds."""
     deaths: dict[str, int] = {}
     for event in recording.events:
         if event.source != OPERATOR:

@@ -1,4 +1,4 @@
-"""What the script of the report page draws: arrays as base64, the rest as JSON."""
+"""The data of the report page's script: arrays as base64, the rest as JSON."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ from edc_swarm.protocol.messages import MissionMessage
 from edc_swarm.recording.model import Recording
 
 MAX_CELLS = 1_000_000
-"""Most UAV-slots that are animated; of a longer mission only every so many slots are."""
+"""Most UAV-slots that are animated; the animation of a longer mission skips slots evenly."""
 MAX_FAULTS = 200
 
 
@@ -30,7 +30,7 @@ class Series(Struct, frozen=True):
 
 
 class Plot(Struct, frozen=True):
-    """A plot over mission time. `limit` is drawn as a line where it is in sight."""
+    """A plot over mission time. `limit` is drawn as a line if it is within the range of the plot."""
 
     title: str
     unit: str
@@ -47,7 +47,7 @@ class FaultMark(Struct, frozen=True):
 
 
 class Page(Struct, frozen=True, kw_only=True):
-    """One mission. `centres` is float32 (F, K, 2), `heard` uint8 (F, K), `leader` an index or -1 (F)."""
+    """The data of one mission. `centres` is float32 (F, K, 2), `heard` uint8 (F, K), `leader` an index or -1 (F)."""
 
     name: str
     uavs: list[str]
@@ -67,7 +67,7 @@ class Page(Struct, frozen=True, kw_only=True):
 
     @classmethod
     def of(cls, recording: Recording, heads: list[HeadTerm], timings: Sequence[Timing] = ()) -> Page:
-        """Gather what the page shows of a recording."""
+        """Return the data that the page shows of a recording."""
         mission, columns = recording.mission, columns_of(recording, timings)
         slots, count = columns.step_m.shape
         every = max(1, -(-slots * count // MAX_CELLS))
@@ -93,7 +93,7 @@ class Page(Struct, frozen=True, kw_only=True):
 
 
 def _extent_m(mission: MissionMessage, columns: Columns) -> tuple[float, float, float, float]:
-    """Left, low, right, high of all discs and targets."""
+    """Return (left, low, right, high), the bounding box of all discs and targets."""
     r_m = max((entry.r_m for entry in mission.roster), default=0.0)
     targets_m = np.array([(e.target_x_m, e.target_y_m) for e in mission.roster]).reshape(-1, 2)
     points_m = np.concatenate([columns.centre_m.reshape(-1, 2), targets_m])
@@ -104,7 +104,7 @@ def _extent_m(mission: MissionMessage, columns: Columns) -> tuple[float, float, 
 
 
 def _leader(recording: Recording, columns: Columns) -> NDArray[np.int64]:
-    """(S,) roster index of the head that planned with the fixes of each slot, -1 where nobody did."""
+    """Return (S,) roster indices of the head that planned with the fixes of each slot, -1 for none."""
     index = {uav: k for k, uav in enumerate(columns.uavs)}
     leader = np.full(len(columns.time_s), -1, np.int64)
     for report in sorted(recording.reports, key=lambda report: report.term):
@@ -140,7 +140,7 @@ def _plots(mission: MissionMessage, columns: Columns) -> list[Plot]:
 
 
 def _latencies(mission: MissionMessage, columns: Columns) -> list[Series]:
-    """Greatest and middle latency of each slot's commands."""
+    """Return the greatest and the median latency of each slot's commands."""
     order = np.argsort(columns.command_slot, kind="stable")
     slots, first = np.unique(columns.command_slot[order], return_index=True)
     groups = np.split(columns.fix_to_command_ms[order], first[1:]) if len(slots) else []
@@ -169,6 +169,6 @@ def _series(name: str, x: Iterable[float], y: Iterable[float]) -> Series:
 
 
 def _packed(values: NDArray[Any], kind: type[np.generic]) -> str:
-    """Little-endian bytes, as base64."""
+    """Return values as little-endian bytes in base64."""
     little = np.ascontiguousarray(values, np.dtype(kind).newbyteorder("<"))
     return base64.b64encode(little.tobytes()).decode()

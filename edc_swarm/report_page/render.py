@@ -1,4 +1,4 @@
-"""The report page's document: tables in HTML, data and script inside it."""
+"""The report page as one HTML document, with tables, data and script."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ FACTS = ("command", "commit", "clock", "machine")
 
 @dataclass(frozen=True, slots=True)
 class Assets:
-    """The files that the page is made of: `page.html`, `page.css` and `page.js`."""
+    """The source files of the page: `page.html`, `page.css` and `page.js`."""
 
     template: str
     style: str
@@ -33,7 +33,7 @@ class Assets:
 def render(
     page: Page, metrics: Metrics, guarantees: Sequence[GuaranteeResult], run: dict[str, str], assets: Assets
 ) -> str:
-    """The whole document."""
+    """Return the whole document."""
     return Template(assets.template).substitute(
         title=escape(page.name),
         subtitle=escape(_subtitle(metrics, guarantees)),
@@ -58,7 +58,7 @@ def _rows(rows: Iterable[tuple[str, str]]) -> str:
 
 
 def _broken(text: str) -> str:
-    """Escaped; a list may be broken after any comma, since one of a whole roster has no space in it."""
+    """Return text escaped for HTML, with a possible line break after each comma, since long lists have no space."""
     return re.sub(r",(?=\S)", ",<wbr>", escape(shown(text, MAX_LINE)))
 
 
@@ -72,5 +72,6 @@ def _guarantee(result: GuaranteeResult) -> str:
 
 
 def _embedded(value: object) -> str:
-    """JSON that cannot end the script element it stands in."""
+    """Return JSON without the characters that could end its script element."""
+
     return msgspec.json.encode(value).decode().replace("<", "\\u003c")

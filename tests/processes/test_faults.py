@@ -58,7 +58,7 @@ def test_what_a_killed_uav_said_last_stays_unknown(run):
     ended = run("--fault", "kill u003 @10")
     (notes,) = (verdict["notes"] for verdict in ended.json["guarantees"] if verdict["guarantee"] == "G5")
     (instance,) = {fix.instance for fix in ended.recording.fixes if fix.uav == "u003"}
-    assert [note for note in notes if note.startswith("tail unknown") and note.endswith(instance)] == notes
+    assert [note for note in notes if note.startswith("end unknown") and note.endswith(instance)] == notes
 
 
 def test_recorder_killed_loses_at_most_the_last_second(start):

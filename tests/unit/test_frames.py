@@ -1,4 +1,4 @@
-"""A run as a data frame."""
+"""Data frames of a run."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from edc_swarm.errors import InputError
 
 @pytest.mark.parametrize("library", LIBRARIES)
 def test_frame_holds_the_columns(library: str) -> None:
-    """One row per slot and UAV, whose steps add up to the way flown."""
+    """There is one row per slot and UAV, and the steps sum to the distance flown."""
     pytest.importorskip(library)
     columns = columns_of(recorded(flight(parallel())))
     frame = frame_of(columns, library)
@@ -24,6 +24,6 @@ def test_frame_holds_the_columns(library: str) -> None:
 
 
 def test_unknown_library_is_refused() -> None:
-    """The error names what there is."""
+    """The error lists the libraries."""
     with pytest.raises(InputError, match="pandas, polars"):
         frame_of(columns_of(recorded(flight(parallel()))), "excel")

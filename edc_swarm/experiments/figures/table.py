@@ -1,4 +1,4 @@
-"""The numbers behind a figure: one row per line and point, as they stand in its CSV file."""
+"""The table of a figure: one row per line and point, equal to its CSV file."""
 
 from __future__ import annotations
 
@@ -34,7 +34,7 @@ class Row(Struct, frozen=True):
 
 
 def rows_of(figure: Figure, runs: int, results: Mapping[str, Any]) -> list[Row]:
-    """The rows of a figure, from results by key; points without runs are left out."""
+    """Return the rows of a figure from the results by key; points without runs are left out."""
     rows = []
     for series in figure.series:
         for x in figure.axis.values:
@@ -76,7 +76,7 @@ class Line(Struct, frozen=True):
 
 
 def line(rows: Sequence[Row], series: str) -> Line | None:
-    """The line `series`, None where it has no points."""
+    """Return the line `series`, None if it has no points."""
     own = [row for row in rows if row.series == series]
     if not own:
         return None

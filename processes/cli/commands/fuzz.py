@@ -14,7 +14,7 @@ from rich.console import Console
 from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeElapsedColumn, TimeRemainingColumn
 
 from edc_swarm.errors import InputError
-from processes.experiments.ledger import begin_worker, interrupt_held_back
+from processes.experiments.ledger import begin_worker, sigint_blocked
 from processes.runtime.console import note, print_json
 
 MAX_RUNS = 10_000_000
@@ -112,7 +112,7 @@ def _search(options: FuzzOptions, kept: tuple[int, ...] | None) -> Iterator[Foun
     with ProcessPoolExecutor(jobs, get_context("spawn"), begin_worker, (os.getpid(),)) as pool:
         window = jobs * IN_FLIGHT
         for start in range(0, len(seeds), window):
-            with interrupt_held_back():
+            with sigint_blocked():
                 found = pool.map(_run, [(seed, kept) for seed in seeds[start : start + window]])
             yield from found
 
