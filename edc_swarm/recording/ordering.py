@@ -27,12 +27,14 @@ from edc_swarm.recording.model import Recording
 
 FETCHED = "fetched"
 """Fact of `run_end`: how many messages were asked for again, and had."""
+MAX_DIGITS = 18
+"""Digits of a count in `run_end`."""
 
 
-def fetched_count(recording: Recording) -> int:
-    """How many messages came late, since they had to be asked for again."""
+def fetched_count(recording: Recording) -> int | None:
+    """Return how many messages came late, since they had to be asked for again; None where `run_end` does not say."""
     told = (recording.run_end or {}).get(FETCHED, "")
-    return int(told) if told.isdecimal() else 0
+    return int(told) if told.isdecimal() and len(told) <= MAX_DIGITS else None
 
 
 def put_in_order(recording: Recording) -> None:

@@ -150,7 +150,10 @@ def _latencies(mission: MissionMessage, columns: Columns) -> list[Series]:
 
 
 def _used_j(columns: Columns) -> NDArray[np.float64]:
-    """(S,) energy taken from all batteries since each was first heard of; silence holds the last value."""
+    """(S,) energy taken from all batteries since each was first heard of; silence holds the last value.
+
+    NaN in slots in which nobody was heard of yet, and in those of which the record lacks something.
+    """
     energy_j = columns.energy_j.copy()
     for now, before in zip(energy_j[1:], energy_j[:-1], strict=True):
         unknown = np.isnan(now)
@@ -160,6 +163,7 @@ def _used_j(columns: Columns) -> NDArray[np.float64]:
         energy_j[np.argmax(heard, axis=0), np.arange(energy_j.shape[1])] if len(energy_j) else energy_j.sum(axis=0)
     )
     used_j: NDArray[np.float64] = np.nansum(first_j - energy_j, axis=1)
+    used_j[~heard.any(axis=1) | columns.lost.any(axis=1)] = np.nan
     return used_j
 
 

@@ -279,11 +279,11 @@ def detour_with_a_hole() -> list[Message]:
 
 
 def test_nobody_is_accused_of_what_the_record_has_lost() -> None:
-    """A frozen recorder breaks G5 and nothing else; the metrics see no collision either."""
+    """A frozen recorder breaks G5 and nothing else; the metrics count no collision, nor none."""
     messages = detour_with_a_hole()
     assert broken(messages) == {"G5"}
     metrics = compute_metrics(recorded(messages))
-    assert (metrics.potential_collisions, metrics.true_collisions) == (0, 0)
+    assert (metrics.potential_collisions, metrics.true_collisions) == (None, None)
     assert metrics.min_disc_gap_m is not None
     assert metrics.min_disc_gap_m > 0
 
@@ -694,7 +694,7 @@ def test_g5_notes_what_is_no_message(messages: list[Message]) -> None:
     notes = check_no_loss(gather(recording)).notes
     recording.run_end = None
     assert check_no_loss(gather(recording)).status == "held"
-    assert compute_metrics(recording).fetched == 0
+    assert compute_metrics(recording).fetched is None
     assert notes[MAX_GARBAGE_NOTES:] == [left_out, f"not messages: {MAX_GARBAGE_NOTES + 2} in all, 21 kinds of them"]
 
 

@@ -11,13 +11,13 @@ from edc_swarm.foreign_text import shown
 from edc_swarm.mission.configuration import OPERATOR
 from edc_swarm.protocol.events import EventKind
 from edc_swarm.recording.model import Recording
+from edc_swarm.recording.ordering import MAX_DIGITS
 from edc_swarm.recording.sequences import Gap, sequence_numbers, unknown_tails
 
 _G5 = ("G5", "No loss in the record")
 MAX_GARBAGE_NOTES = 20
 MESSAGES = "messages"
 """Fact of `run_end`: how many messages were written."""
-MAX_DIGITS = 18
 VIEWERS = "/viz/"
 MAX_TOPICS = 5
 MAX_TOPIC = 60
@@ -43,7 +43,7 @@ def check_no_loss(evidence: Evidence) -> GuaranteeResult:
     notes += [*_unfinished(evidence), *_garbage(recording), *_unknown_topics(recording)]
     if recording.duplicates:
         notes.append(f"duplicates: {recording.duplicates} messages are in the file again, bit by bit; each counts once")
-    if not found and (why := _unproved(evidence)):
+    if not found and (why := unproved(evidence)):
         return not_judged(*_G5, why, notes)
     return verdict(*_G5, found, notes)
 
@@ -56,8 +56,8 @@ def _uncounted(recording: Recording) -> Iterator[Violation]:
         yield Violation("count", f"{counted} messages were recorded, {there} are in the file")
 
 
-def _unproved(evidence: Evidence) -> str:
-    """Why the numbers prove nothing, "" where they do."""
+def unproved(evidence: Evidence) -> str:
+    """Return why the numbers prove nothing, "" where they do."""
     recording = evidence.recording
     if not sequence_numbers(recording):
         return "no message carries a number"
