@@ -15,14 +15,15 @@ from processes.cli.summary import guarantees_status, print_guarantees, print_met
 from processes.runtime.console import FAILED, NOT_JUDGED, note, print_json, stdout_console
 
 
-def conclude(path: Path, *, as_json: bool, last_slot: int = -1) -> int:
+def conclude(path: Path, *, as_json: bool, last_slot: int = -1, load_planner: bool = False) -> int:
     """Print what the recording at `path` says; the exit status.
 
-    `last_slot` is the newest slot that the operator saw: a recording that ends before it is not all of the run.
+    `load_planner`: the user named the planner, so that G6 may load it. `last_slot` is the newest slot that the operator
+    saw: a recording that ends before it is not all of the run.
     """
     recording = read_recording(path)
     metrics = compute_metrics(recording, load_timings(path, note))
-    guarantees = judged(recording, show_progress=not as_json)
+    guarantees = judged(recording, show_progress=not as_json, load_planner=load_planner)
     if as_json:
         print_json({**msgspec.to_builtins(metrics), "guarantees": guarantees, "recording": str(path)})
     else:
