@@ -7,6 +7,7 @@ from dataclasses import dataclass, field, replace
 from typing import Any
 
 from edc_swarm.protocol.messages import Command, Event, Fix, Message, MissionMessage, Report, Truth
+from edc_swarm.recording.ordering import put_in_order
 
 MAX_GARBAGE = 10_000
 """Kinds of garbage (topic and reason) that are told apart; all others count as of one kind."""
@@ -91,7 +92,7 @@ class Recording:
         run: Mapping[str, str] | None = None,
         run_end: Mapping[str, str] | None = None,
     ) -> Recording:
-        """Make a recording of messages in the order of their publication.
+        """Make a recording of messages, in the order in which the reader of a file with them would have them.
 
         `mission` is needed only where none of the messages is the mission.
         """
@@ -101,6 +102,7 @@ class Recording:
             lists[type(message)].append(message)
         if mission is not None and not recording.missions:
             recording.missions.append(mission)
+        put_in_order(recording)
         return recording
 
 

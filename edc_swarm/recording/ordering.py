@@ -17,13 +17,15 @@ from __future__ import annotations
 from collections.abc import Callable, Iterator, Sequence
 from itertools import groupby, pairwise
 from operator import attrgetter
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import msgspec
 
 from edc_swarm.protocol.keys import KEY_FORMS
 from edc_swarm.protocol.messages import Event, MissionMessage
-from edc_swarm.recording.model import Recording
+
+if TYPE_CHECKING:
+    from edc_swarm.recording.model import Recording
 
 FETCHED = "fetched"
 """Fact of `run_end`: how many messages were asked for again, and had."""

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import pytest
-from synthetic import flight, parallel, recorded, whole
+from synthetic import EPOCH_NS, SLOT_NS, flight, parallel, recorded, whole
 
 from edc_swarm.analysis.energy_bill import EnergyBill, Exhausted, energy_bills, exhausted
 from edc_swarm.analysis.metrics import Timing
@@ -56,7 +56,8 @@ def test_what_the_record_lacks_is_on_no_bill(messages: list[Message], kind: type
 def test_measured_times_replace_recorded_ones(messages: list[Message]) -> None:
     """One for each plan of a slot, in their order; where there is none the record counts."""
     again = next(m for m in messages if isinstance(m, Report) and m.slot == 1)
-    messages.append(Report(head="u1", slot=1, term=2, status=again.status, plan_ms=7.0, quorum=2))
+    common = {"instance": "i1", "sent_ns": again.sent_ns + 1, "status": again.status, "quorum": 2}
+    messages.append(Report(head="u1", slot=1, term=2, plan_ms=7.0, **common))
     timings = [Timing(0, 100.0), Timing(1, 200.0), Timing(1, 300.0)]
     bills = energy_bills(recorded(messages), timings)
     assert [bill.compute_j for bill in bills] == pytest.approx([5.0 * (0.3 + 49e-3), 5.0 * 0.3, 0.0])
@@ -65,5 +66,5 @@ def test_measured_times_replace_recorded_ones(messages: list[Message]) -> None:
 def test_who_ran_empty(messages: list[Message]) -> None:
     """In the order in which they did; other events are none."""
     for uav, slot in (("u2", 5), ("u1", 7)):
-        messages.append(Event(source=uav, slot=slot, kind="battery-empty"))
+        messages.append(Event(source=uav, slot=slot, kind="battery-empty", sent_ns=EPOCH_NS + slot * SLOT_NS))
     assert exhausted(recorded(messages)) == [Exhausted("u2", 5), Exhausted("u1", 7)]

@@ -628,7 +628,8 @@ def test_g5_finds_a_stream_that_is_missing_altogether(messages: list[Message]) -
 
 def test_g5_finds_a_duplicate(messages: list[Message]) -> None:
     """The same number twice is no proof of anything."""
-    messages.append(next(m for m in messages if isinstance(m, Fix)))
+    first = next(m for m in messages if isinstance(m, Fix))
+    messages.append(msgspec.structs.replace(first, x_m=first.x_m + 1.0))
     assert results(messages)["G5"].violations[0].kind == "duplicate"
 
 

@@ -9,6 +9,7 @@ from edc_swarm.analysis.guarantees.evidence import Evidence
 from edc_swarm.analysis.guarantees.verdict import GuaranteeResult, Violation, not_judged, verdict
 from edc_swarm.foreign_text import shown
 from edc_swarm.mission.configuration import OPERATOR
+from edc_swarm.protocol.codec import MISPLACED
 from edc_swarm.protocol.events import EventKind
 from edc_swarm.recording.model import Recording
 from edc_swarm.recording.ordering import MAX_DIGITS
@@ -40,7 +41,7 @@ def check_no_loss(evidence: Evidence) -> GuaranteeResult:
         notes.append(f"the recorder dropped {dropped} messages; all that were said are there all the same")
     elif dropped != "0":
         found.append(Violation("dropped", f"the recorder dropped {dropped} messages"))
-    notes += [*_unfinished(evidence), *_garbage(recording), *_unknown_topics(recording)]
+    notes += [*_unfinished(evidence), *_misplaced(recording), *_garbage(recording), *_unknown_topics(recording)]
     if recording.duplicates:
         notes.append(f"duplicates: {recording.duplicates} messages are in the file again, bit by bit; each counts once")
     if not found and (why := unproved(evidence)):
@@ -106,11 +107,21 @@ def _unknown_tails(recording: Recording) -> Iterator[str]:
         yield f"tail unknown: what was last said on {silent[0]}{more} may be missing, no last word of {instance}"
 
 
+def _misplaced(recording: Recording) -> Iterator[str]:
+    """Say how many messages stand under a key that their content does not name."""
+    found = [garbage for garbage in recording.garbage if garbage.reason == MISPLACED]
+    if found:
+        first = min(found, key=lambda garbage: (garbage.log_time_ns, garbage.topic))
+        count = sum(garbage.count for garbage in found)
+        yield f"recorded under the key of another: {count} messages, the first under {shown(first.topic)}"
+
+
 def _garbage(recording: Recording) -> Iterator[str]:
     """One note per topic and reason, however much of it there is."""
     counts: Counter[tuple[str, str]] = Counter()
     for garbage in sorted(recording.garbage, key=lambda garbage: (garbage.topic, garbage.reason)):
-        counts[garbage.topic, garbage.reason] += garbage.count
+        if garbage.reason != MISPLACED:
+            counts[garbage.topic, garbage.reason] += garbage.count
     for (topic, reason), count in counts.most_common(MAX_GARBAGE_NOTES):
         yield f"not a message: {shown(topic)} ({shown(reason)})" + (f", {count} times" if count > 1 else "")
     left_out = (recording.run_end or {}).get("foreign_left_out", "0")
