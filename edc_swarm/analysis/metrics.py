@@ -235,7 +235,6 @@ def compute_metrics(recording: Recording, timings: Sequence[Timing] = ()) -> Met
     first = min(commanded, default=None)
     last = int(arrival[living].max()) if settled else tracks.slots - 1
     makespan_s = _makespan_s(mission, arrival[living], first) if settled and known.motion else None
-    away = not_home(recording, tracks, living)
     heads = _heads(recording)
     separation = _separation(mission, tracks, known)
     path_m, straight_m = columns.step_m.sum(axis=0), np.array([entry.straight_m for entry in mission.roster])
@@ -244,10 +243,10 @@ def compute_metrics(recording: Recording, timings: Sequence[Timing] = ()) -> Met
         uavs=len(tracks.uavs),
         slots=slots,
         duration_s=mission.dt_s * slots,
-        completed=_completed(recording, home, away, known),
+        completed=_completed(recording, home, known),
         arrived=int(home.sum()),
         not_living=[uav for uav, alive in zip(tracks.uavs, living, strict=True) if not alive],
-        not_home=away,
+        not_home=not_home(recording, tracks, living),
         potential_collisions=separation.potential_collisions,
         true_collisions=separation.true_collisions,
         min_disc_gap_m=separation.min_disc_gap_m,
@@ -300,16 +299,12 @@ class _Known:
         return self.fixes and self.commands
 
 
-UNKNOWN_CAUSES = frozenset({"never-heard", "record-incomplete", "mission-ended", "silent"})
-"""Causes that an incomplete record may give to a UAV that came home after the record's end."""
-
-
-def _completed(recording: Recording, home: NDArray[np.bool_], away: Sequence[NotHome], known: _Known) -> bool | None:
-    """Return True if all are home; None where those who are not may be so only by what the record lacks."""
+def _completed(recording: Recording, home: NDArray[np.bool_], known: _Known) -> bool | None:
+    """Return True if all are home; None where the record lacks fixes, and does not tell how the mission ended."""
     ends = {event.detail for event in recording.events if event.kind == EventKind.END and event.source == OPERATOR}
     if known.fixes or home.all() or ends - {COMPLETED}:
         return bool(len(home) and home.all())
-    return None if all(who.cause in UNKNOWN_CAUSES for who in away) else False
+    return None
 
 
 def _gaps(evidence: Evidence) -> int | None:
