@@ -7,7 +7,7 @@ from pathlib import Path
 
 import msgspec
 import pytest
-from synthetic import EPOCH_NS, flight, parallel
+from synthetic import EPOCH_NS, flight, parallel, whole
 
 from edc_swarm.foreign_text import MAX_LINE
 from edc_swarm.protocol.codec import encode
@@ -18,19 +18,22 @@ from processes.cli.main import main
 
 ESCAPE = "\x1b]0;owned\x07\x1b[31m"
 LONG = "x" * 600_000
+DETAIL = "x" * 60_000
+"""So long may the detail of an event be."""
 
 
 @pytest.fixture
 def hostile(tmp_path: Path) -> Path:
     """A mission among escapes and 600 kB texts: in topics, in fault texts, as the cause of a UAV's end, in payloads."""
     path = tmp_path / "hostile.mcap"
-    messages = [m for m in flight(parallel()) if not (getattr(m, "uav", "") == "u2" and getattr(m, "slot", 0) > 3)]
+    flown = flight(parallel())
+    messages = whole(m for m in flown if not (getattr(m, "uav", "") == "u2" and getattr(m, "slot", 0) > 3))
     said = {"source": "operator", "instance": "operator", "sent_ns": EPOCH_NS + 1, "slot": 4}
     messages += [
-        Event(**said, seq=100, kind="fault-without-target", detail=f"{ESCAPE}{LONG}"),
-        Event(**said, seq=101, kind="exited", detail=f"u2 {ESCAPE}{LONG}"),
-        Event(**said, seq=102, kind="fault", detail=f"{ESCAPE}{LONG}"),
-        Event(**said, seq=103, kind="end", detail=f"{ESCAPE}{LONG}"),
+        Event(**said, seq=100, kind="fault-without-target", detail=f"{ESCAPE}{DETAIL}"),
+        Event(**said, seq=101, kind="exited", detail=f"u2 {ESCAPE}{DETAIL}"),
+        Event(**said, seq=102, kind="fault", detail=f"{ESCAPE}{DETAIL}"),
+        Event(**said, seq=103, kind="end", detail=f"{ESCAPE}{DETAIL}"),
     ]
     with path.open("w+b") as stream:
         writer = RecordingWriter(stream, {"clock": "wall", "command": f"{ESCAPE}{LONG}"})
