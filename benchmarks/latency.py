@@ -63,7 +63,7 @@ def trial(uavs: int, seed: int, folder: Path) -> dict[str, float]:
         "delay error p50": error.p50_ms,
         "delay error p99": error.p99_ms,
         "delay error max": error.max_ms,
-        "late ticks %": max(swarm.ticks_late_pct, delayed.ticks_late_pct),
+        "late ticks %": max(swarm.ticks_late_pct or 0.0, delayed.ticks_late_pct or 0.0),
     }
 
 

@@ -194,7 +194,8 @@ def measure(options: argparse.Namespace) -> int:
     told = Counter(event.source for event in recording.events if event.kind == "malformed")
     print(f"{said.total()} hostile messages, {'all' if in_time else 'NOT all'} during the mission")
     print(f"status {run.returncode}, {metrics['arrived']} of {metrics['uavs']} arrived in {metrics['slots']} slots")
-    late = f"{metrics['ticks_late_pct']:.2f} % of ticks late"
+    late_pct = metrics["ticks_late_pct"]
+    late = f"{'unknown' if late_pct is None else format(late_pct, '.2f')} % of ticks late"
     print(f"{metrics['potential_collisions']} collisions, {late}, {metrics['gaps']} gaps")
     print(f"{len(recording.garbage)} of the recorded messages are ignored; reported by {dict(told)}")
     for result in (result for result in check(recording) if result.broken or not result.judged):

@@ -32,7 +32,8 @@ print(f"energy {energy_pct:.1f} % and distance {metrics.extra_distance_pct:.1f} 
 
 # %% The energy bill of each UAV.
 for bill in energy_bills(recording, timings)[:5]:
-    print(f"{bill.uav}: cruise {bill.cruise_j:.0f} J, hover {bill.hover_j:.0f} J, radio {bill.radio_j:.2f} J")
+    parts_j = {"cruise": bill.cruise_j, "hover": bill.hover_j, "radio": bill.radio_j}
+    print(f"{bill.uav}: " + ", ".join(f"{name} {'-' if j is None else f'{j:.2f} J'}" for name, j in parts_j.items()))
 
 # %% One row per UAV and slot: mean speed of the UAVs that are still under way.
 frame = frame_of(columns, "pandas")

@@ -48,12 +48,12 @@ class Sample(Struct, frozen=True, kw_only=True):
         None in the simulator, and if no message was delayed.
     """
 
-    completed: bool
+    completed: bool | None
     slots: int
     limit_slots: int
     others_flew: int
-    potential_collisions: int
-    true_collisions: int
+    potential_collisions: int | None
+    true_collisions: int | None
     min_disc_gap_m: float | None
     broken: list[str]
     not_judged: list[str]
@@ -64,17 +64,17 @@ class Sample(Struct, frozen=True, kw_only=True):
     held_pct: float | None
     extra_distance_pct: float | None
     makespan_s: float | None
-    energy_kj: float
+    energy_kj: float | None
     failover_slots: int
     terms: int
     plan_ms: float | None
-    ticks_late_pct: float
+    ticks_late_pct: float | None
     delay_error: DelayError | None = None
 
     @property
     def invalid(self) -> bool:
-        """Whether the machine was overloaded, so that this run says nothing about the network."""
-        return self.ticks_late_pct > OVERLOADED_PCT
+        """True if the machine was, or may have been, overloaded, so that this run says nothing about the network."""
+        return self.ticks_late_pct is None or self.ticks_late_pct > OVERLOADED_PCT
 
 
 def sample_of(recording: Recording) -> Sample:
@@ -100,7 +100,7 @@ def sample_of(recording: Recording) -> Sample:
         held_pct=_held_pct(columns, first),
         extra_distance_pct=metrics.extra_distance_pct if done else None,
         makespan_s=metrics.makespan_s if done else None,
-        energy_kj=metrics.energy_propulsion_j / 1e3,
+        energy_kj=None if metrics.energy_propulsion_j is None else metrics.energy_propulsion_j / 1e3,
         failover_slots=sum(metrics.failover_slots),
         terms=len(metrics.heads),
         plan_ms=metrics.plan_ms.p50,
@@ -117,7 +117,7 @@ def _others_flew(recording: Recording) -> int:
 
 
 def _held_pct(columns: Columns, first: int) -> float | None:
-    away = (columns.away_m[:-1] > ARRIVED_M)[first:] & columns.alive[first:]
+    away = (columns.away_m[:-1] > ARRIVED_M)[first:] & (columns.alive & ~columns.lost)[first:]
     held = away & ~columns.executed[first:]
     return 100 * float(held.sum() / away.sum()) if away.any() else None
 

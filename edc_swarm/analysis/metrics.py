@@ -20,20 +20,22 @@ import numpy as np
 from msgspec import Struct
 from numpy.typing import NDArray
 
+from edc_swarm.analysis.guarantees.completeness import unproved
+from edc_swarm.analysis.guarantees.evidence import Evidence, gather
 from edc_swarm.analysis.living import alive_in, living_at_end
 from edc_swarm.analysis.outcome import NotHome, home_at_end, not_home
 from edc_swarm.analysis.separation import encounters, least_gap_m
-from edc_swarm.analysis.tracks import Tracks, tracks_of
+from edc_swarm.analysis.tracks import Tracks
 from edc_swarm.emulation.energy import compute_energy_j, propulsion_power_w, propulsion_powers_w
 from edc_swarm.errors import RecordingError
 from edc_swarm.files import read_regular
 from edc_swarm.mission.configuration import ARRIVED_M, OPERATOR, Mission
 from edc_swarm.mission.faults import parse_faults
+from edc_swarm.mission.prospect import COMPLETED
 from edc_swarm.protocol.events import EventKind
 from edc_swarm.protocol.messages import Report
 from edc_swarm.recording.model import Recording
 from edc_swarm.recording.ordering import fetched_count
-from edc_swarm.recording.sequences import find_gaps
 
 Floats = NDArray[np.float64]
 
@@ -79,31 +81,31 @@ class Metrics(Struct, frozen=True, kw_only=True):
     uavs: int
     slots: int
     duration_s: float
-    completed: bool
+    completed: bool | None
     arrived: int
     not_living: list[str]
     not_home: list[NotHome]
-    potential_collisions: int
-    true_collisions: int
+    potential_collisions: int | None
+    true_collisions: int | None
     min_disc_gap_m: float | None
     min_true_distance_m: float | None
-    path_m: float
+    path_m: float | None
     straight_m: float
     extra_distance_pct: float | None
     extra_distance_mean_pct: float | None
     makespan_s: float | None
     makespan_ratio: float | None
-    energy_propulsion_j: float
+    energy_propulsion_j: float | None
     energy_compute_j: float | None
     energy_straight_j: float
     plan_ms: Quantiles
     fix_to_command_ms: Quantiles
-    slots_held: int
-    slots_missed: int
-    ticks_late_pct: float
+    slots_held: int | None
+    slots_missed: int | None
+    ticks_late_pct: float | None
     messages: int
-    gaps: int
-    fetched: int
+    gaps: int | None
+    fetched: int | None
     duplicates: int
     heads: list[HeadTerm]
     failover_slots: list[int]
@@ -214,13 +216,14 @@ def measured(recording: Recording, timings: Sequence[Timing]) -> Sequence[Timing
 
 def columns_of(recording: Recording, timings: Sequence[Timing] = ()) -> Columns:
     """Return the run as arrays. `timings`, if given, replace the recorded plan times."""
-    tracks = tracks_of(recording)
+    tracks = gather(recording).tracks
     return _columns(recording, tracks, living_at_end(recording, tracks), timings)
 
 
 def compute_metrics(recording: Recording, timings: Sequence[Timing] = ()) -> Metrics:
     """Return all metrics of a run. `timings`, if given, replace the recorded plan times."""
-    mission, tracks = recording.mission, tracks_of(recording)
+    mission, evidence = recording.mission, gather(recording)
+    tracks, known = evidence.tracks, _Known.of(evidence)
     living = living_at_end(recording, tracks)
     columns = _columns(recording, tracks, living, timings)
     at_target = columns.away_m <= ARRIVED_M
@@ -231,16 +234,16 @@ def compute_metrics(recording: Recording, timings: Sequence[Timing] = ()) -> Met
     commanded = {command.slot for command in recording.commands}
     first = min(commanded, default=None)
     last = int(arrival[living].max()) if settled else tracks.slots - 1
-    makespan_s = _makespan_s(mission, arrival[living], first) if settled else None
+    makespan_s = _makespan_s(mission, arrival[living], first) if settled and known.motion else None
     heads = _heads(recording)
-    separation = _separation(mission, tracks)
+    separation = _separation(mission, tracks, known)
     path_m, straight_m = columns.step_m.sum(axis=0), np.array([entry.straight_m for entry in mission.roster])
     ended_m = _length_m(columns.centre_m[-1] - columns.centre_m[0])
     return Metrics(
         uavs=len(tracks.uavs),
         slots=slots,
         duration_s=mission.dt_s * slots,
-        completed=bool(len(home) and home.all()),
+        completed=_completed(recording, home, known),
         arrived=int(home.sum()),
         not_living=[uav for uav, alive in zip(tracks.uavs, living, strict=True) if not alive],
         not_home=not_home(recording, tracks, living),
@@ -248,28 +251,70 @@ def compute_metrics(recording: Recording, timings: Sequence[Timing] = ()) -> Met
         true_collisions=separation.true_collisions,
         min_disc_gap_m=separation.min_disc_gap_m,
         min_true_distance_m=separation.min_true_distance_m,
-        path_m=float(path_m.sum()),
+        path_m=float(path_m.sum()) if known.fixes else None,
         straight_m=float(straight_m.sum()),
-        extra_distance_pct=_extra_pct(path_m[home], ended_m[home]),
-        extra_distance_mean_pct=_extra_mean_pct(path_m[home], ended_m[home], straight_m[home]),
+        extra_distance_pct=_extra_pct(path_m[home], ended_m[home]) if known.fixes else None,
+        extra_distance_mean_pct=(
+            _extra_mean_pct(path_m[home], ended_m[home], straight_m[home]) if known.fixes else None
+        ),
         makespan_s=makespan_s,
         makespan_ratio=_makespan_ratio(mission, makespan_s, _reached_m(columns, arrival)[living]),
-        energy_propulsion_j=_propulsion_j(mission, columns, arrival, first),
+        energy_propulsion_j=_propulsion_j(mission, columns, arrival, first) if known.motion else None,
         energy_compute_j=_compute_j(recording, columns),
         energy_straight_j=_straight_energy_j(mission),
         plan_ms=_quantiles(columns.plan_ms),
         fix_to_command_ms=_quantiles(columns.fix_to_command_ms),
-        slots_held=_slots_held(columns, at_target, first, last),
-        slots_missed=len(set(range(first, last + 1)) - commanded) if first is not None else 0,
+        slots_held=_slots_held(columns, at_target, first, last) if known.motion else None,
+        slots_missed=_slots_missed(commanded, first, last) if known.motion else None,
         ticks_late_pct=_ticks_late_pct(recording, int(tracks.heard.sum())),
         messages=recording.message_count,
-        gaps=sum(gap.count for gap in find_gaps(recording) if not gap.duplicate),
+        gaps=_gaps(evidence),
         fetched=fetched_count(recording),
         duplicates=recording.duplicates,
         heads=heads,
         failover_slots=[max(0, new.first_slot - old.last_slot - 1) for old, new in pairwise(heads)],
         faults_undone=_faults_undone(recording, mission.dt_s * slots),
     )
+
+
+@dataclass(frozen=True, slots=True)
+class _Known:
+    """The kinds of messages of which the record is known to lack none: what is counted in them is then a measurement.
+
+    A count of what was found may always be told; a count of 0, a sum and a share of all may not.
+    """
+
+    fixes: bool
+    truths: bool
+    commands: bool
+
+    @classmethod
+    def of(cls, evidence: Evidence) -> _Known:
+        """Return what `evidence` is complete in."""
+        return cls(*(not any(evidence.missing(kind)) for kind in ("fix", "truth", "command")))
+
+    @property
+    def motion(self) -> bool:
+        """True if it is known who flew which command."""
+        return self.fixes and self.commands
+
+
+def _completed(recording: Recording, home: NDArray[np.bool_], known: _Known) -> bool | None:
+    """Return True if all are home; None where the record lacks fixes, and does not tell how the mission ended."""
+    ends = {event.detail for event in recording.events if event.kind == EventKind.END and event.source == OPERATOR}
+    if known.fixes or home.all() or ends - {COMPLETED}:
+        return bool(len(home) and home.all())
+    return None
+
+
+def _gaps(evidence: Evidence) -> int | None:
+    """Return how many messages the numbers prove to be missing; None where they neither show nor exclude any."""
+    missing = sum(gap.count for gap in evidence.gaps if not gap.duplicate)
+    return None if not missing and unproved(evidence) else missing
+
+
+def _slots_missed(commanded: set[int], first: int | None, last: int) -> int:
+    return len(set(range(first, last + 1)) - commanded) if first is not None else 0
 
 
 def _faults_undone(recording: Recording, duration_s: float) -> list[str]:
@@ -345,20 +390,20 @@ def _makespan_ratio(mission: Mission, makespan_s: float | None, reached_m: Float
 class _Separation(NamedTuple):
     """Numbers of colliding pairs and least distances, of tracked discs and of true bodies."""
 
-    potential_collisions: int
-    true_collisions: int
+    potential_collisions: int | None
+    true_collisions: int | None
     min_disc_gap_m: float | None
     min_true_distance_m: float | None
 
 
-def _separation(mission: Mission, tracks: Tracks) -> _Separation:
+def _separation(mission: Mission, tracks: Tracks, known: _Known) -> _Separation:
     radius_m = np.array([entry.r_m for entry in mission.roster])
     body_m = np.array([entry.body_m for entry in mission.roster])
     from_m, to_m = tracks.seen_m
     true_m = (tracks.true_from_m, tracks.true_to_m)
     return _Separation(
-        _pairs(from_m, to_m, radius_m, -OVERLAP_TOLERANCE_M),
-        _pairs(*true_m, body_m, -BODY_TOLERANCE_M),
+        _pairs(from_m, to_m, radius_m, -OVERLAP_TOLERANCE_M) or (0 if known.fixes else None),
+        _pairs(*true_m, body_m, -BODY_TOLERANCE_M) or (0 if known.fixes and known.truths else None),
         _finite(least_gap_m(from_m, to_m, radius_m)),
         _finite(least_gap_m(*true_m, np.zeros_like(body_m))),
     )
@@ -446,13 +491,13 @@ def _slots_held(columns: Columns, at_target: NDArray[np.bool_], first: int | Non
     return int(held[first : last + 1].sum())
 
 
-def _ticks_late_pct(recording: Recording, ticks: int) -> float:
+def _ticks_late_pct(recording: Recording, ticks: int) -> float | None:
     """Late ticks among all slots begun; `late_ticks` counts within one life of a process."""
     late: dict[tuple[str, str], int] = {}
     for fix in recording.fixes:
         if fix.late_ticks:
             late[fix.uav, fix.instance] = max(fix.late_ticks, late.get((fix.uav, fix.instance), 0))
-    return 100 * sum(late.values()) / ticks if ticks else 0.0
+    return 100 * sum(late.values()) / ticks if ticks else None
 
 
 def _heads(recording: Recording) -> list[HeadTerm]:

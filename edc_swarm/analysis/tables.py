@@ -17,20 +17,20 @@ def metric_rows(m: Metrics) -> list[tuple[str, str]]:
     return [
         ("arrived", f"{m.arrived} of {m.uavs}{away}"),
         *_not_home(m),
-        ("slots", f"{m.slots} ({m.duration_s:g} s), {m.slots_missed} without commands"),
-        ("heads", (heads + (", ..." if len(m.heads) > MAX_HEADS else "")) or "none"),
-        ("collisions", f"{m.potential_collisions} potential, {m.true_collisions} true"),
+        ("slots", f"{m.slots} ({m.duration_s:g} s), {_count(m.slots_missed)} without commands"),
+        ("heads", (heads + (", ..." if len(m.heads) > MAX_HEADS else "")) or "none recorded"),
+        ("collisions", f"{_count(m.potential_collisions)} potential, {_count(m.true_collisions)} true"),
         (
             "least gap",
             f"{_number(m.min_disc_gap_m, 'm')} between discs, {_number(m.min_true_distance_m, 'm')} true distance",
         ),
-        ("way flown", f"{m.path_m:.1f} m{_extra(m)}"),
+        ("way flown", "-" if m.path_m is None else f"{m.path_m:.1f} m{_extra(m)}"),
         ("makespan", _makespan(m)),
-        ("energy", f"{m.energy_propulsion_j / 1e3:.2f} kJ, straight {m.energy_straight_j / 1e3:.2f} kJ"),
+        ("energy", f"{_kj(m.energy_propulsion_j)}, straight {_kj(m.energy_straight_j)}"),
         ("plan time", _quantiles(m.plan_ms)),
         ("fix to command", _quantiles(m.fix_to_command_ms)),
-        ("late ticks", f"{m.ticks_late_pct:.2f} %"),
-        ("messages", f"{m.messages}, {m.gaps} gaps" + _late_and_twice(m)),
+        ("late ticks", _number(m.ticks_late_pct, "%")),
+        ("messages", f"{m.messages}, {_count(m.gaps)} gaps" + _late_and_twice(m)),
         *undone,
     ]
 
@@ -54,6 +54,14 @@ def _extra(m: Metrics) -> str:
         return ""
     whose = ", " if m.arrived == m.uavs else "; by those at their targets "
     return f"{whose}{_number(m.extra_distance_pct, '%')} more than straight"
+
+
+def _count(value: int | None) -> str:
+    return "-" if value is None else str(value)
+
+
+def _kj(value_j: float | None) -> str:
+    return "-" if value_j is None else f"{value_j / 1e3:.2f} kJ"
 
 
 def _number(value: float | None, unit: str) -> str:

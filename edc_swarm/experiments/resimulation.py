@@ -13,12 +13,14 @@ from dataclasses import dataclass, field
 from edc_swarm.analysis.guarantees.check import check
 from edc_swarm.analysis.guarantees.verdict import GuaranteeResult, Violation, not_applicable, not_judged, verdict
 from edc_swarm.errors import MissionError
+from edc_swarm.foreign_text import shown
 from edc_swarm.planner.interface import Plan, Planner, PlanRequest, timeless
-from edc_swarm.planner.registry import make_planner
+from edc_swarm.planner.registry import BUILT_IN, make_planner
 from edc_swarm.protocol.codec import encode
 from edc_swarm.protocol.keys import Keys
 from edc_swarm.protocol.messages import Message
 from edc_swarm.recording.model import Recording
+from edc_swarm.simulation.closed_loop import AS_PRINTED
 from edc_swarm.simulation.simulator import Simulation
 
 _G6 = ("G6", "Same seed, same bytes")
@@ -34,14 +36,29 @@ Watch = Callable[[int, int], None]
 """Progress callback of the second simulation: number of slots simulated so far, and number of all slots."""
 
 
-def judge(recording: Recording, otherwise: str = "", watch: Watch = lambda _done, _of: None) -> list[GuaranteeResult]:
+def loads_foreign_code(planner: str) -> bool:
+    """Return True if to make `planner` is to import code that is not this project's."""
+    return planner not in {*BUILT_IN, AS_PRINTED}
+
+
+def judge(
+    recording: Recording,
+    otherwise: str = "",
+    watch: Watch = lambda _done, _of: None,
+    *,
+    load_planner: bool = False,
+) -> list[GuaranteeResult]:
     """Return the verdict on every guarantee, G1 to G7; see `check_same_bytes`."""
-    results = [*check(recording), check_same_bytes(recording, otherwise, watch)]
+    results = [*check(recording), check_same_bytes(recording, otherwise, watch, load_planner=load_planner)]
     return sorted(results, key=lambda result: result.guarantee)
 
 
 def check_same_bytes(
-    recording: Recording, otherwise: str = "", watch: Watch = lambda _done, _of: None
+    recording: Recording,
+    otherwise: str = "",
+    watch: Watch = lambda _done, _of: None,
+    *,
+    load_planner: bool = False,
 ) -> GuaranteeResult:
     """Return the verdict on G6; it takes as long as the simulation itself.
 
@@ -52,13 +69,19 @@ def check_same_bytes(
     otherwise
         Description of the version, library or machine of the recording that differs from this one ("": none).
     watch
-        Progress callback.
+        Told how far the simulation is.
+    load_planner
+        Import the planner that the recording names, whosever it is: a recording of a stranger may name any code.
     """
     clock = recording.run.get("clock")
     if clock == WALL:
         return not_applicable(*_G6, "real processes: what they say follows the machine's timing, not the seed alone")
     if clock != VIRTUAL:
         return not_judged(*_G6, "the record does not say that a simulation made it")
+    planner = recording.mission.planner
+    if not load_planner and loads_foreign_code(planner):
+        why = f"the planner {shown(planner)} is not one of this project's; give --load-planner to load it"
+        return not_judged(*_G6, why)
     last = _last_slot(recording)
     if last > MAX_SLOTS:
         return not_judged(*_G6, f"slot {last} is beyond what is simulated again ({MAX_SLOTS} slots)")
@@ -158,5 +181,5 @@ def _last_slot(recording: Recording) -> int:
 def _different(key: str, found: Message, again: Message) -> Violation:
     """Return a violation that names the fields in which two messages differ."""
     names = [name for name in found.__struct_fields__ if getattr(found, name) != getattr(again, name)]
-    shown = [f"{name} was {getattr(found, name)!r:.60}, is {getattr(again, name)!r:.60}" for name in names[:2]]
-    return Violation("different", f"{key} {found.seq}: {'; '.join(shown) or 'not the same bytes'}", _slot(found))
+    changes = [f"{name} was {getattr(found, name)!r:.60}, is {getattr(again, name)!r:.60}" for name in names[:2]]
+    return Violation("different", f"{key} {found.seq}: {'; '.join(changes) or 'not the same bytes'}", _slot(found))

@@ -14,6 +14,8 @@ from edc_swarm.protocol.keys import PREFIX, Keys, kind_of
 from edc_swarm.protocol.messages import Message, MissionMessage
 
 MAX_MESSAGE_BYTES = 1 << 20
+MISPLACED = "sender or receiver is not the one in the key"
+"""Reason why a message on the key of another is rejected."""
 _DECODERS: dict[type[Struct], msgspec.json.Decoder[Any]] = {
     kind: msgspec.json.Decoder(kind) for kind in get_args(Message)
 }
@@ -54,7 +56,7 @@ def _check_key(key: str, message: Message) -> None:
     if parts[0] != PREFIX:
         return
     if Keys(parts[1]).of(message) != key:
-        raise MessageError(key, "sender or receiver is not the one in the key")
+        raise MessageError(key, MISPLACED)
     if isinstance(message, MissionMessage) and message.name != parts[1]:
         raise MessageError(key, "another mission's")
 

@@ -7,6 +7,7 @@ from dataclasses import dataclass, field, replace
 from typing import Any
 
 from edc_swarm.protocol.messages import Command, Event, Fix, Message, MissionMessage, Report, Truth
+from edc_swarm.recording.ordering import put_in_order
 
 MAX_GARBAGE = 10_000
 """Most pairs of topic and reason that are counted separately; all further garbage is counted together."""
@@ -101,6 +102,7 @@ class Recording:
             lists[type(message)].append(message)
         if mission is not None and not recording.missions:
             recording.missions.append(mission)
+        put_in_order(recording)
         return recording
 
 

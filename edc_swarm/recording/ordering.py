@@ -19,24 +19,28 @@ publisher) is dropped and counted; two different messages with the same `seq` bo
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Sequence
-from itertools import groupby, pairwise
-from operator import attrgetter
-from typing import Any
+from itertools import groupby, islice, pairwise
+from operator import attrgetter, lt
+from typing import TYPE_CHECKING, Any
 
 import msgspec
 
 from edc_swarm.protocol.keys import KEY_FORMS
 from edc_swarm.protocol.messages import Event, MissionMessage
-from edc_swarm.recording.model import Recording
+
+if TYPE_CHECKING:
+    from edc_swarm.recording.model import Recording
 
 FETCHED = "fetched"
 """Fact of `run_end`: how many messages were asked for again, and had."""
+MAX_DIGITS = 18
+"""Digits of a count in `run_end`."""
 
 
-def fetched_count(recording: Recording) -> int:
-    """How many messages came late, since they had to be asked for again."""
+def fetched_count(recording: Recording) -> int | None:
+    """Return how many messages came late, since they had to be asked for again; None where `run_end` does not say."""
     told = (recording.run_end or {}).get(FETCHED, "")
-    return int(told) if told.isdecimal() else 0
+    return int(told) if told.isdecimal() and len(told) <= MAX_DIGITS else None
 
 
 def put_in_order(recording: Recording) -> None:
@@ -51,7 +55,11 @@ def _ordered(messages: Sequence[Any], kind: type, names: tuple[str, ...]) -> lis
     time_names = ("sent_ns",) if kind in {Event, MissionMessage} else ("slot", "sent_ns")
     stream = attrgetter(*names, "instance")
     place = attrgetter(*time_names, *names, "instance", "seq")
-    ordered = _without_duplicates(sorted(messages, key=place), place)
+    places = list(map(place, messages))
+    if all(map(lt, places, islice(places, 1, None))):
+        ordered = list(messages)  # the common case: a file in order, with nothing twice
+    else:
+        ordered = _without_duplicates(sorted(messages, key=place), place)
     if _follows_numbers(ordered, stream):
         return ordered
     return _by_latest_time(ordered, attrgetter("seq", *time_names), stream)

@@ -16,8 +16,8 @@ import msgspec
 from msgspec import Struct
 
 from edc_swarm.errors import MessageError, RecordingError
-from edc_swarm.protocol.codec import MAX_MESSAGE_BYTES, decode
-from edc_swarm.protocol.keys import kind_of
+from edc_swarm.protocol.codec import MAX_MESSAGE_BYTES, MISPLACED, decode
+from edc_swarm.protocol.keys import KEY_FORMS, PREFIX, kind_of
 from edc_swarm.protocol.messages import Command, Fix, Message, MissionMessage, Truth
 from edc_swarm.recording.mcap_file import Channel, McapFile
 from edc_swarm.recording.model import Bin, Garbage, Recording
@@ -113,6 +113,8 @@ def _read_messages(file: McapFile, recording: Recording) -> None:
             garbage.add(refused)
         elif channel.topic == TOO_LARGE:
             garbage.add(_too_large(payload, log_ns))
+        elif channel.topic.startswith(f"{PREFIX}/") and _is_of_the_swarm(payload):
+            garbage.add(Garbage(channel.topic, log_ns, MISPLACED))
         else:
             recording.unknown[channel.topic] = recording.unknown.get(channel.topic, 0) + 1
     recording.garbage = garbage.contents()
@@ -132,6 +134,16 @@ class Seen:
         if len(self._hashes) < MAX_SEEN:
             self._hashes.add(number)
         return False
+
+
+def _is_of_the_swarm(payload: bytes) -> bool:
+    """Return True if `payload`, recorded under a key that no message has, is a numbered message of the swarm."""
+    for kind in KEY_FORMS:
+        try:
+            return bool(_json_decoder(kind)(payload).instance)
+        except (msgspec.DecodeError, UnicodeDecodeError, RecursionError):
+            continue
+    return False
 
 
 def _too_large(payload: bytes, log_ns: int) -> Garbage:

@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 
 from edc_swarm.analysis.metrics import Columns, HeadTerm, Timing, columns_of
 from edc_swarm.analysis.separation import least_gaps_m
+from edc_swarm.foreign_text import MAX_LINE, shown
 from edc_swarm.protocol.events import EventKind
 from edc_swarm.protocol.messages import MissionMessage
 from edc_swarm.recording.model import Recording
@@ -74,7 +75,7 @@ class Page(Struct, frozen=True, kw_only=True):
         heard = ~np.isnan(columns.energy_j[::every])
         leader = _leader(recording, columns)[::every]
         return cls(
-            name=mission.name,
+            name=shown(mission.name),
             uavs=columns.uavs,
             r_m=[entry.r_m for entry in mission.roster],
             target_m=[(entry.target_x_m, entry.target_y_m) for entry in mission.roster],
@@ -120,7 +121,7 @@ def _leader(recording: Recording, columns: Columns) -> NDArray[np.int64]:
 def _faults(recording: Recording) -> list[FaultMark]:
     mission, said = recording.mission, [event for event in recording.events if event.kind == EventKind.FAULT]
     per_s = mission.time_scale / 1e9
-    return [FaultMark((e.sent_ns - mission.epoch_ns) * per_s, e.detail) for e in said[:MAX_FAULTS]]
+    return [FaultMark((e.sent_ns - mission.epoch_ns) * per_s, shown(e.detail, MAX_LINE)) for e in said[:MAX_FAULTS]]
 
 
 def _plots(mission: MissionMessage, columns: Columns) -> list[Plot]:
@@ -150,7 +151,10 @@ def _latencies(mission: MissionMessage, columns: Columns) -> list[Series]:
 
 
 def _used_j(columns: Columns) -> NDArray[np.float64]:
-    """(S,) energy taken from all batteries since each was first heard of; silence holds the last value."""
+    """(S,) energy taken from all batteries since each was first heard of; silence holds the last value.
+
+    NaN in slots in which nobody was heard of yet, and in those of which the record lacks something.
+    """
     energy_j = columns.energy_j.copy()
     for now, before in zip(energy_j[1:], energy_j[:-1], strict=True):
         unknown = np.isnan(now)
@@ -160,6 +164,7 @@ def _used_j(columns: Columns) -> NDArray[np.float64]:
         energy_j[np.argmax(heard, axis=0), np.arange(energy_j.shape[1])] if len(energy_j) else energy_j.sum(axis=0)
     )
     used_j: NDArray[np.float64] = np.nansum(first_j - energy_j, axis=1)
+    used_j[~heard.any(axis=1) | columns.lost.any(axis=1)] = np.nan
     return used_j
 
 

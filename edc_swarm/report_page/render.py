@@ -7,6 +7,7 @@ from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from html import escape
 from string import Template
+from typing import Any
 
 import msgspec
 
@@ -43,7 +44,7 @@ def render(
         guarantees="".join(_guarantee(result) for result in guarantees),
         faults=_rows((f"{fault.time_s:.2f} s", fault.text) for fault in page.faults) or _rows([("none", "")]),
         facts=_rows((name, run[name][:MAX_FACT]) for name in FACTS if run.get(name)),
-        metrics_json=_embedded(metrics),
+        metrics_json=_embedded(_printable(msgspec.to_builtins(metrics))),
         data=_embedded(page),
     )
 
@@ -63,7 +64,7 @@ def _broken(text: str) -> str:
 
 
 def _guarantee(result: GuaranteeResult) -> str:
-    where = [escape(line) for line in (*result.where[:MAX_WHERE], *result.notes[:MAX_WHERE])]
+    where = [escape(shown(line, MAX_LINE)) for line in (*result.where[:MAX_WHERE], *result.notes[:MAX_WHERE])]
     if len(result.where) > MAX_WHERE:
         where.append(f"... {len(result.where)} in all")
     items = f"<ul>{''.join(f'<li>{line}</li>' for line in where)}</ul>" if where else ""
@@ -75,3 +76,16 @@ def _embedded(value: object) -> str:
     """Return JSON without the characters that could end its script element."""
 
     return msgspec.json.encode(value).decode().replace("<", "\\u003c")
+
+
+def _printable(value: Any) -> Any:
+    """Return plain data with each text in it cut and escaped as `shown` does."""
+    match value:
+        case str():
+            return shown(value, MAX_LINE)
+        case list():
+            return [_printable(each) for each in value]
+        case dict():
+            return {name: _printable(each) for name, each in value.items()}
+        case _:
+            return value

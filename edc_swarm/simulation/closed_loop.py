@@ -8,13 +8,15 @@ from __future__ import annotations
 
 from itertools import pairwise
 
+import msgspec
 import numpy as np
 
 from edc_swarm.geometry import Floats, length_m
 from edc_swarm.mission.configuration import ARRIVED_M, Mission
 from edc_swarm.planner.interface import Plan, Planner, PlanRequest, Stopwatch
 from edc_swarm.planner.paper import Paper
-from edc_swarm.protocol.messages import Command, Fix, Message, MissionMessage
+from edc_swarm.protocol.events import EventKind
+from edc_swarm.protocol.messages import Command, Event, Fix, Message, MissionMessage
 from edc_swarm.recording.model import Recording
 
 
@@ -30,8 +32,15 @@ def recording_of(mission: MissionMessage, path_m: Floats) -> Recording:
         for entry, (x_m, y_m), (to_x_m, to_y_m) in zip(mission.roster, here_m, there_m, strict=True):
             start = {"start_x_m": x_m, "start_y_m": y_m, "target_x_m": to_x_m, "target_y_m": to_y_m}
             waypoint = {"x_m": to_x_m, "y_m": to_y_m, "waypoint_x_m": to_x_m, "waypoint_y_m": to_y_m}
-            said.append(Command(head=uavs[0], uav=entry.uav, slot=slot, term=1, **start))
-            said.append(Fix(uav=entry.uav, slot=slot, r_m=entry.r_m, executing=True, **waypoint))
+            said.append(Command(head=uavs[0], uav=entry.uav, slot=slot, seq=slot, term=1, **start))
+            said.append(Fix(uav=entry.uav, slot=slot, seq=slot, r_m=entry.r_m, executing=True, **waypoint))
+    last = len(path_m) - 2
+    for uav in uavs:
+        tails = {f"uav/{uav}/fix": last}
+        if uav == uavs[0]:
+            tails |= {f"head/{uav}/command/{other}": last for other in uavs}
+        detail = msgspec.json.encode(tails).decode()
+        said.append(Event(source=uav, slot=last, kind=EventKind.CLOSED, detail=detail))
     return Recording.from_messages(said)
 
 

@@ -149,7 +149,9 @@ def _long(result: Mapping[str, Any]) -> str:
     )
 
 
-def _bill_cell(value: float | str) -> str:
+def _bill_cell(value: float | str | None) -> str:
+    if value is None:
+        return "-"
     return (
         value if isinstance(value, str) else f"{value:.0f}" if value >= 100 or value == int(value) else f"{value:.2f}"
     )

@@ -113,11 +113,11 @@ def words(row: CellRow) -> list[str]:
         f"{row.limit_slots}",
         f"{row.predicted_in_time_pct:.0f}",
         "-" if row.completed_pct is None else f"{row.completed_pct:.0f}",
-        f"{row.potential_collisions}",
-        f"{row.true_collisions}",
+        "-" if row.potential_collisions is None else f"{row.potential_collisions}",
+        "-" if row.true_collisions is None else f"{row.true_collisions}",
         "-" if row.min_disc_gap_m is None else f"{row.min_disc_gap_m:.3f}",
         f"{row.terms:.1f}",
-        f"{row.ticks_late_pct:.2f}",
+        "-" if row.ticks_late_pct is None else f"{row.ticks_late_pct:.2f}",
     ]
 
 

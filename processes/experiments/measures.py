@@ -18,7 +18,7 @@ from edc_swarm.analysis.latency_sample import sample_of
 from edc_swarm.analysis.metrics import Timing, columns_of, compute_metrics
 from edc_swarm.emulation.energy import compute_energy_j
 from edc_swarm.geometry import length_m
-from edc_swarm.mission.configuration import Mission
+from edc_swarm.mission.configuration import ARRIVED_M, Mission
 from edc_swarm.mission.roster import complete_mission
 from edc_swarm.planner.paper import horizon_program, solve_horizon
 from edc_swarm.planner.registry import make_planner, warm_up
@@ -100,10 +100,12 @@ def time_plans(mission: Mission) -> dict[str, Any]:
     _warm_up(mission.planner)
     whole = complete_mission(mission)
     planner = make_planner(whole.planner, whole, time.perf_counter_ns)
-    _, plans = closed_loop(whole, planner)
+    path_m, plans = closed_loop(whole, planner)
+    target_m = np.array([(entry.target_x_m, entry.target_y_m) for entry in whole.roster])
     times_s = np.array([plan.guidance_ms + plan.assemble_ms + plan.solve_ms for plan in plans]) / 1e3
     return {
         "slots": len(plans),
+        "completed": bool((length_m(path_m[-1] - target_m) <= ARRIVED_M).all()),
         "total_s": float(times_s.sum()),
         "median_s": float(np.median(times_s)),
         "max_s": float(times_s.max()),

@@ -175,6 +175,30 @@ def close(messages: list[Message]) -> None:
     messages += [event for event in _closed(messages) if event.instance not in said]
 
 
+def whole(messages: Iterable[Message]) -> list[Message]:
+    """Return `messages` numbered as if nothing else had been said, with the last words that fit."""
+    said = [m for m in messages if not (isinstance(m, Event) and m.kind == "closed")]
+    counts: dict[tuple[Any, ...], int] = {}
+    numbers: dict[tuple[Any, ...], int] = {}
+    for message in said:
+        stream = (type(message), message.instance, getattr(message, "uav", ""), getattr(message, "source", ""))
+        numbers[*stream, message.seq] = counts[stream] = counts.get(stream, -1) + 1
+    heads = {command.term: command.instance for command in said if isinstance(command, Command)}
+    instances = {fix.uav: fix.instance for fix in said if isinstance(fix, Fix)}
+    renumbered: list[Message] = []
+    for message in said:
+        stream = (type(message), message.instance, getattr(message, "uav", ""), getattr(message, "source", ""))
+        fields: dict[str, int] = {"seq": numbers[*stream, message.seq]}
+        if isinstance(message, Fix) and message.command_seq >= 0:
+            ordered = (Command, heads.get(message.command_term, ""), message.uav, "", message.command_seq)
+            fields["command_seq"] = numbers.get(ordered, message.command_seq)
+        if isinstance(message, Command):
+            counted = (Fix, instances.get(message.uav, ""), message.uav, "", message.fix_seq)
+            fields["fix_seq"] = numbers.get(counted, message.fix_seq)
+        renumbered.append(msgspec.structs.replace(message, **fields))
+    return [*renumbered, *_closed(renumbered)]
+
+
 def change(messages: list[Message], match: dict[str, Any], kind: type, **fields: Any) -> int:
     """Replace fields of every message of `kind` whose fields equal `match`; return the number of messages changed."""
     hits = 0

@@ -8,7 +8,7 @@ import pytest
 
 from edc_swarm.experiments.figures.catalogue import FIGURES
 from edc_swarm.experiments.figures.findings import FigureFinding, finding, grows, trend
-from edc_swarm.experiments.figures.table import Row, line
+from edc_swarm.experiments.figures.table import Row, line, rows_of
 
 CLAIMS = {figure.name: figure.claim for figure in FIGURES}
 
@@ -184,3 +184,20 @@ def test_energy_is_saved_only_where_it_shows() -> None:
     lines = {"energy": lambda x: 1 - x / 10, "distance": lambda _x: 1.0, "time": lambda _x: 1.0}
     said = found("energy-minimise", lines, [9.98, 10, 10.05, 20, 40]).found
     assert "saves energy at 2 of 5 points, and costs some at 0." in said[-1]
+
+
+@pytest.mark.parametrize(
+    ("said", "expected"), [([True, True], 0), ([True, False], 1), ([True, None], 1), ([None, None], None)]
+)
+def test_only_a_run_that_says_so_is_complete(said: list[bool | None], expected: int | None) -> None:
+    """A result without `completed` counts as complete nowhere; where no run is a flight, nothing is counted."""
+    figure = next(figure for figure in FIGURES if figure.name == "4a")
+    results = {}
+    for series in figure.series:
+        for x in figure.axis.values:
+            for (run,), completed in zip(figure.samples(series, x, len(said)), said, strict=False):
+                told = {} if completed is None else {"completed": completed}
+                results[run.key] = {"potential_collisions": 1, "uavs": 10, **told}
+    assert {row.incomplete for row in rows_of(figure, len(said), results) if row.series == "edc"} == {expected}
+    unknown = {key: {**result, "potential_collisions": None} for key, result in results.items()}
+    assert rows_of(figure, len(said), unknown) == [], "an unknown count is no point of a line"

@@ -7,7 +7,7 @@ from pathlib import Path
 import msgspec
 import numpy as np
 import pytest
-from synthetic import EPOCH_NS, SLOT_NS, change, flight, parallel, recorded, straight
+from synthetic import EPOCH_NS, SLOT_NS, change, flight, parallel, recorded, straight, whole
 
 from edc_swarm.analysis.energy_bill import energy_bills
 from edc_swarm.analysis.metrics import (
@@ -144,7 +144,8 @@ def test_makespan_begins_with_the_first_command_and_ends_for_good() -> None:
     messages = flight(paths)
     for slot in (0, 1):
         messages[:] = [m for m in messages if not (isinstance(m, Command) and m.slot == slot + 1)]
-    m = metrics(messages)
+    assert metrics(messages).makespan_s is None, "the record lacks commands"
+    m = metrics(whole(messages))
     assert m.makespan_s == pytest.approx((4 + 1 - 3) * 0.5)
     assert m.makespan_ratio == pytest.approx(m.makespan_s * 5.0 / 4.0)
 
@@ -180,6 +181,7 @@ def test_the_dead_cost_and_hold_nothing(messages: list[Message]) -> None:
     messages[0] = msgspec.structs.replace(mission, roster=[*mission.roster[:2], far])
     messages[:] = [m for m in messages if not (isinstance(m, Fix | Truth) and m.uav == "u2" and m.slot > 3)]
     messages.append(Event(source="operator", slot=4, kind="fault", detail="kill u2 @4"))
+    messages = whole(messages)
     m, columns = metrics(messages), columns_of(recorded(messages))
     assert (m.completed, m.not_living, m.slots_held) == (False, ["u2"], 0)
     assert columns.alive.sum(axis=0).tolist() == [9, 9, 4]
@@ -211,18 +213,19 @@ def test_held_and_missed_slots() -> None:
     messages = flight(paths)
     messages = [m for m in messages if not (isinstance(m, Command) and m.slot == 4)]
     change(messages, {"slot": 4}, Fix, executing=False, command_term=-1, command_seq=-1)
-    m = metrics(messages)
-    assert (m.slots_held, m.slots_missed, m.gaps) == (2, 1, 2)
+    m, torn = metrics(whole(messages)), metrics(messages)
+    assert (m.slots_held, m.slots_missed, m.gaps) == (2, 1, 0)
+    assert (torn.slots_held, torn.slots_missed, torn.gaps) == (None, None, 2)
 
 
 def test_slots_count_until_completion(messages: list[Message]) -> None:
     """Slots without commands after completion are not missed; an unfinished mission counts to its last slot."""
-    last = [m for m in messages if not (isinstance(m, Command) and m.slot == 8)]
+    last = whole(m for m in messages if not (isinstance(m, Command) and m.slot == 8))
     assert metrics(last).slots_missed == 1
     change(last, {"slot": 8}, Fix, waypoint_y_m=14.0, executing=False)
     assert (metrics(last).completed, metrics(last).slots_missed, metrics(last).slots_held) == (False, 1, 3)
     still = [*parallel()[:2], [*parallel()[2], *[parallel()[2][-1]] * 4]]
-    rest = [m for m in flight(still) if not (isinstance(m, Command) and m.slot in {9, 10, 11})]
+    rest = whole(m for m in flight(still) if not (isinstance(m, Command) and m.slot in {9, 10, 11}))
     assert (metrics(rest).slots, metrics(rest).slots_missed) == (13, 0)
 
 
@@ -341,20 +344,21 @@ def test_missing_truth_leaves_true_metrics_open(messages: list[Message]) -> None
     """Without truths there is no true distance, and all other metrics stay defined."""
     untrue = [m for m in messages if not isinstance(m, Truth)]
     m = metrics(untrue)
-    assert (m.min_true_distance_m, m.true_collisions, m.completed) == (None, 0, True)
+    assert (m.min_true_distance_m, m.true_collisions, m.completed) == (None, None, True)
     assert len(columns_of(recorded(untrue)).time_s) == 9
 
 
 def test_a_mission_without_fixes_or_of_one_uav_has_metrics() -> None:
     """Undefined metrics are None, never an exception."""
     nothing = metrics(flight(parallel())[:1])
-    assert (nothing.slots, nothing.completed, nothing.makespan_s, nothing.plan_ms.p50) == (0, False, None, None)
-    assert (nothing.energy_propulsion_j, nothing.slots_missed, nothing.slots_held, nothing.ticks_late_pct) == (
-        0,
-        0,
-        0,
-        0,
-    )
+    assert (nothing.slots, nothing.completed, nothing.makespan_s, nothing.plan_ms.p50) == (0, None, None, None)
+    assert (nothing.energy_propulsion_j, nothing.path_m, nothing.ticks_late_pct) == (None, None, None)
+    assert (nothing.slots_missed, nothing.slots_held, nothing.gaps, nothing.fetched) == (None, None, None, None)
+    assert (nothing.potential_collisions, nothing.true_collisions) == (None, None)
+    rows = dict(metric_rows(nothing))
+    assert (rows["collisions"], rows["way flown"], rows["late ticks"]) == ("- potential, - true", "-", "-")
+    assert (rows["slots"], rows["messages"]) == ("0 (0 s), - without commands", "1, - gaps")
+    assert (rows["heads"], rows["energy"].split(",")[0]) == ("none recorded", "-")
     parked = flight([[(0.0, 0.0)] * 2])
     still = metrics(parked)
     assert (still.completed, still.extra_distance_pct, still.extra_distance_mean_pct) == (True, None, None)

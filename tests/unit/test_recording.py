@@ -14,7 +14,7 @@ from typing import Any
 import msgspec
 import pytest
 from mcap.reader import make_reader
-from synthetic import flight, parallel
+from synthetic import EPOCH_NS, flight, parallel
 
 from edc_swarm.analysis.guarantees.check import check
 from edc_swarm.errors import RecordingError
@@ -410,3 +410,36 @@ def test_an_unknown_codec_is_named_and_nothing_is_recovered(tmp_path: Path, mess
         with pytest.raises(RecordingError, match="is compressed with 'oops'; known are '', 'zstd', 'lz4'"):
             work()
     assert kept.getvalue() == b""
+
+
+def test_messages_and_the_file_of_them_are_in_one_order(tmp_path: Path) -> None:
+    """Whatever order they come in, and with one of them twice."""
+    messages = flight(parallel())
+    path, shuffled = tmp_path / "run.mcap", [*reversed(messages), messages[-1]]
+    with path.open("w+b") as stream:
+        writer = RecordingWriter(stream, {})
+        for message in shuffled:
+            writer.write(Keys("mission").of(message), encode(message), EPOCH_NS)
+        writer.finish({})
+    made, read = Recording.from_messages(shuffled), read_recording(path)
+    assert made.lists() == read.lists() == Recording.from_messages(messages).lists()
+    assert (made.duplicates, read.duplicates) == (1, 1)
+
+
+def test_a_message_under_the_key_of_another_is_told(tmp_path: Path) -> None:
+    """Under another UAV's key, and under one that nobody uses: how many, and the first; noise there is only unknown."""
+    messages, path = flight(parallel()), tmp_path / "run.mcap"
+    fixes = [encode(m) for m in messages if isinstance(m, Fix) and m.uav == "u1"]
+    with path.open("w+b") as stream:
+        writer = RecordingWriter(stream, {})
+        for message in messages:
+            writer.write(Keys("mission").of(message), encode(message), EPOCH_NS)
+        writer.write("swarm/mission/head/u1/fix", fixes[0], EPOCH_NS + 1)
+        writer.write("swarm/mission/head/u1/fix", fixes[1], EPOCH_NS + 2)
+        writer.write("swarm/mission/uav/u0/fix", fixes[2], EPOCH_NS + 3)
+        writer.write("swarm/mission/head/u2/fix", b"{}", EPOCH_NS + 4)
+        writer.finish({})
+    (complete,) = (result for result in check(read_recording(path)) if result.guarantee == "G5")
+    told = "recorded under the key of another: 3 messages, the first under swarm/mission/head/u1/fix"
+    assert [note for note in complete.notes if "another" in note] == [told]
+    assert any("unknown topics: 1 with 1 messages: 'swarm/mission/head/u2/fix'" in note for note in complete.notes)

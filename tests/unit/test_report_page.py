@@ -10,7 +10,7 @@ from importlib.resources import files
 import msgspec
 import numpy as np
 import pytest
-from synthetic import EPOCH_NS, change, flight, parallel, recorded, straight
+from synthetic import EPOCH_NS, change, flight, parallel, recorded, straight, whole
 
 from edc_swarm.analysis.guarantees.check import check
 from edc_swarm.analysis.guarantees.verdict import GuaranteeResult, Status, Violation, headline
@@ -105,7 +105,7 @@ def test_energy_is_used_from_the_first_word_to_the_last(messages: list[Message])
     """A UAV that is first heard late, or is silent at the end, counts between its first and last fix."""
     quiet = {("u1", 0), ("u1", 1), *(("u2", slot) for slot in range(4, 9))}
     kept = [m for m in messages if not (isinstance(m, Fix) and (m.uav, m.slot) in quiet)]
-    assert page_of(kept).plots[3].series[0].y[-1] == pytest.approx(70 * (8 + 6 + 3) / 1e3)
+    assert page_of(whole(kept)).plots[3].series[0].y[-1] == pytest.approx(70 * (8 + 6 + 3) / 1e3)
 
 
 def test_long_missions_are_thinned_out(messages: list[Message], monkeypatch: pytest.MonkeyPatch) -> None:

@@ -68,7 +68,7 @@ def test_the_same_mission_says_the_same_bytes() -> None:
 
 def test_a_planner_that_remembers_other_runs_breaks_it(restless: str) -> None:
     """The messages differ from the first plan on."""
-    result = check_same_bytes(simulated(msgspec.structs.replace(MISSION, planner=restless)))
+    result = check_same_bytes(simulated(msgspec.structs.replace(MISSION, planner=restless)), load_planner=True)
     assert result.broken
     assert any("command/u001 0: target_x_m was " in line for line in result.where)
 
@@ -105,7 +105,8 @@ def test_what_is_not_said_again_breaks_it() -> None:
 
 def test_a_difference_of_other_code_proves_nothing_but_equality_does(restless: str) -> None:
     """The verdict is "not judged", with the differences of version or machine."""
-    differs = check_same_bytes(simulated(msgspec.structs.replace(MISSION, planner=restless)), "made with numpy 1")
+    recording = simulated(msgspec.structs.replace(MISSION, planner=restless))
+    differs = check_same_bytes(recording, "made with numpy 1", load_planner=True)
     assert differs.status == "not-judged"
     assert "the recording was made with numpy 1" in differs.notes[0]
     assert check_same_bytes(simulated(), "made with numpy 1").held
@@ -126,9 +127,39 @@ def test_a_planner_that_is_not_there_is_not_judged() -> None:
     """The verdict names the planner."""
     recording = simulated()
     recording.missions[0] = msgspec.structs.replace(recording.mission, planner="no_such_module:Planner")
-    result = check_same_bytes(recording)
+    result = check_same_bytes(recording, load_planner=True)
     assert result.status == "not-judged"
     assert "no_such_module:Planner" in result.notes[0]
+
+
+def test_a_recording_names_no_code_to_run(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """`sim` loads the user's planner and judges; `check` and `report` import nothing of it, unless told to."""
+    package, trace, path = tmp_path / "own_package", tmp_path / "imported", tmp_path / "run.mcap"
+    package.mkdir()
+    (package / "__init__.py").write_text(f"open({str(trace)!r}, 'a').close()")
+    (package / "own.py").write_text("from edc_swarm.planner.straight import Straight as Own")
+    monkeypatch.syspath_prepend(str(tmp_path))
+
+    def run(*words: str) -> tuple[int, str]:
+        for name in [name for name in sys.modules if name.startswith("own_package")]:
+            monkeypatch.delitem(sys.modules, name)
+        trace.unlink(missing_ok=True)
+        status = main([*words])
+        return status, capsys.readouterr().out
+
+    status, said = run("sim", "--uavs", "2", "--seed", "5", "--planner", "own_package.own:Own", "--out", str(path))
+    assert (status, trace.exists(), "G6 Same seed, same bytes: held" in said) == (0, True, True)
+    status, said = run("check", str(path))
+    assert (status, trace.exists()) == (3, False)
+    why = "the planner own_package.own:Own is not one of this project's; give --load-planner to load it"
+    assert f"G6 Same seed, same bytes: not judged ({why})" in said
+    assert run("report", str(path))[0] == 0
+    assert run("replay", "--verify", str(path))[0] == 2
+    assert not trace.exists()
+    status, said = run("check", "--load-planner", str(path))
+    assert (status, trace.exists(), "G6 Same seed, same bytes: held" in said) == (0, True, True)
 
 
 @pytest.mark.parametrize(
@@ -164,9 +195,10 @@ def test_sim_and_check_judge_all_seven(
     good = verdicts(0, "sim", *flown, "--out", "good.mcap")
     assert good == verdicts(0, "check", "good.mcap", "--json") == {f"G{i}": "held" for i in range(1, 8)}
     bad = verdicts(1, "sim", *flown, "--planner", restless, "--out", "bad.mcap")
-    assert (bad["G6"], verdicts(1, "check", "bad.mcap", "--json")["G6"]) == ("broken", "broken")
+    again = "check", "bad.mcap", "--load-planner", "--json"
+    assert (bad["G6"], verdicts(1, *again)["G6"]) == ("broken", "broken")
     (tmp_path / "restless_planner.py").write_text(RESTLESS + "# changed since\n")
-    assert verdicts(3, "check", "bad.mcap", "--json")["G6"] == "not-judged"
+    assert verdicts(3, *again)["G6"] == "not-judged"
 
 
 def test_the_same_code_is_the_same_whatever_its_commit_is_called() -> None:

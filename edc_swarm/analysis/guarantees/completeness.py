@@ -9,15 +9,16 @@ from edc_swarm.analysis.guarantees.evidence import Evidence
 from edc_swarm.analysis.guarantees.verdict import GuaranteeResult, Violation, not_judged, verdict
 from edc_swarm.foreign_text import shown
 from edc_swarm.mission.configuration import OPERATOR
+from edc_swarm.protocol.codec import MISPLACED
 from edc_swarm.protocol.events import EventKind
 from edc_swarm.recording.model import Recording
+from edc_swarm.recording.ordering import MAX_DIGITS
 from edc_swarm.recording.sequences import Gap, sequence_numbers, unknown_tails
 
 _G5 = ("G5", "No loss in the record")
 MAX_GARBAGE_NOTES = 20
 MESSAGES = "messages"
 """Fact of `run_end`: how many messages were written."""
-MAX_DIGITS = 18
 VIEWERS = "/viz/"
 MAX_TOPICS = 5
 MAX_TOPIC = 60
@@ -48,10 +49,10 @@ def check_no_loss(evidence: Evidence) -> GuaranteeResult:
         notes.append(f"the recorder dropped {dropped} messages, and fetched all of them later")
     elif dropped != "0":
         found.append(Violation("dropped", f"the recorder dropped {dropped} messages"))
-    notes += [*_unfinished(evidence), *_garbage(recording), *_unknown_topics(recording)]
+    notes += [*_unfinished(evidence), *_misplaced(recording), *_garbage(recording), *_unknown_topics(recording)]
     if recording.duplicates:
         notes.append(f"duplicates: {recording.duplicates} messages are in the file again, bit by bit; each counts once")
-    if not found and (why := _unproved(evidence)):
+    if not found and (why := unproved(evidence)):
         return not_judged(*_G5, why, notes)
     return verdict(*_G5, found, notes)
 
@@ -64,8 +65,8 @@ def _uncounted(recording: Recording) -> Iterator[Violation]:
         yield Violation("count", f"{counted} messages were recorded, {there} are in the file")
 
 
-def _unproved(evidence: Evidence) -> str:
-    """Why the numbers prove nothing, "" where they do."""
+def unproved(evidence: Evidence) -> str:
+    """Return why the numbers prove nothing, "" where they do."""
     recording = evidence.recording
     if not sequence_numbers(recording):
         return "no message carries a number"
@@ -114,11 +115,21 @@ def _unknown_tails(recording: Recording) -> Iterator[str]:
         yield f"end unknown: the last messages on {silent[0]}{more} may be missing, no `closed` event of {instance}"
 
 
+def _misplaced(recording: Recording) -> Iterator[str]:
+    """Say how many messages stand under a key that their content does not name."""
+    found = [garbage for garbage in recording.garbage if garbage.reason == MISPLACED]
+    if found:
+        first = min(found, key=lambda garbage: (garbage.log_time_ns, garbage.topic))
+        count = sum(garbage.count for garbage in found)
+        yield f"recorded under the key of another: {count} messages, the first under {shown(first.topic)}"
+
+
 def _garbage(recording: Recording) -> Iterator[str]:
     """Yield one note per topic and reason of garbage."""
     counts: Counter[tuple[str, str]] = Counter()
     for garbage in sorted(recording.garbage, key=lambda garbage: (garbage.topic, garbage.reason)):
-        counts[garbage.topic, garbage.reason] += garbage.count
+        if garbage.reason != MISPLACED:
+            counts[garbage.topic, garbage.reason] += garbage.count
     for (topic, reason), count in counts.most_common(MAX_GARBAGE_NOTES):
         yield f"not a message: {shown(topic)} ({shown(reason)})" + (f", {count} times" if count > 1 else "")
     left_out = (recording.run_end or {}).get("foreign_left_out", "0")

@@ -94,6 +94,10 @@ class Evidence:
         """UAVs of whose fixes some may be missing from the record: what they granted there is unknown."""
         return self._fixes_lost
 
+    def lacks(self, uav: str, kind: str) -> bool:
+        """Return True if messages of `kind` by `uav` may be missing from the record, or it holds no fix of it."""
+        return not self.fixes.get(uav) or uav in _lacking(self.gaps, self.ends, kind)
+
     def fix_lost(self, uav: str, slot: int) -> bool:
         """Return True if the fix of `uav` in `slot` may be missing from the recording."""
         if uav in self._fixes_lost:
@@ -132,9 +136,10 @@ class Evidence:
 
     def lacking(self, guarantee: str) -> list[str]:
         """Return one reason for each part of the evidence for `guarantee` that is missing."""
-        return [reason for kind in NEEDS.get(guarantee, ()) for reason in self._lacking(kind)]
+        return [reason for kind in NEEDS.get(guarantee, ()) for reason in self.missing(kind)]
 
-    def _lacking(self, kind: str) -> Iterator[str]:
+    def missing(self, kind: str) -> Iterator[str]:
+        """Yield the reasons why the record may lack messages of `kind` (a key of `_PLURAL`)."""
         name = _PLURAL[kind]
         missing = sum(gap.count for gap in self.gaps if not gap.duplicate and _KEY[kind](gap.key))
         if missing:

@@ -114,16 +114,21 @@ def _planners(value: Callable[[Result], float]) -> tuple[Series, ...]:
     )
 
 
+def _value(result: Result, field: str) -> float:
+    """Return a measured value, NaN where it is unknown."""
+    return math.nan if result[field] is None else float(result[field])
+
+
 def _collisions(result: Result) -> float:
-    return float(result["potential_collisions"])
+    return _value(result, "potential_collisions")
 
 
 def _extra_m(result: Result) -> float:
-    return float(result["path_m"] - result["straight_m"]) / int(result["uavs"])
+    return (_value(result, "path_m") - _value(result, "straight_m")) / int(result["uavs"])
 
 
 def _each_kj(field: str) -> Callable[[Result], float]:
-    return lambda result: float(result[field]) / int(result["uavs"]) / 1e3
+    return lambda result: _value(result, field) / int(result["uavs"]) / 1e3
 
 
 def _change_pct(field: str) -> Callable[[Result, Result], float]:

@@ -16,7 +16,8 @@ class Row(Struct, frozen=True):
     """One point of one line.
 
     `ci95_low` and `ci95_high` bound the mean over independent runs (Student's t; None for one run),
-    `smallest` and `largest` are of single runs, `incomplete` counts runs that did not bring every UAV home.
+    `smallest` and `largest` are of single runs, `incomplete` counts runs that are not known to
+    have brought every UAV home (None: no run is a flight, or tells).
     """
 
     figure: str
@@ -30,7 +31,7 @@ class Row(Struct, frozen=True):
     ci95_high: float | None
     smallest: float
     largest: float
-    incomplete: int
+    incomplete: int | None
 
 
 def rows_of(figure: Figure, runs: int, results: Mapping[str, Any]) -> list[Row]:
@@ -42,7 +43,6 @@ def rows_of(figure: Figure, runs: int, results: Mapping[str, Any]) -> list[Row]:
             values = [value for sample in samples if math.isfinite(value := series.value(*sample))]
             if not values:
                 continue
-            incomplete = sum(not all(result.get("completed", True) for result in sample) for sample in samples)
             mean = estimate(values)
             rows.append(
                 Row(
@@ -57,10 +57,17 @@ def rows_of(figure: Figure, runs: int, results: Mapping[str, Any]) -> list[Row]:
                     mean.high,
                     min(values),
                     max(values),
-                    incomplete,
+                    _incomplete(samples),
                 )
             )
     return rows
+
+
+def _incomplete(samples: Sequence[Sequence[Mapping[str, Any]]]) -> int | None:
+    told = [[result.get("completed") for result in sample] for sample in samples]
+    if not any(flag is not None for flags in told for flag in flags):
+        return None
+    return sum(not all(flags) for flags in told)
 
 
 class Line(Struct, frozen=True):
@@ -72,7 +79,7 @@ class Line(Struct, frozen=True):
     high: list[float]
     runs: int
     largest: float
-    incomplete: int
+    incomplete: int | None
 
 
 def line(rows: Sequence[Row], series: str) -> Line | None:
@@ -87,5 +94,5 @@ def line(rows: Sequence[Row], series: str) -> Line | None:
         high=[row.mean if row.ci95_high is None else row.ci95_high for row in own],
         runs=sum(row.runs for row in own),
         largest=max(row.largest for row in own),
-        incomplete=sum(row.incomplete for row in own),
+        incomplete=sum(counts) if (counts := [row.incomplete for row in own if row.incomplete is not None]) else None,
     )

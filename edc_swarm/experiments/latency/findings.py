@@ -6,7 +6,7 @@ from collections.abc import Iterator, Sequence
 
 from msgspec import Struct
 
-from edc_swarm.experiments.latency.table import CellRow
+from edc_swarm.experiments.latency.table import CellRow, total
 
 LITTLE_LOSS = 0.1
 """Greatest loss at which every mission is expected to complete."""
@@ -52,8 +52,8 @@ def _some(rows: Sequence[CellRow]) -> str:
 
 def _safety(rows: Sequence[CellRow]) -> LatencyFinding:
     runs = sum(row.runs for row in rows)
-    overlaps = sum(row.potential_collisions for row in rows)
-    hits = sum(row.true_collisions for row in rows)
+    overlaps = _known(total([row.potential_collisions for row in rows]))
+    hits = _known(total([row.true_collisions for row in rows]))
     broken = sorted({name for row in rows for name in row.broken})
     unjudged = sorted({name for row in rows for name in row.not_judged})
     parts = [f"broken guarantees: {' '.join(broken)}"] if broken else []
@@ -61,6 +61,10 @@ def _safety(rows: Sequence[CellRow]) -> LatencyFinding:
     guarantees = "; ".join(parts) or "G1-G5 held in every run"
     text = f"{len(rows)} cells, {runs} runs: {overlaps} overlaps of discs, {hits} true collisions; {guarantees}."
     return LatencyFinding(None if is_safe(rows) and not is_judged(rows) else is_safe(rows), text)
+
+
+def _known(count: int | None) -> str:
+    return "an unknown number of" if count is None else str(count)
 
 
 def _holding(rows: Sequence[CellRow]) -> Iterator[LatencyFinding]:

@@ -33,8 +33,12 @@ def _command_age_ms(sample: Sample) -> float | None:
     return sample.command_age_ms if sample.others_flew else None
 
 
+def _completed_pct(sample: Sample) -> float | None:
+    return None if sample.completed is None else 100.0 * sample.completed
+
+
 QUANTITIES = (
-    Quantity("completed_pct", "Missions completed [%]", lambda s: 100.0 * s.completed, share=True),
+    Quantity("completed_pct", "Missions completed [%]", _completed_pct, share=True),
     Quantity("fix_to_command_ms", "Fix to command, median [ms]", lambda s: s.fix_to_command_ms),
     Quantity("fix_age_ms", "Age of fixes at the head [ms]", _fix_age_ms, logarithmic=True),
     Quantity("command_age_ms", "Age of commands at the UAVs [ms]", _command_age_ms, logarithmic=True),

@@ -36,12 +36,12 @@ class CellRow(Struct, frozen=True, kw_only=True):
     predicted_to_starve: bool
     hold_delay_ms: float
     only_holds: bool
-    potential_collisions: int
-    true_collisions: int
+    potential_collisions: int | None
+    true_collisions: int | None
     broken: list[str]
     not_judged: list[str]
     min_disc_gap_m: float | None
-    ticks_late_pct: float
+    ticks_late_pct: float | None
     terms: float
     quantities: dict[str, Estimate]
 
@@ -68,15 +68,20 @@ def row_of(sweep: LatencySweep, engine: Engine, cell: Cell, samples: Sequence[Sa
         predicted_to_starve=starves(mission, share, limit_slots),
         hold_delay_ms=hold_delay_ms(mission),
         only_holds=not any(sample.others_flew for sample in samples),
-        potential_collisions=sum(sample.potential_collisions for sample in samples),
-        true_collisions=sum(sample.true_collisions for sample in samples),
+        potential_collisions=total([sample.potential_collisions for sample in samples]),
+        true_collisions=total([sample.true_collisions for sample in samples]),
         broken=sorted({name for sample in samples for name in sample.broken}),
         not_judged=sorted({name for sample in samples for name in sample.not_judged}),
         min_disc_gap_m=min((s.min_disc_gap_m for s in samples if s.min_disc_gap_m is not None), default=None),
-        ticks_late_pct=max(sample.ticks_late_pct for sample in samples),
+        ticks_late_pct=max((s.ticks_late_pct for s in samples if s.ticks_late_pct is not None), default=None),
         terms=sum(sample.terms for sample in samples) / len(samples),
         quantities=_estimates(valid),
     )
+
+
+def total(counts: Sequence[int | None]) -> int | None:
+    """Return the sum of the counts that are known, unless it is 0 only because another is unknown."""
+    return sum(filter(None, counts)) or (None if None in counts else 0)
 
 
 def _estimates(samples: Sequence[Sample]) -> dict[str, Estimate]:

@@ -20,6 +20,7 @@ from edc_swarm.experiments.latency.findings import LatencyFinding, findings, is_
 from edc_swarm.experiments.latency.quantities import QUANTITIES, Quantity
 from edc_swarm.experiments.latency.table import CellRow, flat, rows_of
 from edc_swarm.experiments.sweeps import Run, command_of, mission_toml
+from edc_swarm.foreign_text import MAX_LINE, shown
 from edc_swarm.mission.configuration import load_mission, read_toml
 from processes.cli.options import named_as_options
 from processes.experiments.latency_page import baseline_notes, page, words
@@ -260,7 +261,7 @@ def _conclude(
     console.width = max(console.width, TABLE_WIDTH)
     console.print(_table(rows))
     for one in found:
-        print({True: "as promised: ", False: "NOT as promised: ", None: ""}[one.kept] + one.text)
+        print(shown({True: "as promised: ", False: "NOT as promised: ", None: ""}[one.kept] + one.text, MAX_LINE))
     for text in baseline_notes(floor):
         print(text)
     print(options.out / "index.html")

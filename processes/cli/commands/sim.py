@@ -39,7 +39,7 @@ def sim(
         timings = _simulate(mission, output, viz=not options.no_viz, show_progress=not options.json)
     with new_file(output.path.with_suffix(".timings.json")) as stream:
         stream.write(msgspec.json.encode(Timings(content_hash(output.path), timings)))
-    return conclude(output.path, as_json=options.json)
+    return conclude(output.path, as_json=options.json, load_planner=True)
 
 
 def _simulate(mission: Mission, output: Output, *, viz: bool, show_progress: bool) -> list[Timing]:
