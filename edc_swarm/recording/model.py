@@ -92,7 +92,7 @@ class Recording:
         run: Mapping[str, str] | None = None,
         run_end: Mapping[str, str] | None = None,
     ) -> Recording:
-        """Return a recording of `messages`, which are given in the order of their publication.
+        """Return a recording of `messages`, in the order in which the reader of a file with them returns them.
 
         `mission` is needed only if none of the messages is the mission.
         """
