@@ -27,7 +27,8 @@ from edc_swarm.planner.registry import make_planner
 from edc_swarm.planner.request import Arrays
 from edc_swarm.protocol.messages import Message, MissionMessage, mission_message
 from edc_swarm.recording.model import Recording
-from edc_swarm.simulation.simulator import Motion, Simulation
+from edc_swarm.simulation.computers import Motion
+from edc_swarm.simulation.simulator import Simulation
 
 TOLERANCE_M = 1e-9
 CHECKED = ("G1", "G2", "G3", "G4", "G5")

@@ -97,6 +97,8 @@ class MissionOptions:
         Criterion for the head (energy).
     fault
         Something to go wrong, such as "kill head @10"; may be given more than once.
+    fault_help
+        Print the fault vocabulary and exit.
     delay_ms
         One-way delay of every link in wall milliseconds (0).
     jitter_ms
@@ -129,6 +131,7 @@ class MissionOptions:
     minimise: Minimise | None = None
     elect: Criterion | None = None
     fault: list[str] = field(default_factory=list)
+    fault_help: bool = False
     delay_ms: float | None = None
     jitter_ms: float | None = None
     loss: float | None = None

@@ -12,7 +12,7 @@ import msgspec
 import zenoh
 
 from edc_swarm.mission.configuration import OPERATOR
-from edc_swarm.mission.faults import PROCESS_VERBS
+from edc_swarm.mission.faults import ProcessFault, declaration_of
 from edc_swarm.protocol.codec import encode
 from edc_swarm.protocol.completion import MissionMonitor
 from edc_swarm.protocol.events import EventKind
@@ -208,5 +208,6 @@ class Operator:
 
 
 def is_in_force(event: Event) -> bool:
-    """Whether an operator's event is a fault that whoever starts later must be told of."""
-    return event.kind == EventKind.FAULT and event.detail.partition(" ")[0] not in PROCESS_VERBS
+    """Return True for an operator's event that a UAV which starts later must receive too: a fault of UAVs' machines."""
+    declaration = declaration_of(event.detail) if event.kind == EventKind.FAULT else None
+    return declaration is not None and not issubclass(declaration.kind, ProcessFault)
