@@ -7,12 +7,10 @@ from __future__ import annotations
 
 from typing import Protocol
 
-from edc_swarm.emulation.links import LinkEmulator, cut_pair
+from edc_swarm.emulation.links import NS_PER_MS, LinkEmulator, cut_pair
 from edc_swarm.mission.configuration import GpsModel
 from edc_swarm.mission.fault_handlers import FaultHandlers
 from edc_swarm.mission.faults import ChangeClock, ChangeGps, ChangeLink, Heal, Partition, SlowSolver
-
-NS_PER_MS = 1_000_000
 
 
 class Machine(Protocol):

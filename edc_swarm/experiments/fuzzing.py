@@ -19,7 +19,7 @@ from numpy.typing import NDArray
 
 from edc_swarm.analysis.guarantees.check import check
 from edc_swarm.errors import PlacementError
-from edc_swarm.geometry import Floats, length_m, segment_distance_m
+from edc_swarm.geometry import DISC_TOLERANCE_M, Floats, length_m, segment_distance_m
 from edc_swarm.mission.configuration import Mission, mission_from_dict
 from edc_swarm.mission.roster import complete_mission
 from edc_swarm.planner.edc import Edc
@@ -30,7 +30,6 @@ from edc_swarm.recording.model import Recording
 from edc_swarm.simulation.computers import Motion
 from edc_swarm.simulation.simulator import Simulation
 
-TOLERANCE_M = 1e-9
 CHECKED = ("G1", "G2", "G3", "G4", "G5")
 PROGRESS = "G7"
 """Asked only of a planner that completes missions."""
@@ -163,7 +162,7 @@ def overlaps(mission: MissionMessage, motions: Sequence[Motion]) -> list[str]:
             _gaps(first, last, before_first, before_last, i, j),
         ]
     )
-    bad = np.argwhere(gap_m < r_m[i] + r_m[j] - TOLERANCE_M)
+    bad = np.argwhere(gap_m < r_m[i] + r_m[j] - DISC_TOLERANCE_M)
     ids = [entry.uav for entry in mission.roster]
     return [
         f"G3: {ids[i[pair]]} and {ids[j[pair]]} can come within {gap_m[slot, pair]:.6f} m in slot {slot}"

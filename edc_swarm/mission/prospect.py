@@ -45,7 +45,7 @@ from edc_swarm.mission.faults import (
 
 MOST_LOSS = 0.5
 """Share of lost or late messages up to which progress is promised."""
-SLACK_SLOTS = 20
+FAULT_SLACK_SLOTS = 20
 """A fault may be carried out so much later than planned, and the mission still lasts long enough."""
 COMPLETED, GIVEN_UP, NOBODY_LEFT, STALLED = "completed", "max_slots", "nobody-left", "stalled"
 """All are there; `max_slots` are over; nobody flies any more; nothing can change any more."""
@@ -73,7 +73,7 @@ class Prospect:
 def default_max_slots(mission: Mission) -> int:
     """Slots after which a mission is given up, if its file does not say: late enough for G7 to be judged."""
     faults = parse_faults(mission)
-    slack = SLACK_SLOTS if faults else 0
+    slack = FAULT_SLACK_SLOTS if faults else 0
     return min(settled_slot(mission, faults) + prospect_of(mission, faults).limit_slots + slack, MOST_SLOTS)
 
 

@@ -28,7 +28,7 @@ from edc_swarm.protocol.events import EventKind
 from edc_swarm.protocol.messages import MissionMessage
 from processes.operator.bus_client import Operator
 
-SETTLE_S = 0.05
+FAULT_DELAY_S = 0.05
 """Time from the event of a fault to the fault itself, where the fault would swallow messages on their way.
 
 A router must have forwarded the event before it dies, and a process that freezes in the burst at a
@@ -105,7 +105,7 @@ class Injector:
             return
         act = partial(self.HANDLERS.carry_out, self, concrete)
         if isinstance(concrete, Freeze) or concrete.target == ROUTER:
-            self._at(fault.at_s + SETTLE_S * self._mission.time_scale, act)
+            self._at(fault.at_s + FAULT_DELAY_S * self._mission.time_scale, act)
         else:
             act()
 
@@ -120,7 +120,7 @@ class Injector:
     def _restart(self, fault: Restart) -> None:
         if fault.target == ROUTER:
             self._processes.signal(ROUTER, signal.SIGKILL)
-            self._at(fault.at_s + SETTLE_S + ROUTER_OUTAGE_S, partial(self._start, ROUTER))
+            self._at(fault.at_s + FAULT_DELAY_S + ROUTER_OUTAGE_S, partial(self._start, ROUTER))
         else:
             self._start(fault.target, lose_memory=fault.lose_memory)
 

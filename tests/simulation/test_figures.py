@@ -27,7 +27,7 @@ COLLISION_FIGURES = [figure for figure in FIGURES if figure.name in {"4a", "4b",
 
 @pytest.mark.parametrize("figure", COLLISION_FIGURES, ids=lambda figure: figure.name)
 def test_straight_line_counts(figure: Figure) -> None:
-    """The counted pairs of a mission is the directly computed one, but for a pair that meets while slowing down."""
+    """The count of pairs equals the directly computed one, but for a pair that meets while slowing down."""
     straight = replace(figure, series=figure.series[:1], axis=replace(figure.axis, values=figure.axis.values))
     results = {
         run.key: fly_plan(run.mission)

@@ -1,4 +1,4 @@
-"""The fuzzer itself: what it once found stays found, and a sample of fresh runs keeps every guarantee."""
+"""The fuzzer itself: defects that it once found stay found, and a sample of fresh runs keeps every guarantee."""
 
 from __future__ import annotations
 
@@ -44,7 +44,7 @@ def test_what_is_asked_and_not_judged_counts_as_broken() -> None:
 
 
 def test_progress_is_asked_after_faults_that_never_end() -> None:
-    """Of the missions that must make progress, some have a link, a partition or a UAV that is never well again."""
+    """Some missions that must make progress have a link, a partition or a UAV that never recovers."""
     missions = [mission for seed in range(200) if (mission := scenario(seed)).planner == "edc"]
     last = [text for mission in missions for text in mission.fault if " for " not in text]
     for lasting in ("link *>* loss", "partition u", "freeze u001 @"):
@@ -53,19 +53,19 @@ def test_progress_is_asked_after_faults_that_never_end() -> None:
 
 
 def test_a_scenario_depends_on_its_seed_alone() -> None:
-    """The seed is the replay."""
+    """The same seed is the same mission."""
     assert scenario(11) == scenario(11)
     assert scenario(11) != scenario(12)
 
 
 def test_faults_can_be_kept_by_index() -> None:
-    """What shrinking drops is dropped, the rest stays as it was."""
+    """Shrinking drops faults and keeps the rest as it is."""
     whole = scenario(0).fault
     assert scenario(0, (1,)).fault == whole[1:2]
 
 
 def test_shrinking_keeps_only_what_is_needed(monkeypatch: pytest.MonkeyPatch) -> None:
-    """Of all faults the two that break something together remain."""
+    """Shrinking leaves the two faults that break a guarantee together."""
 
     def broken_by_1_and_2(seed: int, kept: tuple[int, ...]) -> Finding | None:
         return Finding(seed, tuple(kept), ("G1: broken",)) if {1, 2} <= set(kept) else None

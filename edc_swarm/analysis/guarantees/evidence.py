@@ -30,12 +30,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from edc_swarm.analysis.tracks import Tracks, tracks_of
-from edc_swarm.protocol.messages import Command, Fix, MissionMessage, Report, Truth, roster_index
+from edc_swarm.protocol.messages import PLANNED, Command, Fix, MissionMessage, Report, Truth, roster_index
 from edc_swarm.recording.ends import Ends, ends_of
 from edc_swarm.recording.model import Recording
 from edc_swarm.recording.sequences import Gap, find_gaps
 
-PLANNED = frozenset({"planned", "no-qp-needed", "failed"})
 NEEDS: dict[str, tuple[str, ...]] = {
     "G1": ("fix", "command", "report"),
     "G2": ("fix", "command"),
