@@ -119,7 +119,6 @@ class Process:
     """
 
     node: UavNode
-    subscribes_to_fixes: bool = False
     frozen: bool = False
     frozen_until_ns: int = 0
     backlog: list[NodeEvent] = field(default_factory=list)
@@ -161,6 +160,8 @@ class Computer:
         The fault that slows its solver, None if none does.
     process
         The process that runs, None if it is dead.
+    subscribes_to_fixes
+        True if its process receives every fix.
     ended
         True if the UAV flies no more: its battery is empty, or it died and nothing starts it again.
     """
@@ -176,17 +177,8 @@ class Computer:
         self.clock = Clock(world.schedule.now_ns, world.schedule.now_ns)
         self.slow: SlowSolver | None = None
         self.process: Process | None = None
+        self.subscribes_to_fixes = False
         self.ended = False
-
-    @property
-    def runs(self) -> bool:
-        """True if it has a process."""
-        return self.process is not None
-
-    @property
-    def subscribes_to_fixes(self) -> bool:
-        """True if its process receives every fix."""
-        return self.process is not None and self.process.subscribes_to_fixes
 
     # --- life of the process -----------------------------------------------------------------
 
@@ -194,6 +186,7 @@ class Computer:
         """Start a process from what is on the disk."""
         mission = self._world.mission
         self._lives += 1
+        self.subscribes_to_fixes = False
         self.process = Process(
             UavNode(
                 mission,
@@ -328,7 +321,7 @@ class Computer:
             self._break_off(process, process.stop_mid_step, effects)
             return
         for effect in effects:
-            self._carry_out_one(process, effect)
+            self._carry_out_one(effect)
 
     def _break_off(self, process: Process, fault: Kill | Freeze, effects: list[Effect]) -> None:
         """Die or freeze between two effects of one step, drawn at random."""
@@ -341,7 +334,7 @@ class Computer:
             process.stopped_effects = effects[after:]
             self.freeze(fault.for_s)
 
-    def _carry_out_one(self, process: Process, effect: Effect) -> None:
+    def _carry_out_one(self, effect: Effect) -> None:
         match effect:
             case Publish(message):
                 sent_ns = self.clock.read(self._schedule.now_ns)
@@ -349,7 +342,7 @@ class Computer:
             case Persist(promise, airframe):
                 self.disk.write(promise, airframe)
             case Listen(all_fixes):
-                process.subscribes_to_fixes = all_fixes
+                self.subscribes_to_fixes = all_fixes
             case WantPlanner():
                 planner = self._world.make_planner()
                 self._schedule.at(self._schedule.now_ns, partial(self.step, PlannerReady(planner)))

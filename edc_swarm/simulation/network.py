@@ -34,8 +34,8 @@ class Port(Protocol):
         """The links into it."""
 
     @property
-    def runs(self) -> bool:
-        """True if it has a process."""
+    def process(self) -> object:
+        """Its process, None if that is dead."""
 
     @property
     def subscribes_to_fixes(self) -> bool:
@@ -129,7 +129,7 @@ class Network:
             return
         event, at_s = Received(message), self._schedule.mission_s
         for receiver in receivers:
-            if receiver.uav == sender or not receiver.runs:
+            if receiver.uav == sender or receiver.process is None:
                 continue
             for delay_ns in receiver.links.arrivals_ns(sender, at_s):
                 when_ns = self._schedule.now_ns + TRANSIT_NS + delay_ns
