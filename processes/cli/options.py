@@ -40,7 +40,7 @@ FIELDS = {
 """Field of the mission that an option sets."""
 LINK_FIELDS = {name: f"link.{name}" for name in ("delay_ms", "jitter_ms", "loss")}
 """Field of every link of the mission that an option sets."""
-MOST_NAMED = 5
+MOST_LISTED = 5
 
 
 @contextmanager
@@ -63,8 +63,8 @@ def _warn_of_batteries(mission: Mission) -> None:
     if not needed_j:
         return
     battery_j = {entry.uav: entry.energy_j for entry in mission.roster}
-    named = [f"{uav} ({battery_j[uav]:.4g} of {needed_j[uav]:.4g} J)" for uav in [*needed_j][:MOST_NAMED]]
-    more = f" and {len(needed_j) - MOST_NAMED} more" if len(needed_j) > MOST_NAMED else ""
+    named = [f"{uav} ({battery_j[uav]:.4g} of {needed_j[uav]:.4g} J)" for uav in [*needed_j][:MOST_LISTED]]
+    more = f" and {len(needed_j) - MOST_LISTED} more" if len(needed_j) > MOST_LISTED else ""
     note(f"warning: no battery for the straight flight to the target at full speed: {', '.join(named)}{more}")
 
 

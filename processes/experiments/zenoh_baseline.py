@@ -26,7 +26,7 @@ from processes.runtime.children import Child, ChildExited, ChildReady
 from processes.runtime.inbox import Inbox
 
 BEGIN_AHEAD_NS = 300_000_000
-START_TIMEOUT_S = 60.0
+BASELINE_START_TIMEOUT_S = 60.0
 END_TIMEOUT_S = 1.0
 
 
@@ -114,7 +114,7 @@ class _Measurement:
 
     def _await(self, names: set[str], name_of: Callable[[object], str]) -> None:
         """Wait for the news that each of `names` is there."""
-        until_s = time.monotonic() + START_TIMEOUT_S
+        until_s = time.monotonic() + BASELINE_START_TIMEOUT_S
         while names:
             for news in self._next(until_s):
                 names -= {name_of(news)}
@@ -122,7 +122,7 @@ class _Measurement:
                     raise SwarmError(f"the floor's {news.name} ended: {self._log.read_text(errors='replace')[-500:]}")
 
     def _await_seen(self, uavs: int, within_s: float) -> list[RoundTrips]:
-        until_s, seen = time.monotonic() + within_s + START_TIMEOUT_S, list[RoundTrips]()
+        until_s, seen = time.monotonic() + within_s + BASELINE_START_TIMEOUT_S, list[RoundTrips]()
         while len(seen) < uavs:
             seen += [news for news in self._next(until_s) if isinstance(news, RoundTrips)]
         return seen

@@ -43,7 +43,7 @@ NEEDS: dict[str, tuple[str, ...]] = {
     "G7": ("fix",),
 }
 """Kinds of messages without which a guarantee cannot be judged."""
-MOST_NAMED = 5
+MOST_LISTED = 5
 _PLURAL = {"fix": "fixes", "truth": "truths", "command": "commands", "report": "reports"}
 _KEY = {
     "fix": re.compile(r"uav/([^/]+)/fix").fullmatch,
@@ -232,5 +232,5 @@ def _holes(
 
 def _named(uavs: set[str] | frozenset[str]) -> str:
     names = sorted(uavs)
-    more = f" and {len(names) - MOST_NAMED} more" if len(names) > MOST_NAMED else ""
-    return ", ".join(names[:MOST_NAMED]) + more
+    more = f" and {len(names) - MOST_LISTED} more" if len(names) > MOST_LISTED else ""
+    return ", ".join(names[:MOST_LISTED]) + more
