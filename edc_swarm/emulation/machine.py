@@ -14,7 +14,7 @@ from edc_swarm.mission.faults import ChangeClock, ChangeGps, ChangeLink, Heal, P
 
 
 class Machine(Protocol):
-    """What a fault can change at a UAV's machine."""
+    """A UAV's machine, as far as faults change it."""
 
     @property
     def uav(self) -> str:

@@ -61,7 +61,7 @@ class Motion:
 
 @dataclass(frozen=True, slots=True)
 class World:
-    """What all computers of a simulation share.
+    """The parts of a simulation that all its computers share.
 
     Attributes
     ----------

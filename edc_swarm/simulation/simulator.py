@@ -33,7 +33,7 @@ from edc_swarm.simulation.schedule import Schedule
 
 @dataclass(frozen=True, slots=True)
 class SimulationEnd:
-    """How a simulated mission ended, and why (a reason of `edc_swarm.mission.prospect`)."""
+    """The end of a simulated mission, and its reason (one of `edc_swarm.mission.prospect`)."""
 
     completed: bool
     reason: str
