@@ -23,6 +23,7 @@ from rich.progress import track
 
 from edc_swarm.analysis.guarantees.check import check
 from edc_swarm.analysis.metrics import Metrics, compute_metrics
+from edc_swarm.protocol.events import EventKind
 from edc_swarm.recording.model import Recording
 from edc_swarm.recording.reader import read_recording
 
@@ -48,7 +49,7 @@ class Flight:
 
     def fault_slot(self, verb: str) -> int:
         """Return the slot of the injected fault."""
-        return next(e.slot for e in self.recording.events if e.kind == "fault" and e.detail.startswith(verb))
+        return next(e.slot for e in self.recording.events if e.kind == EventKind.FAULT and e.detail.startswith(verb))
 
     def planned_between(self, first: int, last: int) -> int:
         """Return the number of reports with a plan for slots first..last."""

@@ -28,6 +28,7 @@ import zenoh
 from edc_swarm.analysis.guarantees.check import check
 from edc_swarm.errors import MessageError
 from edc_swarm.protocol.codec import MAX_MESSAGE_BYTES, decode, encode
+from edc_swarm.protocol.events import EventKind
 from edc_swarm.protocol.keys import Keys
 from edc_swarm.protocol.messages import Message, MissionMessage
 from edc_swarm.recording.reader import read_recording
@@ -191,7 +192,7 @@ def measure(options: argparse.Namespace) -> int:
         in_time = not ended.is_set()
         metrics = json.loads(run.communicate()[0])
         recording = read_recording(out)
-    told = Counter(event.source for event in recording.events if event.kind == "malformed")
+    told = Counter(event.source for event in recording.events if event.kind == EventKind.MALFORMED)
     print(f"{said.total()} hostile messages, {'all' if in_time else 'NOT all'} during the mission")
     print(f"status {run.returncode}, {metrics['arrived']} of {metrics['uavs']} arrived in {metrics['slots']} slots")
     late_pct = metrics["ticks_late_pct"]
@@ -200,7 +201,7 @@ def measure(options: argparse.Namespace) -> int:
     print(f"{len(recording.garbage)} of the recorded messages are ignored; reported by {dict(told)}")
     for result in (result for result in check(recording) if result.broken or not result.judged):
         print(f"{result.status}: {result.guarantee}", *(result.where or result.notes)[:3], sep="\n  ")
-    print("crashed:", [event.detail for event in recording.events if event.kind == "exited"] or "nobody")
+    print("crashed:", [event.detail for event in recording.events if event.kind == EventKind.EXITED] or "nobody")
     return int(run.returncode)
 
 

@@ -14,7 +14,11 @@ from numpy.typing import ArrayLike, NDArray
 Floats = NDArray[np.float64]
 Indices = NDArray[np.int64]
 
-MAX_CELLS = 1 << 20
+MAX_GRID_CELLS = 1 << 20
+DISC_TOLERANCE_M = 1e-9
+"""Discs overlap if they are closer than touching by more than this, which is rounding."""
+BODY_TOLERANCE_M = 1e-6
+"""Bodies touch if they are closer than touching by more than this; true positions are rounded more often."""
 
 
 def length_m(vectors_m: ArrayLike) -> Floats:
@@ -119,7 +123,7 @@ def _candidates(points: Floats, reach_m: float) -> tuple[Indices, Indices]:
     """Return pairs i < j of the same or adjoining cells, in lexicographic order."""
     low = points.min(axis=0)
     extent_m = float((points.max(axis=0) - low).max())
-    side_m = max(reach_m, extent_m / math.isqrt(MAX_CELLS), np.finfo(np.float64).tiny)
+    side_m = max(reach_m, extent_m / math.isqrt(MAX_GRID_CELLS), np.finfo(np.float64).tiny)
     cell = np.floor((points - low) / side_m).astype(np.int64)
     width = int(cell[:, 1].max()) + 3
     key = cell[:, 0] * width + cell[:, 1]

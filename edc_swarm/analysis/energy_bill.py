@@ -8,10 +8,11 @@ import numpy as np
 from msgspec import Struct
 
 from edc_swarm.analysis.guarantees.evidence import gather
-from edc_swarm.analysis.metrics import PLANNED, Floats, Timing, columns_of, measured
+from edc_swarm.analysis.metrics import Floats, Timing, columns_of, measured
 from edc_swarm.emulation.energy import compute_energy_j, propulsion_power_w, propulsion_powers_w
 from edc_swarm.mission.configuration import Mission
 from edc_swarm.protocol.events import EventKind
+from edc_swarm.protocol.messages import PLANNED
 from edc_swarm.recording.model import Recording
 
 

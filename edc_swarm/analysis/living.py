@@ -6,8 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from edc_swarm.analysis.tracks import Tracks
-from edc_swarm.errors import MissionError
-from edc_swarm.mission.faults import parse_fault
+from edc_swarm.mission.faults import Freeze, Kill, read_fault
 from edc_swarm.protocol.events import EventKind
 from edc_swarm.protocol.messages import roster_index
 from edc_swarm.recording.model import Recording
@@ -49,14 +48,8 @@ def _stopped(recording: Recording) -> list[tuple[str, int]]:
     for event in recording.events:
         if event.kind == EventKind.BATTERY_EMPTY:
             stopped.append((event.source, event.slot))
-        elif event.kind == EventKind.FAULT and event.detail.startswith(("kill ", "freeze ")):
-            stopped.append((fault_target(event.detail, recording.mission.dt_s), event.slot))
+        elif event.kind == EventKind.FAULT:
+            fault = read_fault(event.detail, recording.mission.dt_s)
+            if isinstance(fault, (Kill, Freeze)):
+                stopped.append((fault.target, event.slot))
     return stopped
-
-
-def fault_target(text: str, dt_s: float) -> str:
-    """Return the target of an injected fault, or "" if `text` is not a fault."""
-    try:
-        return parse_fault(text, dt_s).target
-    except MissionError:
-        return ""

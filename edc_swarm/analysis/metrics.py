@@ -29,11 +29,12 @@ from edc_swarm.analysis.tracks import Tracks
 from edc_swarm.emulation.energy import compute_energy_j, propulsion_power_w, propulsion_powers_w
 from edc_swarm.errors import RecordingError
 from edc_swarm.files import read_regular
+from edc_swarm.geometry import BODY_TOLERANCE_M, DISC_TOLERANCE_M
 from edc_swarm.mission.configuration import ARRIVED_M, OPERATOR, Mission
 from edc_swarm.mission.faults import parse_faults
 from edc_swarm.mission.prospect import COMPLETED
 from edc_swarm.protocol.events import EventKind
-from edc_swarm.protocol.messages import Report
+from edc_swarm.protocol.messages import PLANNED, Report
 from edc_swarm.recording.model import Recording
 from edc_swarm.recording.ordering import fetched_count
 
@@ -41,11 +42,8 @@ Floats = NDArray[np.float64]
 
 _NUMBERED, _SENT = attrgetter("uav", "slot", "seq"), attrgetter("sent_ns")
 
-OVERLAP_TOLERANCE_M = 1e-9
-BODY_TOLERANCE_M = 1e-6
 OVERLOADED_PCT = 1.0
 """Share of late ticks above which the machine, not the network, counts as the cause of delays."""
-PLANNED = frozenset({"planned", "no-qp-needed", "failed"})
 
 
 class Quantiles(Struct, frozen=True):
@@ -402,7 +400,7 @@ def _separation(mission: Mission, tracks: Tracks, known: _Known) -> _Separation:
     from_m, to_m = tracks.seen_m
     true_m = (tracks.true_from_m, tracks.true_to_m)
     return _Separation(
-        _pairs(from_m, to_m, radius_m, -OVERLAP_TOLERANCE_M) or (0 if known.fixes else None),
+        _pairs(from_m, to_m, radius_m, -DISC_TOLERANCE_M) or (0 if known.fixes else None),
         _pairs(*true_m, body_m, -BODY_TOLERANCE_M) or (0 if known.fixes and known.truths else None),
         _finite(least_gap_m(from_m, to_m, radius_m)),
         _finite(least_gap_m(*true_m, np.zeros_like(body_m))),

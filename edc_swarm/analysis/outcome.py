@@ -15,10 +15,11 @@ import numpy as np
 from msgspec import Struct
 from numpy.typing import NDArray
 
-from edc_swarm.analysis.living import SILENT_SLOTS, fault_target, living_at_end
+from edc_swarm.analysis.living import SILENT_SLOTS, living_at_end
 from edc_swarm.analysis.tracks import Tracks, tracks_of
 from edc_swarm.geometry import point_segment_distance_m
 from edc_swarm.mission.configuration import ARRIVED_M, OPERATOR
+from edc_swarm.mission.faults import Freeze, Kill, read_fault
 from edc_swarm.protocol.events import EventKind
 from edc_swarm.protocol.messages import Event, Report
 from edc_swarm.recording.model import Recording
@@ -204,12 +205,11 @@ class _Judge:
             return None
         if event.kind == EventKind.EXITED and event.detail.startswith(f"{uav} "):
             return "process-gone", f"dead {since} (its process {event.detail.removeprefix(f'{uav} ')})"
-        if event.kind == EventKind.FAULT and fault_target(event.detail, self.recording.mission.dt_s) == uav:
-            verb = event.detail.partition(" ")[0]
-            if verb == "kill":
-                return "killed", f"dead {since} (killed by a fault)"
-            if verb == "freeze":
-                return "frozen", f"dead {since} (frozen by a fault)"
+        fault = read_fault(event.detail, self.recording.mission.dt_s) if event.kind == EventKind.FAULT else None
+        if isinstance(fault, Kill) and fault.target == uav:
+            return "killed", f"dead {since} (killed by a fault)"
+        if isinstance(fault, Freeze) and fault.target == uav:
+            return "frozen", f"dead {since} (frozen by a fault)"
         return None
 
     def _unknown(self, k: int) -> NotHome | None:

@@ -14,12 +14,11 @@ from dataclasses import dataclass
 from msgspec import Struct
 
 from edc_swarm.planner.interface import Hull, Planner, PlanRequest
-from edc_swarm.protocol.messages import Command, Fix, Report, roster_index
+from edc_swarm.protocol.messages import PLANNED, Command, Fix, Report, roster_index
 from edc_swarm.recording.model import Recording
 
-TOLERANCE_M = 1e-6
+SAME_PLAN_M = 1e-6
 """Greatest difference between commands of one plan on two processors, which may round differently."""
-PLANNED = frozenset({"planned", "no-qp-needed", "failed"})
 
 
 class Difference(Struct, frozen=True):
@@ -75,7 +74,7 @@ def replan(recording: Recording, make_planner: Callable[[], Planner]) -> Replann
         identical=sum(off_m == 0.0 for _, off_m in offs),
         greatest_off_m=max((off_m for _, off_m in offs), default=0.0),
         skipped=len(reports) - len(plans),
-        differences=[Difference(c.slot, c.uav, c.term, c.head, off_m) for c, off_m in offs if not off_m <= TOLERANCE_M],
+        differences=[Difference(c.slot, c.uav, c.term, c.head, off_m) for c, off_m in offs if not off_m <= SAME_PLAN_M],
     )
 
 

@@ -26,7 +26,7 @@ Floats = NDArray[np.float64]
 Bools = NDArray[np.bool_]
 Ints = NDArray[np.int64]
 Point = tuple[float, float]
-MAX_CELLS = 100_000_000
+MAX_UAV_SLOTS = 100_000_000
 """Most UAV-slots of a recording that can be analysed."""
 TRUTH_TOLERANCE_M = 1e-9
 Cell = tuple[int, int]
@@ -108,7 +108,7 @@ def tracks_of(recording: Recording) -> Tracks:
     truths = [t for t in recording.truths if t.slot >= 0 and t.uav in index]
     cells, true_cells = _cells(fixes, index), _cells(truths, index)
     slots = 1 + max(int(cells[0].max(initial=-1)), int(true_cells[0].max(initial=-1)))
-    if slots * len(roster) > MAX_CELLS:
+    if slots * len(roster) > MAX_UAV_SLOTS:
         raise RecordingError("recording", f"slot {slots - 1} is beyond the longest mission that can be analysed")
     shape = (slots, len(roster))
     heard, executed, energy_j = np.zeros(shape, bool), np.zeros(shape, bool), np.full(shape, np.nan)

@@ -20,7 +20,7 @@ from random import Random
 from msgspec import Struct
 
 from edc_swarm.mission.configuration import MAX_FAULTS, MAX_LINKS, NS_PER_S, Link, Mission
-from edc_swarm.mission.faults import parse_faults
+from edc_swarm.mission.faults import ChangeLink, parse_faults
 
 NS_PER_MS = 1_000_000
 ANYONE = "*"
@@ -166,7 +166,7 @@ def fading_loss(distance_m: float, rule: Link) -> float:
 
 def have_range(mission: Mission) -> bool:
     """Return True if a link of the mission has a radio range, at first or by a fault: then true positions matter."""
-    by_fault = (fault.link() for fault in parse_faults(mission) if fault.verb == "link")
+    by_fault = (fault.rule() for fault in parse_faults(mission) if isinstance(fault, ChangeLink))
     return any(rule.range_m > 0 for rule in (*mission.link, *by_fault))
 
 

@@ -18,7 +18,7 @@ from numpy.typing import NDArray
 
 from edc_swarm.analysis.guarantees.check import check
 from edc_swarm.errors import PlacementError
-from edc_swarm.geometry import Floats, length_m, segment_distance_m
+from edc_swarm.geometry import DISC_TOLERANCE_M, Floats, length_m, segment_distance_m
 from edc_swarm.mission.configuration import Mission, mission_from_dict
 from edc_swarm.mission.roster import complete_mission
 from edc_swarm.planner.edc import Edc
@@ -26,9 +26,9 @@ from edc_swarm.planner.registry import make_planner
 from edc_swarm.planner.request import Arrays
 from edc_swarm.protocol.messages import Message, MissionMessage, mission_message
 from edc_swarm.recording.model import Recording
-from edc_swarm.simulation.simulator import Motion, Simulation
+from edc_swarm.simulation.computers import Motion
+from edc_swarm.simulation.simulator import Simulation
 
-TOLERANCE_M = 1e-9
 CHECKED = ("G1", "G2", "G3", "G4", "G5")
 PROGRESS = "G7"
 """Guarantee that is checked only with a planner that completes missions."""
@@ -161,7 +161,7 @@ def overlaps(mission: MissionMessage, motions: Sequence[Motion]) -> list[str]:
             _gaps(first, last, before_first, before_last, i, j),
         ]
     )
-    bad = np.argwhere(gap_m < r_m[i] + r_m[j] - TOLERANCE_M)
+    bad = np.argwhere(gap_m < r_m[i] + r_m[j] - DISC_TOLERANCE_M)
     ids = [entry.uav for entry in mission.roster]
     return [
         f"G3: {ids[i[pair]]} and {ids[j[pair]]} can come within {gap_m[slot, pair]:.6f} m in slot {slot}"

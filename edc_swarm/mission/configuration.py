@@ -25,6 +25,8 @@ MAX_FAULTS = 1000
 MAX_LINKS = 1000
 MAX_MISSION_BYTES = 4 << 20
 MOST_SLOTS = 1_000_000
+FOR_GOOD_S = 1e9
+"""A link rule that ends then or later never ends."""
 
 PlannerName = Annotated[str, Meta(min_length=1, max_length=200)]
 Minimise = Literal["distance", "energy", "time"]
@@ -135,7 +137,7 @@ class Link(Struct, frozen=True, kw_only=True):
     path_loss_exponent: Positive = 2.0
     shadowing_db: NonNegative = 4.0
     start_s: NonNegative = 0.0
-    end_s: NonNegative = 1e9
+    end_s: NonNegative = FOR_GOOD_S
 
 
 class Mission(Struct, frozen=True, kw_only=True):

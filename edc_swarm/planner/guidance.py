@@ -57,7 +57,7 @@ NEVER = -(10**9)
 """Slot of the last plan for a UAV that has none."""
 STILL_SHARE = 0.02
 """Share of a full step below which a UAV has stood still."""
-MAX_CELLS = 160
+MAX_SIDE_CELLS = 160
 """Most cells along one side of the grid."""
 
 
@@ -215,7 +215,7 @@ class Guidance:
         start_m, r_m = scene.position_m, scene.r_m
         low_m = start_m.min(axis=0)
         extent_m = start_m.max(axis=0) - low_m
-        cell_m = max(2 * float(r_m.max()) + DELTA_M + self._u_max_m, float(extent_m.max()) / MAX_CELLS)
+        cell_m = max(2 * float(r_m.max()) + DELTA_M + self._u_max_m, float(extent_m.max()) / MAX_SIDE_CELLS)
         margin = 4
         cells = np.ceil(extent_m / cell_m).astype(np.int64) + 1 + 2 * margin
         slots = tuning.look_ahead + 1

@@ -23,7 +23,7 @@ from numpy.typing import NDArray
 Floats = NDArray[np.float64]
 Ints = NDArray[np.int64]
 
-ARRIVED_M = 1e-9
+AT_GOAL_M = 1e-9
 ROUNDING_M = 1e-6
 """Tolerance of a plan's distances: local search ends exactly at the least distance."""
 OPEN, PRICED, CLOSED = 0, 1, 2
@@ -669,7 +669,7 @@ def refly(world: World, k: int, draft: Draft, count: int, n: int, shift: int) ->
         x, y, step, arrived = towards(x, y, tx, ty, slots, u_max)
         if arrived and i < count and slot[i] <= t:
             i += 1
-        there = abs(x - gx) < ARRIVED_M and abs(y - gy) < ARRIVED_M
+        there = abs(x - gx) < AT_GOAL_M and abs(y - gy) < AT_GOAL_M
         new_track[t, 0], new_track[t, 1] = x, y
         new_effort[t] = wt * (step / u_max if there else 1.0) + wd * step / u_max
         total += new_effort[t]

@@ -15,7 +15,7 @@ STALL_SLOTS = 100
 
 Guidance has its own rules for UAVs that stand still, the longest of 32 slots.
 """
-STILL_SHARE = 1e-4
+NO_STEP_SHARE = 1e-4
 """Share of the longest step below which a step counts as none: in a jam steps may get shorter without end."""
 
 
@@ -33,7 +33,7 @@ class MissionMonitor:
         self._ended: set[str] = set()
         faults = parse_faults(mission)
         self._settled_slot, self._side = settled_slot(mission, faults), prospect_of(mission, faults).side
-        self._still_m = STILL_SHARE * mission.u_max_m
+        self._still_m = NO_STEP_SHARE * mission.u_max_m
         self._still_plans = 0
         self._planned = (-1, -1)
         self._changed_slot = 0

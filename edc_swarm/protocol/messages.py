@@ -8,7 +8,7 @@ readers ignore unknown fields. `seq` counts from 0 without gaps per publisher `i
 from __future__ import annotations
 
 from collections.abc import Set
-from typing import Annotated, Literal
+from typing import Annotated, Literal, get_args
 
 from msgspec import Meta, Struct
 
@@ -44,7 +44,11 @@ Quantity = Annotated[float, Meta(ge=-MOST, le=MOST)]
 """A number of any sign. Its limits keep it finite, as for all numbers of messages."""
 Count = Annotated[int, Meta(ge=0, lt=1 << 53)]
 CountOrNone = Annotated[int, Meta(ge=-1, lt=1 << 53)]
-Status = Literal["planned", "no-qp-needed", "failed", "no-quorum", "claim"]
+PlanStatus = Literal["planned", "no-qp-needed", "failed"]
+"""Status of a report that carries a plan, as the planner gave it (`planner.interface.PlanStatus`)."""
+Status = Literal[PlanStatus, "no-quorum", "claim"]
+PLANNED: frozenset[Status] = frozenset(get_args(PlanStatus))
+"""Every status of a report that carries a plan."""
 
 
 class Fix(Struct, frozen=True, kw_only=True, gc=False):
@@ -165,7 +169,7 @@ class Report(Struct, frozen=True, kw_only=True, gc=False):
     @property
     def has_quorum(self) -> bool:
         """True if this report proves that a quorum granted (term, head) in its slot."""
-        return self.status in {"planned", "no-qp-needed", "failed"} and len(self.grants) >= self.quorum
+        return self.status in PLANNED and len(self.grants) >= self.quorum
 
     @property
     def hull_columns(self) -> tuple[list[float], ...]:

@@ -5,14 +5,11 @@ from __future__ import annotations
 from dataclasses import dataclass
 from operator import attrgetter
 
-from edc_swarm.errors import MissionError
 from edc_swarm.mission.configuration import OPERATOR
-from edc_swarm.mission.faults import parse_fault
+from edc_swarm.mission.faults import Freeze, Kill, read_fault
 from edc_swarm.protocol.events import EventKind
 from edc_swarm.protocol.keys import KEY_FORMS
 from edc_swarm.recording.model import Recording
-
-FATAL = ("kill", "freeze")
 
 
 @dataclass(frozen=True, slots=True)
@@ -66,11 +63,9 @@ def _deaths(recording: Recording) -> dict[str, int]:
         if event.source != OPERATOR:
             continue
         who = ""
-        if event.kind == EventKind.FAULT and event.detail.startswith(FATAL):
-            try:
-                who = parse_fault(event.detail, recording.mission.dt_s).target
-            except MissionError:
-                continue
+        if event.kind == EventKind.FAULT:
+            fault = read_fault(event.detail, recording.mission.dt_s)
+            who = fault.target if isinstance(fault, (Kill, Freeze)) else ""
         elif event.kind == EventKind.EXITED:
             who = event.detail.split(" ", 1)[0]
         deaths[who] = max(event.sent_ns, deaths.get(who, 0))

@@ -17,9 +17,9 @@ from edc_swarm.protocol.events import EventKind
 from edc_swarm.protocol.messages import MissionMessage
 from edc_swarm.recording.model import Recording
 
-MAX_CELLS = 1_000_000
+MAX_ANIMATED = 1_000_000
 """Most UAV-slots that are animated; the animation of a longer mission skips slots evenly."""
-MAX_FAULTS = 200
+MAX_FAULT_MARKS = 200
 
 
 class Series(Struct, frozen=True):
@@ -71,7 +71,7 @@ class Page(Struct, frozen=True, kw_only=True):
         """Return the data that the page shows of a recording."""
         mission, columns = recording.mission, columns_of(recording, timings)
         slots, count = columns.step_m.shape
-        every = max(1, -(-slots * count // MAX_CELLS))
+        every = max(1, -(-slots * count // MAX_ANIMATED))
         heard = ~np.isnan(columns.energy_j[::every])
         leader = _leader(recording, columns)[::every]
         return cls(
@@ -121,7 +121,9 @@ def _leader(recording: Recording, columns: Columns) -> NDArray[np.int64]:
 def _faults(recording: Recording) -> list[FaultMark]:
     mission, said = recording.mission, [event for event in recording.events if event.kind == EventKind.FAULT]
     per_s = mission.time_scale / 1e9
-    return [FaultMark((e.sent_ns - mission.epoch_ns) * per_s, shown(e.detail, MAX_LINE)) for e in said[:MAX_FAULTS]]
+    return [
+        FaultMark((e.sent_ns - mission.epoch_ns) * per_s, shown(e.detail, MAX_LINE)) for e in said[:MAX_FAULT_MARKS]
+    ]
 
 
 def _plots(mission: MissionMessage, columns: Columns) -> list[Plot]:

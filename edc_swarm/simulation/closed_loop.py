@@ -1,4 +1,4 @@
-"""A planner in closed loop without agents: everybody flies what was planned, every slot.
+"""A planner in closed loop without agents: every UAV flies its planned step, in every slot.
 
 With a good network and one head this is the path that the simulated swarm flies, to the last bit,
 at the cost of planning alone; a test holds the two together.
@@ -26,7 +26,7 @@ def as_printed(mission: Mission, stopwatch: Stopwatch) -> Paper:
 
 
 def recording_of(mission: MissionMessage, path_m: Floats) -> Recording:
-    """A recording of nothing but such a path, for the same metrics: each slot's fixes and commands."""
+    """Return a recording of such a path alone, for the same metrics: each slot's fixes and commands."""
     uavs, said = [entry.uav for entry in mission.roster], list[Message]([mission])
     for slot, (here_m, there_m) in enumerate(pairwise(path_m.tolist())):
         for entry, (x_m, y_m), (to_x_m, to_y_m) in zip(mission.roster, here_m, there_m, strict=True):
@@ -48,7 +48,7 @@ AS_PRINTED = "edc_swarm.simulation.closed_loop:as_printed"
 
 
 def closed_loop(mission: Mission, planner: Planner, first_slot: int = 1) -> tuple[Floats, list[Plan]]:
-    """Positions (S + 1, K, 2) of a completed mission's UAVs, and the plan of every slot.
+    """Return the positions (S + 1, K, 2) of a completed mission's UAVs, and the plan of every slot.
 
     `first_slot` is the first slot that has commands.
     """

@@ -15,6 +15,7 @@ from foxglove_schemas_protobuf.Log_pb2 import Log
 from foxglove_schemas_protobuf.SceneEntity_pb2 import SceneEntity
 from msgspec import UNSET
 
+from edc_swarm.geometry import DISC_TOLERANCE_M
 from edc_swarm.mission.configuration import NS_PER_S, RosterEntry
 from edc_swarm.protocol.events import EVENT_FORMS
 from edc_swarm.protocol.messages import Command, Event, Fix, Message, MissionMessage, Report, Truth
@@ -46,7 +47,6 @@ STATIC_TICKS = 120
 """Ticks between scenes of static objects (one minute), for viewers that connect late."""
 TRAIL_S = 15.0
 MAX_TRAIL = 16
-OVERLAP_TOLERANCE_M = 1e-9
 FORGET_NS = 60 * NS_PER_S
 """Longest time without messages that is shown; a longer one is skipped."""
 LABELS_HIGH = 45
@@ -318,7 +318,7 @@ def gaps(discs: list[tuple[Point, float, str]]) -> Gaps:
                 break
             gap_m = math.hypot(other_x_m - x_m, other_y_m - y_m) - r_m - other_r_m
             least_m = min(least_m, gap_m)
-            if gap_m < -OVERLAP_TOLERANCE_M:
+            if gap_m < -DISC_TOLERANCE_M:
                 overlapping |= {name, other}
     return Gaps(least_m if math.isfinite(least_m) else None, overlapping)
 

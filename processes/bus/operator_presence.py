@@ -13,7 +13,7 @@ from processes.bus.session import hand_over
 
 LINGER_S = 1.0
 """Who works for an operator leaves so long after it, so that the first to leave is the operator."""
-GIVE_UP_S = 60.0
+OPERATOR_LOST_S = 60.0
 """An operator that has been away so long does not come back."""
 MAX_OPERATORS = 1000
 """Operators that are remembered: a flood of tokens fills no memory."""
@@ -64,8 +64,8 @@ class Operators:
 
     def check_there(self, mission: str) -> None:
         """Raise `SwarmError` when the operator has been away for too long."""
-        if self.away_s(mission) > GIVE_UP_S:
-            raise SwarmError(f"the operator of mission {mission} has been away for {GIVE_UP_S:g} s")
+        if self.away_s(mission) > OPERATOR_LOST_S:
+            raise SwarmError(f"the operator of mission {mission} has been away for {OPERATOR_LOST_S:g} s")
 
     def away_s(self, mission: str) -> float:
         """For how long the mission has had no operator, 0 while it has one."""

@@ -14,7 +14,7 @@ from edc_swarm.protocol.retransmission import KEPT_BYTES, Ask, Kept, Ring, decod
 from processes.bus.session import hand_over, is_connected, put
 from processes.runtime.inbox import Inbox
 
-LIMIT = 20_000
+MAX_WAITING = 20_000
 FROZEN_S = 0.3
 """A loop that comes this much too late was frozen: its session may be dead without knowing it."""
 DOUBT_S = 0.1
@@ -37,7 +37,7 @@ class Outbox:
 
     def __init__(self, session: zenoh.Session, key: str, inbox: Inbox[Any], kept_bytes: int = KEPT_BYTES) -> None:
         self._session = session
-        self._waiting: deque[Kept] = deque(maxlen=LIMIT)
+        self._waiting: deque[Kept] = deque(maxlen=MAX_WAITING)
         self._ring = Ring(kept_bytes)
         self._key = key
         self._asks: deque[tuple[zenoh.Query, Ask]] = deque(maxlen=MAX_ASKS)

@@ -40,7 +40,7 @@ FIELDS = {
 """Field of the mission that an option sets."""
 LINK_FIELDS = {name: f"link.{name}" for name in ("delay_ms", "jitter_ms", "loss")}
 """Field of every link of the mission that an option sets."""
-MOST_NAMED = 5
+MOST_LISTED = 5
 
 
 @contextmanager
@@ -63,8 +63,8 @@ def _warn_of_batteries(mission: Mission) -> None:
     if not needed_j:
         return
     battery_j = {entry.uav: entry.energy_j for entry in mission.roster}
-    named = [f"{uav} ({battery_j[uav]:.4g} of {needed_j[uav]:.4g} J)" for uav in [*needed_j][:MOST_NAMED]]
-    more = f" and {len(needed_j) - MOST_NAMED} more" if len(needed_j) > MOST_NAMED else ""
+    named = [f"{uav} ({battery_j[uav]:.4g} of {needed_j[uav]:.4g} J)" for uav in [*needed_j][:MOST_LISTED]]
+    more = f" and {len(needed_j) - MOST_LISTED} more" if len(needed_j) > MOST_LISTED else ""
     note(f"warning: no battery for the straight flight to the target at full speed: {', '.join(named)}{more}")
 
 
@@ -97,6 +97,8 @@ class MissionOptions:
         Criterion for the head (energy).
     fault
         Something to go wrong, such as "kill head @10"; may be given more than once.
+    fault_help
+        Print the fault vocabulary and exit.
     delay_ms
         One-way delay of every link in wall milliseconds (0).
     jitter_ms
@@ -129,6 +131,7 @@ class MissionOptions:
     minimise: Minimise | None = None
     elect: Criterion | None = None
     fault: list[str] = field(default_factory=list)
+    fault_help: bool = False
     delay_ms: float | None = None
     jitter_ms: float | None = None
     loss: float | None = None

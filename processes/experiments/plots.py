@@ -21,7 +21,7 @@ DPI = 200
 BAND_SHARE = 1.6
 """Width of a band, as a share of the greatest mean, above which the plot cuts it off."""
 LOG_BAND = 2.5
-ZERO = 1e-6
+NEGLIGIBLE = 1e-6
 HOLLOW = {"straight", "bound"}
 """Lines that others may cover; their hollow markers stay visible around those of the others."""
 STYLES: dict[str, tuple[str, str, str]] = {
@@ -96,7 +96,7 @@ def _limit(axes: Any, figure: Figure, means: Sequence[float]) -> None:
     if figure.logarithmic:
         axes.set_yscale("log")
         axes.set_ylim(least / LOG_BAND, most * LOG_BAND)
-    elif least < -ZERO:
+    elif least < -NEGLIGIBLE:
         axes.axhline(0, color="#000000", linewidth=0.8)
         reach = BAND_SHARE * max(abs(least), most)
         axes.set_ylim(max(low, -reach), min(high, reach))

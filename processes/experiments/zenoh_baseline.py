@@ -26,7 +26,7 @@ from processes.runtime.children import Child, ChildExited, ChildReady
 from processes.runtime.inbox import Inbox
 
 BEGIN_AHEAD_NS = 300_000_000
-START_TIMEOUT_S = 60.0
+BASELINE_START_TIMEOUT_S = 60.0
 END_TIMEOUT_S = 1.0
 
 
@@ -114,7 +114,7 @@ class _Measurement:
 
     def _await(self, names: set[str], name_of: Callable[[object], str]) -> None:
         """Wait for news of each of `names`."""
-        until_s = time.monotonic() + START_TIMEOUT_S
+        until_s = time.monotonic() + BASELINE_START_TIMEOUT_S
         while names:
             for news in self._next(until_s):
                 names -= {name_of(news)}
@@ -122,7 +122,7 @@ class _Measurement:
                     raise SwarmError(f"baseline {news.name} ended: {self._log.read_text(errors='replace')[-500:]}")
 
     def _await_seen(self, uavs: int, within_s: float) -> list[RoundTrips]:
-        until_s, seen = time.monotonic() + within_s + START_TIMEOUT_S, list[RoundTrips]()
+        until_s, seen = time.monotonic() + within_s + BASELINE_START_TIMEOUT_S, list[RoundTrips]()
         while len(seen) < uavs:
             seen += [news for news in self._next(until_s) if isinstance(news, RoundTrips)]
         return seen
@@ -130,7 +130,7 @@ class _Measurement:
     def _next(self, until_s: float) -> list[object]:
         news = self._news.wait(until_s - time.monotonic())
         if not news:
-            raise SwarmError(f"the baseline processes sent nothing within {START_TIMEOUT_S:g} s")
+            raise SwarmError(f"the baseline processes sent nothing within {BASELINE_START_TIMEOUT_S:g} s")
 
         return news
 

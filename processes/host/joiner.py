@@ -174,12 +174,12 @@ class Joiner:
         self._folder.forget()
         self._loop.wait_quietly(lambda: operators.away_s(mission) > LINGER_S, LEAVE_TIMEOUT_S, LOOK_EVERY_S)
 
-    def _obey(self, deed: host_requests.Deed | None) -> None:
+    def _obey(self, deed: host_requests.HostRequest | None) -> None:
         """Do to the own UAVs what a fault calls for."""
         pool = self._pool
         if deed is None or pool is None or not pool.flies(deed.uav):
             return
-        if isinstance(deed, host_requests.Restart):
+        if isinstance(deed, host_requests.RestartProcess):
             self._ordered_deaths.add(deed.uav)
             pool.restart(deed.uav, lose_memory=deed.lose_memory)
         else:
@@ -213,7 +213,7 @@ class Joiner:
             case Event(kind=EventKind.END):
                 self._over = True
             case Event(kind=EventKind.HOST_REQUEST, detail=detail):
-                self._obey(host_requests.asked_for(detail))
+                self._obey(host_requests.decode_request(detail))
 
     def _note_crash(self, news: fork_source.Exited) -> None:
         """A process that nobody asked to die is told of, with the last that it said."""

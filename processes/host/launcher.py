@@ -401,7 +401,7 @@ class Launcher:
         if name in self._children:
             self._children[name].signal(number)
         elif name in self._elsewhere:
-            self._ask_for(host_requests.Send(uav=name, number=number))
+            self._ask_for(host_requests.SendSignal(uav=name, number=number))
         else:
             self._pool.signal(name, number)
 
@@ -411,14 +411,14 @@ class Launcher:
             self._restart_the_router()
         elif name in self._elsewhere:
             self._expected_deaths.discard(name)
-            self._ask_for(host_requests.Restart(uav=name, lose_memory=lose_memory))
+            self._ask_for(host_requests.RestartProcess(uav=name, lose_memory=lose_memory))
         else:
             if name in self._pool.living:
                 self._expected_deaths.add(name)
             self._revived(name, self._pool.restart(name, lose_memory=lose_memory))
 
-    def _ask_for(self, deed: host_requests.Deed) -> None:
-        self.bus.publish_event(EventKind.HOST_REQUEST, host_requests.told(deed))
+    def _ask_for(self, deed: host_requests.HostRequest) -> None:
+        self.bus.publish_event(EventKind.HOST_REQUEST, host_requests.encode_request(deed))
 
     def _restart_the_router(self) -> None:
         if ROUTER in self._children:

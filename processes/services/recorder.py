@@ -35,7 +35,7 @@ from edc_swarm.protocol.messages import Event
 from edc_swarm.recording.sequences import tails_in
 from edc_swarm.recording.writer import Stamp, TooLarge
 from processes.bus.credentials import credentials
-from processes.bus.operator_presence import GIVE_UP_S, Operators
+from processes.bus.operator_presence import OPERATOR_LOST_S, Operators
 from processes.bus.session import ask_aside, hand_over, open_client, put
 from processes.bus.subscriptions import Gate, Heard
 from processes.runtime.clock import MissionClock
@@ -190,7 +190,7 @@ class Recorder:
 
     def _is_deserted(self) -> bool:
         """Return True if the operator has been away for too long without a `closed` event."""
-        return self._operators is not None and self._operators.away_s(self._mission) > GIVE_UP_S
+        return self._operators is not None and self._operators.away_s(self._mission) > OPERATOR_LOST_S
 
     def _is_stopped(self) -> bool:
         """Return True after `stop`, once the operator has left or its time is over."""

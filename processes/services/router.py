@@ -30,7 +30,7 @@ from processes.runtime.parent import die_with_parent
 from processes.services.access_rules import ANY_MISSION, access_control
 
 ONE_MISSION = "mission"
-PATIENCE_S = 120.0
+NO_OPERATOR_S = 120.0
 """Longest wait for an operator, in seconds; one that has not come by then was killed before it could give notice."""
 LEAVE_S = 2 * LINGER_S
 """Wait after the last process has left, since processes that leave after their operator need a router to close fast."""
@@ -85,7 +85,7 @@ def _route_one_mission(session: zenoh.Session, signals: set[signal.Signals]) -> 
     there: set[str] = set()
     operators: set[str] = set()
     words: set[str] = set()
-    patience_until_s = time.monotonic() + PATIENCE_S
+    patience_until_s = time.monotonic() + NO_OPERATOR_S
 
     def take(sample: zenoh.Sample) -> None:
         key = str(sample.key_expr)
@@ -108,7 +108,7 @@ def _route_one_mission(session: zenoh.Session, signals: set[signal.Signals]) -> 
     if is_stopped(LEAVE_S) or operators:
         return 0
     if not words:
-        print(f"router: no operator has come within {PATIENCE_S:g} s", file=sys.stderr)
+        print(f"router: no operator has come within {NO_OPERATOR_S:g} s", file=sys.stderr)
     notice = session.liveliness().declare_token(GAVE_UP)
     is_stopped(NOTICE_S)
     notice.undeclare()

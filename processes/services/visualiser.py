@@ -29,7 +29,7 @@ from edc_swarm.recording.writer import Stamp
 from edc_swarm.viz.channels import ROOT
 from edc_swarm.viz.scenery import Scenery, Shown
 from processes.bus.credentials import credentials
-from processes.bus.operator_presence import GIVE_UP_S, Operators
+from processes.bus.operator_presence import OPERATOR_LOST_S, Operators
 from processes.bus.outbox import Outbox
 from processes.bus.session import hand_over, open_client
 from processes.bus.subscriptions import Gate, Heard, heard_from
@@ -41,12 +41,12 @@ from processes.services.live import HOST, Live, Subscribed
 from processes.services.orders import orders, outlast_operator
 
 NAME = VISUALISER
-IDLE_S = 0.25
+VIEW_IDLE_S = 0.25
 BURST_BYTES = 32_768
 PAUSE_S = 0.004
-OVERHEAD_BYTES = 512
+MESSAGE_COST_BYTES = 512
 """Overhead of a message in memory, besides its bytes."""
-KEPT_BYTES = 16 << 20
+KEPT_SCENES_BYTES = 16 << 20
 """Size of the buffer for retransmission: a minute of the scenes of 50 UAVs."""
 
 
@@ -100,7 +100,7 @@ class Visualiser:
             self._live = Live(settings.live_host, settings.live_port, self._inbox.put_always)
         self._session = open_client(settings.endpoint, credentials(settings.certs, NAME), observer=True)
         keys, heard = self._keys, hand_over(self._take)
-        self._outbox = Outbox(self._session, keys.again(NAME, self._instance), self._inbox, KEPT_BYTES)
+        self._outbox = Outbox(self._session, keys.again(NAME, self._instance), self._inbox, KEPT_SCENES_BYTES)
         for key in (keys.mission, f"{keys.root}/uav/**", f"{keys.root}/head/**", keys.event("*")):
             self._session.declare_subscriber(key, heard, allowed_origin=zenoh.Locality.REMOTE)
         self._session.get(keys.mission, hand_over(self._take_reply), consolidation=zenoh.ConsolidationMode.NONE)
@@ -127,11 +127,11 @@ class Visualiser:
 
     def _is_deserted(self) -> bool:
         """Return True if the operator has been away for too long without a `closed` event."""
-        return self._operators is not None and self._operators.away_s(self._mission) > GIVE_UP_S
+        return self._operators is not None and self._operators.away_s(self._mission) > OPERATOR_LOST_S
 
     def _patience_s(self) -> float:
         due_ns = self._scenery.next_ns
-        return IDLE_S if due_ns is None else min(IDLE_S, max(0.0, (due_ns - self._clock.now_ns()) / 1e9))
+        return VIEW_IDLE_S if due_ns is None else min(VIEW_IDLE_S, max(0.0, (due_ns - self._clock.now_ns()) / 1e9))
 
     def _take_item(self, item: Item) -> None:
         match item:
@@ -173,7 +173,7 @@ class Visualiser:
 
     def _pause(self, size: int) -> None:
         """Wait until the bus has taken a scene, since it drops large messages that come too fast."""
-        self._unsent += size + OVERHEAD_BYTES
+        self._unsent += size + MESSAGE_COST_BYTES
         if self._unsent >= BURST_BYTES:
             self._unsent = 0
             time.sleep(PAUSE_S)

@@ -52,7 +52,7 @@ from processes.bus.session import is_connected, open_client
 from processes.bus.subscriptions import Ears, Gate, Heard, Item, Postbox, Token, sender_of
 from processes.runtime.clock import MissionClock
 from processes.runtime.inbox import Inbox
-from processes.uav.local_faults import Faulty
+from processes.uav.local_faults import LocalFaults
 from processes.uav.planner_loader import SlowPlanner, load_planner
 from processes.uav.response_time import measured_response_ms
 from processes.uav.state import UavState
@@ -219,14 +219,14 @@ class UavProcess:
         postbox = Postbox(LinkEmulator(mission, entry.uav))
         if have_range(mission):
             self._ears.listen_to_truths()
-        self._flight = Flight(mission, node, postbox, Faulty(mission, entry.uav, postbox.links, self._clock))
+        self._flight = Flight(mission, node, postbox, LocalFaults(mission, entry.uav, postbox.links, self._clock))
 
     def _obey(self, event: Event) -> None:
-        """Do what the operator's event says: end, or suffer a fault."""
+        """Do what the operator's event says: end, or carry out a fault."""
         if event.kind == EventKind.END:
             self._leaving = True
         elif event.kind == EventKind.FAULT and self._flight is not None:
-            for node_event in self._flight.faulty.suffer(event.detail):
+            for node_event in self._flight.faults.apply(event.detail):
                 self._step(node_event)
 
     def _receive(self, message: Message, at_ns: int) -> None:
@@ -302,11 +302,11 @@ class UavProcess:
 
     def _want_planner(self) -> None:
         assert self._flight is not None
-        load_planner(self._flight.mission, partial(self._take_planner, self._flight.faulty))
+        load_planner(self._flight.mission, partial(self._take_planner, self._flight.faults))
 
-    def _take_planner(self, faulty: Faulty, planner: Planner) -> None:
-        faulty.planner = SlowPlanner(planner)
-        self._inbox.put_always(PlannerReady(faulty.planner))
+    def _take_planner(self, faults: LocalFaults, planner: Planner) -> None:
+        faults.planner = SlowPlanner(planner)
+        self._inbox.put_always(PlannerReady(faults.planner))
 
     def _close(self) -> None:
         self._tell_truth()
@@ -330,7 +330,7 @@ class Flight:
     mission: MissionMessage
     node: UavNode
     postbox: Postbox
-    faulty: Faulty
+    faults: LocalFaults
     wake_ns: int = 0
 
     def mission_s(self, now_ns: int) -> float:

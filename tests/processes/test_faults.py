@@ -15,6 +15,7 @@ FAULTS = {
     "head frozen and resumed": ["freeze head @10 for 10s"],
     "head cut off": ["partition head|rest @10 for 10"],
     "nobody has a quorum": ["partition halves @10 for 10"],
+    "cut off and healed": ["partition head|rest @10", "heal @16"],
     "restarted, one of them without memory": ["kill u003 @6", "restart u003 @12", "restart u005 lose-memory @4.2s"],
     "links bad, clock off, GPS changed, solver slow": [
         "link *>* delay 10 jitter 10 loss 0.1 duplicate 0.1 reorder 0.1 @4 for 15",

@@ -407,7 +407,7 @@ def test_a_router_that_has_just_begun_to_listen_hears_the_word(start):
 def test_a_router_waits_for_an_operator_only_so_long(start):
     """One that was killed before it could say anything: everybody is told, in one line."""
     address = free_endpoint()
-    script = "import sys; from processes.services import router; router.PATIENCE_S = 0.5; sys.exit(router.main())"
+    script = "import sys; from processes.services import router; router.NO_OPERATOR_S = 0.5; sys.exit(router.main())"
     command = [sys.executable, "-c", script, address, "mission"]
     with subprocess.Popen(command, stderr=subprocess.PIPE, stdout=subprocess.DEVNULL, text=True) as router:
         joined = start("join", address).end()

@@ -136,7 +136,7 @@ def frozen_uav_executes_late(patch: Patch) -> None:
 
 
 def ungranted_uav_commanded(patch: Patch) -> None:
-    """A head counts and commands whoever has sent a fix of the slot."""
+    """A head counts and commands every UAV that has sent a fix of the slot."""
 
     def mutant(self: Knowledge, slot: int, grant: Any) -> list[str]:
         del grant
@@ -254,7 +254,7 @@ def negative_gap_taken(patch: Patch) -> None:
 
 
 def planner_that_gives_up_after_a_fault(patch: Patch) -> None:
-    """Once a UAV has been unheard, nobody is to move any more."""
+    """No UAV moves any more after one was unheard."""
     wishes, shaken = Edc._wishes, set[Edc]()
 
     def mutant(self: Edc, arrays: Arrays) -> Floats:
@@ -266,7 +266,7 @@ def planner_that_gives_up_after_a_fault(patch: Patch) -> None:
 
 
 def guidance_that_ignores_one_uav(patch: Patch) -> None:
-    """The first UAV of the roster is never to move."""
+    """The first UAV of the roster never moves."""
     wishes = Guidance.wishes
 
     def mutant(self: Guidance, scene: Scene) -> Floats:
@@ -282,7 +282,7 @@ def freezes(seed: int) -> Mission:
 
 
 def restarts(seed: int) -> Mission:
-    """Heads that come back at once; a UAV that they have just commanded says so, and is then not heard."""
+    """Heads that come back at once; a UAV that they have just commanded reports it, and is then unheard."""
     faults = []
     for slot in range(4, 62, 6):
         at_s = slot * 0.5 + 0.01
@@ -300,7 +300,7 @@ def failovers(seed: int) -> Mission:
 
 
 def relapses(seed: int) -> Mission:
-    """The same, but that the UAV was unheard in the slot before as well, and is listed in that slot's report."""
+    """The same, but the UAV was unheard in the slot before too, and that slot's report lists it."""
     faults = []
     for slot in range(6, 66, 6):
         at_s, uav = slot * 0.5, f"u00{1 + slot // 6 % 5}"

@@ -917,9 +917,9 @@ def test_a_slot_beyond_reason_is_one_clear_line(messages: list[Message]) -> None
 
 def test_so_many_uav_slots_are_examined_and_no_more(messages: list[Message], monkeypatch: pytest.MonkeyPatch) -> None:
     """The limit is on slots times UAVs."""
-    monkeypatch.setattr(tracks, "MAX_CELLS", 9 * 3)
+    monkeypatch.setattr(tracks, "MAX_UAV_SLOTS", 9 * 3)
     assert broken(messages) == set()
-    monkeypatch.setattr(tracks, "MAX_CELLS", 9 * 3 - 1)
+    monkeypatch.setattr(tracks, "MAX_UAV_SLOTS", 9 * 3 - 1)
     with pytest.raises(RecordingError, match="slot 8 is beyond"):
         check(recorded(messages))
 

@@ -9,7 +9,7 @@ import pytest
 
 from edc_swarm.mission.configuration import Link, Mission, RosterEntry
 from edc_swarm.mission.faults import parse_faults
-from edc_swarm.mission.prospect import SLACK_SLOTS, default_max_slots, prospect_of, settled_slot
+from edc_swarm.mission.prospect import FAULT_SLACK_SLOTS, default_max_slots, prospect_of, settled_slot
 from edc_swarm.mission.roster import complete_mission
 
 LIMIT = 20 * 20 + 200
@@ -60,7 +60,7 @@ def test_a_mission_lasts_until_it_can_be_judged() -> None:
     """This is the default; a `max_slots` of the user takes precedence."""
     assert complete_mission(mission()).max_slots == LIMIT
     late = ["kill a @900", "partition halves @4 for 3"]
-    assert complete_mission(mission(*late)).max_slots == 900 + LIMIT + SLACK_SLOTS
+    assert complete_mission(mission(*late)).max_slots == 900 + LIMIT + FAULT_SLACK_SLOTS
     assert complete_mission(mission(*late, max_slots=7)).max_slots == 7
 
 
@@ -72,7 +72,7 @@ def test_lost_commands_take_more_slots() -> None:
             prospect = prospect_of(whole, parse_faults(whole))
             assert prospect.obstacle == ""
             assert prospect.limit_slots == pytest.approx(LIMIT / share, abs=1)
-        assert default_max_slots(by_fault) == 3 + prospect.limit_slots + SLACK_SLOTS
+        assert default_max_slots(by_fault) == 3 + prospect.limit_slots + FAULT_SLACK_SLOTS
 
 
 def test_a_cut_by_a_word_does_not_shorten_a_lossy_mission() -> None:

@@ -10,10 +10,21 @@ import pytest
 
 from edc_swarm.errors import MessageError
 from edc_swarm.mission.configuration import RosterEntry
+from edc_swarm.planner.interface import PlanStatus
 from edc_swarm.protocol.codec import decode, encode
 from edc_swarm.protocol.events import EVENT_FORMS, EventKind
 from edc_swarm.protocol.keys import KEY_FORMS, Keys, kind_of, source_of
-from edc_swarm.protocol.messages import Command, Event, Fix, Message, MissionMessage, Report, Truth, roster_index
+from edc_swarm.protocol.messages import (
+    PLANNED,
+    Command,
+    Event,
+    Fix,
+    Message,
+    MissionMessage,
+    Report,
+    Truth,
+    roster_index,
+)
 
 KEYS = Keys("m1")
 
@@ -138,6 +149,11 @@ def test_garbage(payload: bytes) -> None:
     """Only `MessageError` comes out, however deep it is nested."""
     with pytest.raises(MessageError):
         decode("uav/a/fix", payload)
+
+
+def test_the_statuses_of_planners_are_those_of_reports_with_a_plan() -> None:
+    """A planner may not know messages, so its words stand in `planner.interface` too; they are the same."""
+    assert frozenset(get_args(PlanStatus)) == PLANNED
 
 
 @pytest.mark.parametrize(

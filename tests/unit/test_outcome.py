@@ -117,6 +117,11 @@ def test_who_was_on_its_way_has_the_mission_s_end_as_its_reason(
             "silent since slot 13 (frozen, cut off, or its process gone)",
         ),
         (
+            Event(source="operator", slot=14, kind="fault", detail="heal @14"),
+            "silent",
+            "silent since slot 13 (frozen, cut off, or its process gone)",
+        ),
+        (
             Event(source="operator", slot=5, kind="fault", detail="freeze u2 @5 for 1"),
             "silent",
             "silent since slot 13 (frozen, cut off, or its process gone)",

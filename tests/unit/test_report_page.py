@@ -110,7 +110,7 @@ def test_energy_is_used_from_the_first_word_to_the_last(messages: list[Message])
 
 def test_long_missions_are_thinned_out(messages: list[Message], monkeypatch: pytest.MonkeyPatch) -> None:
     """The page stays small, and ends at the end of the mission."""
-    monkeypatch.setattr(page_data, "MAX_CELLS", 10)
+    monkeypatch.setattr(page_data, "MAX_ANIMATED", 10)
     page = page_of(messages)
     assert (page.frames, page.frame_s) == (3, 1.5)
     centres = np.frombuffer(base64.b64decode(page.centres), "<f4").reshape(-1, 3, 2)

@@ -30,12 +30,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from edc_swarm.analysis.tracks import Tracks, tracks_of
-from edc_swarm.protocol.messages import Command, Fix, MissionMessage, Report, Truth, roster_index
+from edc_swarm.protocol.messages import PLANNED, Command, Fix, MissionMessage, Report, Truth, roster_index
 from edc_swarm.recording.ends import Ends, ends_of
 from edc_swarm.recording.model import Recording
 from edc_swarm.recording.sequences import Gap, find_gaps
 
-PLANNED = frozenset({"planned", "no-qp-needed", "failed"})
 NEEDS: dict[str, tuple[str, ...]] = {
     "G1": ("fix", "command", "report"),
     "G2": ("fix", "command"),
@@ -44,7 +43,7 @@ NEEDS: dict[str, tuple[str, ...]] = {
     "G7": ("fix",),
 }
 """Kinds of messages that each guarantee needs in order to be judged."""
-MOST_NAMED = 5
+MOST_LISTED = 5
 _PLURAL = {"fix": "fixes", "truth": "truths", "command": "commands", "report": "reports"}
 _KEY = {
     "fix": re.compile(r"uav/([^/]+)/fix").fullmatch,
@@ -238,5 +237,5 @@ def _holes(
 
 def _named(uavs: set[str] | frozenset[str]) -> str:
     names = sorted(uavs)
-    more = f" and {len(names) - MOST_NAMED} more" if len(names) > MOST_NAMED else ""
-    return ", ".join(names[:MOST_NAMED]) + more
+    more = f" and {len(names) - MOST_LISTED} more" if len(names) > MOST_LISTED else ""
+    return ", ".join(names[:MOST_LISTED]) + more

@@ -9,11 +9,10 @@ import numpy as np
 
 from edc_swarm.analysis.guarantees.evidence import Evidence
 from edc_swarm.analysis.guarantees.verdict import GuaranteeResult, Violation, not_judged, verdict
-from edc_swarm.analysis.tracks import Step
+from edc_swarm.analysis.tracks import TRUTH_TOLERANCE_M, Step
 from edc_swarm.mission.configuration import NS_PER_S
 from edc_swarm.protocol.messages import Command, Fix
 
-TRUTH_TOLERANCE_M = 1e-9
 LENGTH_TOLERANCE_M = 1e-9
 
 

@@ -9,8 +9,7 @@ from numpy.typing import NDArray
 
 from edc_swarm.analysis.guarantees.evidence import Evidence
 from edc_swarm.analysis.guarantees.verdict import GuaranteeResult, Violation, verdict
-
-TRUTH_TOLERANCE_M = 1e-9
+from edc_swarm.analysis.tracks import TRUTH_TOLERANCE_M
 
 
 def check_hold_on_silence(evidence: Evidence) -> GuaranteeResult:

@@ -20,10 +20,9 @@ from numpy.typing import NDArray
 from edc_swarm.analysis.guarantees.evidence import Evidence
 from edc_swarm.analysis.guarantees.verdict import GuaranteeResult, Violation, not_applicable, not_judged, verdict
 from edc_swarm.analysis.living import living_at_end
-from edc_swarm.errors import MissionError
 from edc_swarm.geometry import Floats, capsule_distance_m
 from edc_swarm.mission.configuration import ARRIVED_M, OPERATOR
-from edc_swarm.mission.faults import Fault, parse_fault, parse_faults
+from edc_swarm.mission.faults import Fault, parse_faults, read_fault
 from edc_swarm.mission.prospect import STALLED, default_max_slots, prospect_of, settled_slot
 from edc_swarm.protocol.events import EventKind
 
@@ -121,30 +120,18 @@ def _missing(evidence: Evidence, k: int) -> Violation:
 def _faults(evidence: Evidence) -> list[Fault]:
     """Return the faults by time: as the events report them, and the planned ones that no event reports."""
     mission, events = evidence.mission, evidence.recording.events
-    reported = [
-        _read(event.detail, mission.dt_s)
+    told = [
+        read_fault(event.detail, mission.dt_s)
         for event in events
         if event.kind == EventKind.FAULT and event.source == OPERATOR
     ]
-    done = [fault for fault in reported if fault is not None]
-    accounted = {_kind(fault) for fault in done}
+    done = [fault for fault in told if fault is not None]
+    accounted = {fault.without_names() for fault in done}
     aimless = {
         event.detail for event in events if event.kind == EventKind.FAULT_WITHOUT_TARGET and event.source == OPERATOR
     }
-    planned = [f for f in parse_faults(mission) if _kind(f) not in accounted and str(f) not in aimless]
+    planned = [f for f in parse_faults(mission) if f.without_names() not in accounted and str(f) not in aimless]
     return sorted([*done, *planned], key=lambda fault: fault.at_s)
-
-
-def _read(text: str, dt_s: float) -> Fault | None:
-    try:
-        return parse_fault(text, dt_s)
-    except MissionError:
-        return None
-
-
-def _kind(fault: Fault) -> tuple[object, ...]:
-    """Return all fields of a fault except its targets, since an event names ids where a plan may name roles."""
-    return (fault.verb, fault.flags, fault.numbers, fault.at_s, fault.for_s)
 
 
 def _settled_slot(evidence: Evidence, faults: list[Fault]) -> int:

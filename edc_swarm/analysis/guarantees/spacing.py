@@ -10,11 +10,10 @@ from numpy.typing import NDArray
 from edc_swarm.analysis.guarantees.evidence import Evidence
 from edc_swarm.analysis.guarantees.verdict import GuaranteeResult, Violation, verdict
 from edc_swarm.analysis.separation import Encounters, closest_moment, encounters, swept_encounters
+from edc_swarm.geometry import BODY_TOLERANCE_M, DISC_TOLERANCE_M
 
 Floats = NDArray[np.float64]
 
-DISC_TOLERANCE_M = 1e-9
-BODY_TOLERANCE_M = 1e-6
 UNEVEN_PLANNER = "edc"
 """The planner that keeps discs apart for any uneven execution of the steps."""
 

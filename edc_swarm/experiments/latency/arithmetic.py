@@ -23,7 +23,7 @@ from numpy.typing import NDArray
 from edc_swarm.emulation.links import LinkEmulator
 from edc_swarm.mission.configuration import Mission
 from edc_swarm.mission.roster import complete_mission
-from edc_swarm.simulation.simulator import TRANSIT_NS
+from edc_swarm.simulation.network import TRANSIT_NS
 
 TRANSIT_MS = TRANSIT_NS / 1e6
 SLOTS = 400

@@ -25,7 +25,7 @@ from processes.runtime.console import note, print_json
 from processes.runtime.output import unwritten
 from processes.runtime.run_facts import run_facts
 
-MAX_RUNS = 10_000
+MAX_FIGURE_RUNS = 10_000
 
 
 class FiguresReport(Struct):
@@ -70,8 +70,8 @@ class FiguresOptions:
 def figures(*, options: FiguresOptions | None = None) -> int:
     """Compute the paper's figures again: PNG, SVG and CSV each, and a page that says what was found."""
     options = options or FiguresOptions()
-    if not 1 <= options.runs <= MAX_RUNS:
-        raise InputError("--runs", options.runs, f"between 1 and {MAX_RUNS}")
+    if not 1 <= options.runs <= MAX_FIGURE_RUNS:
+        raise InputError("--runs", options.runs, f"between 1 and {MAX_FIGURE_RUNS}")
     names = chosen(options.only)
     check_plots()
     runs = runs_of(names, options.runs)

@@ -29,7 +29,7 @@ from processes.runtime.console import FAILED, NOT_JUDGED, note, print_json
 from processes.runtime.run_facts import made_otherwise
 
 CONNECT_TIMEOUT_MS = 5000
-MAX_SHOWN = 10
+MAX_DIFFERENCES_SHOWN = 10
 
 
 @Parameter(name="*")
@@ -170,7 +170,7 @@ def _verify(path: Path, *, as_json: bool, load_planner: bool) -> int:
             f"greatest difference {result.greatest_off_m:.3g} m, {len(result.differences)} differ; "
             f"{result.skipped} plans skipped, for want of fixes or commands in the record"
         )
-        for d in result.differences[:MAX_SHOWN]:
+        for d in result.differences[:MAX_DIFFERENCES_SHOWN]:
             print(shown(f"  slot {d.slot}: {d.uav} by {d.head} of term {d.term}: {d.off_m:.3g} m apart", MAX_LINE))
     if result.differences:
         return FAILED

@@ -12,6 +12,7 @@ from cyclopts import Parameter
 from edc_swarm.emulation.links import have_range
 from edc_swarm.errors import InputError
 from edc_swarm.mission.configuration import OPERATOR, RECORDER, ROUTER, Mission
+from edc_swarm.mission.fault_help import fault_help
 from edc_swarm.mission.faults import parse_faults
 from processes.bus.address import listening_endpoint, parse_endpoint, sought_router
 from processes.bus.credentials import TLS, Credentials, check_certificates
@@ -60,6 +61,9 @@ def run(
         Folder with the certificates, made by `edc-swarm certs` (new ones, for this run alone; not where others fly).
     """
     options = options or MissionOptions()
+    if options.fault_help:
+        print(fault_help(), end="")
+        return 0
     mission = options.mission(mission_file)
     if not 0 <= remote <= len(mission.roster):
         raise InputError("--remote", remote, f"from 0 to the number of UAVs, {len(mission.roster)}")
@@ -106,7 +110,7 @@ def _meet(address: str, mission: Mission, alone: Mapping[str, object], protectio
         if value:
             raise InputError(field, value, "absent where --operate is given")
     for fault in parse_faults(mission):
-        if fault.left and fault.target in {ROUTER, RECORDER}:
+        if {ROUTER, RECORDER} & {*fault.names}:
             raise InputError("--fault", str(fault), "about UAVs where --operate is given")
     session = await_found(partial(try_client, address, own, observer=True), partial(sought_router, address))
     takeover = find_takeover(session, mission)
