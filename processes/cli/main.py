@@ -18,7 +18,7 @@ from processes.cli.compiled_code import find_a_place
 from processes.runtime.children import PartEndedError
 from processes.runtime.console import BAD_INPUT, FAILED, UNREAD, complain, note
 from processes.runtime.output import unusable
-from processes.runtime.streams import UnreadError, let_go_of_results, prepare_streams
+from processes.runtime.streams import UnreadError, discard_unwritten_results, prepare_streams
 
 app = App(
     name="edc-swarm",
@@ -100,7 +100,7 @@ def _run(arguments: Sequence[str]) -> int:
     except KeyboardInterrupt:
         note("interrupted")
         status = FAILED
-    let_go_of_results()
+    discard_unwritten_results()
     return status
 
 

@@ -25,7 +25,7 @@ from processes.bus.credentials import Credentials, check_certificates, credentia
 from processes.bus.operator_presence import LINGER_S, Operators
 from processes.bus.session import try_client
 from processes.runtime.console import note
-from processes.runtime.loop import PATIENCE_S, START_TIMEOUT_S, What, in_words
+from processes.runtime.loop import PATIENCE_S, START_TIMEOUT_S, Awaited, in_words
 
 LOOK_EVERY_S = 0.1
 ASK_TIMEOUT_S = 2.0
@@ -73,7 +73,7 @@ def asked(session: zenoh.Session, key: str, payload: bytes | None = None) -> byt
     return None
 
 
-def await_found(look: Callable[[], Found | None], what: What) -> Found:
+def await_found(look: Callable[[], Found | None], what: Awaited) -> Found:
     """Look again and again until there is something; after a while the user is told `what` is waited for."""
     start_s, told = time.monotonic(), False
     while (found := look()) is None:

@@ -14,7 +14,7 @@ from edc_swarm.mission.configuration import Mission
 from edc_swarm.mission.roster import complete_mission
 from edc_swarm.protocol.events import EventKind
 from edc_swarm.protocol.messages import mission_message
-from processes.runtime.clock import MOST_JUMPS_TOLD, MissionClock
+from processes.runtime.clock import MAX_REPORTED_JUMPS, MissionClock
 from tests.processes.conftest import Fly
 
 S = 10**9
@@ -81,7 +81,7 @@ def test_jumps_are_told_once_each_and_not_without_end(monkeypatch: pytest.Monkey
     for _ in range(100):
         off_ns += 5 * S
         told += clock.jump() is not None
-    assert told == MOST_JUMPS_TOLD - 1
+    assert told == MAX_REPORTED_JUMPS - 1
 
 
 @pytest.mark.parametrize(
