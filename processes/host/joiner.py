@@ -18,9 +18,9 @@ from edc_swarm.protocol.claims import Claim, Issued
 from edc_swarm.protocol.events import EventKind
 from edc_swarm.protocol.keys import Keys
 from edc_swarm.protocol.messages import Event
-from processes.bus.address import sought_router
+from processes.bus.address import unreachable_router
 from processes.bus.credentials import certified_uavs, credentials
-from processes.bus.operator_presence import LINGER_S, Operators
+from processes.bus.operator_presence import LINGER_S, OperatorPresence
 from processes.bus.session import hand_over, try_client
 from processes.bus.subscriptions import Gate, Heard, heard_from
 from processes.host import fork_source
@@ -77,12 +77,12 @@ class Joiner:
             self._session = try_client(self._endpoint, credentials(self._certs, JOIN))
             return self._session is not None
 
-        self._loop.wait(connect, partial(sought_router, self._endpoint), look_every_s=LOOK_EVERY_S)
+        self._loop.wait(connect, partial(unreachable_router, self._endpoint), look_every_s=LOOK_EVERY_S)
         assert self._session is not None
         return self._session
 
     def _take_part(self, session: zenoh.Session) -> None:
-        operators = Operators(session)
+        operators = OperatorPresence(session)
         mission = self._found(lambda: operators.only_mission(self._endpoint), "a mission")
         keys = Keys(mission)
         token = session.liveliness().declare_token(keys.alive(JOIN, self._folder.claimant))
@@ -98,7 +98,7 @@ class Joiner:
         assert found is not None
         return found
 
-    def _claim(self, session: zenoh.Session, operators: Operators, mission: str) -> Issued:
+    def _claim(self, session: zenoh.Session, operators: OperatorPresence, mission: str) -> Issued:
         """Ask until the operator answers; the same claim has the same answer, so it may be repeated."""
         among = certified_uavs(self._certs) if self._certs else []
         claim = msgspec.json.encode(Claim(claimant=self._folder.claimant, uavs=self._uavs, among=among))
@@ -160,7 +160,7 @@ class Joiner:
     def _log(self, name: str) -> Path:
         return self._logs / f"{name}.log"
 
-    def _attend(self, operators: Operators, mission: str, claim: Callable[[], Issued]) -> None:
+    def _attend(self, operators: OperatorPresence, mission: str, claim: Callable[[], Issued]) -> None:
         """Stay until the mission is over and its operator has left, or has been away for too long."""
         pool, absences = self._pool, operators.absences
         assert pool is not None

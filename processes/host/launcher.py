@@ -28,7 +28,7 @@ from processes.bus.address import (
     connect_endpoint,
     free_endpoint,
     parse_endpoint,
-    sought_router,
+    unreachable_router,
 )
 from processes.bus.credentials import credentials
 from processes.bus.session import open_client
@@ -230,9 +230,9 @@ class Launcher:
             return open_client(endpoint, own, timeout_ms=OPEN_TIMEOUT_MS, observer=True)
         except zenoh.ZError:
             if self._listen is None:
-                sought = sought_router(endpoint)
+                sought = unreachable_router(endpoint)
                 raise SwarmError(f"cannot reach {sought}: is the loopback interface of this host up?") from None
-            raise InputError("--listen", self._listen, sought_router(endpoint)) from None
+            raise InputError("--listen", self._listen, unreachable_router(endpoint)) from None
 
     def _operate(self, session: zenoh.Session, orders: Mapping[str, bytes] | None = None) -> Operator:
         desk = Desk(self._mission, self._elsewhere, orders, by_name=self._protection is not None)

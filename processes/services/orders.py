@@ -20,9 +20,9 @@ from msgspec import Struct
 
 from edc_swarm.errors import SwarmError
 from edc_swarm.protocol.keys import Keys
-from processes.bus.address import sought_router
+from processes.bus.address import unreachable_router
 from processes.bus.credentials import Credentials, check_certificates, credentials
-from processes.bus.operator_presence import LINGER_S, Operators
+from processes.bus.operator_presence import LINGER_S, OperatorPresence
 from processes.bus.session import try_client
 from processes.runtime.console import note
 from processes.runtime.loop import PATIENCE_S, START_TIMEOUT_S, Awaited, in_words
@@ -43,8 +43,8 @@ def orders(kind: type[Kind], name: str) -> Kind:
     endpoint, own = told.endpoint, credentials(told.certs, name)
     if own is not None:
         check_certificates(own.folder, [name])
-    session = await_found(lambda: try_client(endpoint, own), partial(sought_router, endpoint))
-    operators = Operators(session)
+    session = await_found(lambda: try_client(endpoint, own), partial(unreachable_router, endpoint))
+    operators = OperatorPresence(session)
     mission = await_found(lambda: operators.only_mission(endpoint), f"a mission at {endpoint}")
 
     def ask() -> bytes | None:
@@ -92,7 +92,7 @@ def outlast_operator(endpoint: str, mission: str, own: Credentials | None = None
     session = try_client(endpoint, own)
     if session is None:
         return
-    operators = Operators(session)
+    operators = OperatorPresence(session)
     while operators.away_s(mission) < LINGER_S:
         time.sleep(LOOK_EVERY_S)
     session.close()

@@ -37,8 +37,8 @@ from edc_swarm.recording.sequences import tails_in
 from edc_swarm.recording.writer import RecordingWriter, Stamp, TooLarge, is_mission, stamp_of
 from edc_swarm.viz.channels import TOPICS, channel_of, topic_of
 from processes.bus.credentials import credentials
-from processes.bus.operator_presence import GIVE_UP_S, Operators
-from processes.bus.session import ask_aside, hand_over, open_client, put
+from processes.bus.operator_presence import OPERATOR_TIMEOUT_S, OperatorPresence
+from processes.bus.session import hand_over, open_client, put, query_in_background
 from processes.bus.subscriptions import Gate, Heard
 from processes.runtime.clock import MissionClock
 from processes.runtime.console import complain
@@ -143,7 +143,7 @@ class Recorder:
         self._answers = {self._keys.orders(NAME): msgspec.json.encode(settings)}
         self._operators = None
         if not settings.parent:
-            self._operators = Operators(self._session)
+            self._operators = OperatorPresence(self._session)
             self._offer_answers()
         self._token = self._session.liveliness().declare_token(self._keys.alive(NAME, self._instance))
 
@@ -214,7 +214,7 @@ class Recorder:
 
     def _is_deserted(self) -> bool:
         """Whether the operator has gone for good without a last word."""
-        return self._operators is not None and self._operators.away_s(self._mission) > GIVE_UP_S
+        return self._operators is not None and self._operators.away_s(self._mission) > OPERATOR_TIMEOUT_S
 
     def _is_stopped(self) -> bool:
         """Whether it was told to stop, and the operator has gone or has had its time."""
@@ -250,7 +250,7 @@ class Recorder:
     def _ask(self) -> None:
         for publisher, ask in self._holes.due(time.monotonic()):
             take = partial(self._take_reply, publisher)
-            ask_aside(self._session, self._keys.again(*publisher), retransmission.encode(ask), take)
+            query_in_background(self._session, self._keys.again(*publisher), retransmission.encode(ask), take)
 
     def _take_reply(self, publisher: Publisher, reply: zenoh.Reply) -> None:
         if reply.ok is not None and len(reply.ok.payload) <= MAX_ANSWER_BYTES:

@@ -21,7 +21,7 @@ from msgspec import Struct
 from edc_swarm.errors import InputError
 from edc_swarm.mission.configuration import OPERATOR, ROUTER
 from edc_swarm.protocol.keys import ALL_ALIVE
-from processes.bus.abort_notice import WORD
+from processes.bus.abort_notice import NOTICE_KEY
 from processes.bus.credentials import certified_uavs, check_certificates, credentials
 from processes.bus.operator_presence import GAVE_UP, LINGER_S
 from processes.bus.session import hand_over, open_router
@@ -92,7 +92,7 @@ def _route_one_mission(session: zenoh.Session, signals: set[signal.Signals]) -> 
         (there.add if sample.kind == zenoh.SampleKind.PUT else there.discard)(key)
         if f"/alive/{OPERATOR}/" in key:
             operators.add(key)
-        elif key.startswith(WORD):
+        elif key.startswith(NOTICE_KEY):
             words.add(key)
 
     def is_over() -> bool:

@@ -49,7 +49,7 @@ from processes.bus.credentials import credentials
 from processes.bus.outbox import Outbox
 from processes.bus.peers import Peers
 from processes.bus.session import is_connected, open_client
-from processes.bus.subscriptions import Ears, Gate, Heard, Item, Postbox, Token, sender_of
+from processes.bus.subscriptions import Gate, Heard, Item, Postbox, Token, UavSubscriptions, sender_of
 from processes.runtime.clock import MissionClock
 from processes.runtime.inbox import Inbox
 from processes.uav.local_faults import Faulty
@@ -109,7 +109,7 @@ class UavProcess:
         self._response_ms = measured_response_ms() if settings.measure_response else 0.0
         self._session = open_client(settings.endpoint, credentials(settings.certs, settings.uav))
         self._outbox = Outbox(self._session, self._keys.again(settings.uav, self._instance), self._inbox)
-        self._ears = Ears(self._session, self._keys, settings.uav, self._inbox)
+        self._ears = UavSubscriptions(self._session, self._keys, settings.uav, self._inbox)
         self._token = self._session.liveliness().declare_token(self._keys.alive(settings.uav, self._instance))
         self._ears.ask_for_mission()
 

@@ -18,10 +18,10 @@ from edc_swarm.protocol.keys import PREFIX, Keys
 from edc_swarm.recording.model import Recording
 from edc_swarm.recording.reader import read_recording
 from edc_swarm.recording.sequences import find_gaps, unknown_tails
-from processes.bus.abort_notice import WORD
+from processes.bus.abort_notice import NOTICE_KEY
 from processes.bus.address import free_endpoint
 from processes.bus.credentials import Credentials
-from processes.bus.operator_presence import Operators
+from processes.bus.operator_presence import OperatorPresence
 from processes.bus.session import open_client, put
 from processes.host.certificates import write_certificates
 from processes.services.orders import asked, await_found
@@ -46,7 +46,7 @@ def ids_of(joined: Started, folder: Path, count: int = 1) -> set[str]:
 def claimed(address: str, uavs: int, own: Credentials | None = None) -> set[str]:
     """The ids that a claimant gets which then leaves without flying any: with them the mission would begin."""
     with open_client(address, own) as session:
-        operators = Operators(session)
+        operators = OperatorPresence(session)
         mission = await_found(lambda: operators.only_mission(address), "the mission")
         claim = msgspec.json.encode(Claim(claimant="c" * 16, uavs=uavs))
         answer = asked(session, Keys(mission).claims, claim)
@@ -136,7 +136,7 @@ def test_what_a_joiner_cannot_read_is_counted_and_told(start, hosted, tmp_path: 
     joined = start("join", address, "--state", str(tmp_path / "a"))
     ids_of(joined, tmp_path / "a")
     with open_client(address) as session:
-        operators = Operators(session)
+        operators = OperatorPresence(session)
         await_true(lambda: bool(operators.missions()))
         for _ in range(3):
             put(session, Keys(operators.missions()[0]).event(OPERATOR), b"\xff")
@@ -374,7 +374,7 @@ def test_who_gives_up_is_the_first_to_leave_and_keeps_its_status(parts: Parts):
     """Compose ends everything with the first that leaves, and where asked to, with the status of the operator."""
     waiting = parts.join("waiting")
     given_up = parts.operate("--planner", "nonsense")
-    await_there(parts.address, f"{WORD}/*")
+    await_there(parts.address, f"{NOTICE_KEY}/*")
     given_up.process.terminate()
     assert given_up.process.wait() == 2
     assert waiting.process.poll() is None
@@ -396,7 +396,7 @@ def test_a_router_that_has_just_begun_to_listen_hears_the_word(start):
     script = f"import sys, time; from processes.services import router; route = router._route_one_mission; {slowly}"
     command = [sys.executable, "-c", f"{script}; sys.exit(router.main())", address, "mission"]
     with subprocess.Popen(command, stdout=subprocess.DEVNULL) as router:
-        await_there(address, f"{WORD}/*")
+        await_there(address, f"{NOTICE_KEY}/*")
         given_up.process.terminate()
         assert given_up.end().status == 2
         assert start("join", address).end().status == 2
@@ -445,7 +445,7 @@ def test_ctrl_c_of_an_operator_without_a_recorder(start, endpoint: str):
     """Nothing was flown and nothing is written; nothing is said of a recording."""
     operator = start("run", *FAST, "--operate", endpoint)
     with open_client(endpoint) as session:
-        operators = Operators(session)
+        operators = OperatorPresence(session)
         await_true(lambda: bool(operators.missions()))
     operator.process.send_signal(signal.SIGINT)
     ended = operator.end()

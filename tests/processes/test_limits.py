@@ -8,7 +8,7 @@ from edc_swarm.errors import InputError
 from edc_swarm.mission.configuration import OPERATOR
 from edc_swarm.protocol.codec import MAX_MESSAGE_BYTES
 from edc_swarm.protocol.keys import Keys
-from processes.bus.operator_presence import Operators
+from processes.bus.operator_presence import OperatorPresence
 from processes.bus.session import hand_over, open_client, put
 from processes.bus.subscriptions import Heard, heard_from
 from tests.processes.conftest import await_true
@@ -19,7 +19,7 @@ def test_operators_are_remembered_up_to_a_limit(endpoint: str, monkeypatch: pyte
     monkeypatch.setattr("processes.bus.operator_presence.MAX_OPERATORS", 3)
     with open_client(endpoint) as crowd, open_client(endpoint) as session:
         tokens = [crowd.liveliness().declare_token(Keys(f"m{number}").alive(OPERATOR, "1")) for number in range(8)]
-        operators = Operators(session)
+        operators = OperatorPresence(session)
         await_true(lambda: len(operators.missions()) == 3)
         with pytest.raises(InputError, match="the router of one mission, not of m"):
             operators.only_mission(endpoint)

@@ -13,7 +13,7 @@ from edc_swarm.emulation.links import have_range
 from edc_swarm.errors import InputError
 from edc_swarm.mission.configuration import OPERATOR, RECORDER, ROUTER, Mission
 from edc_swarm.mission.faults import parse_faults
-from processes.bus.address import listening_endpoint, parse_endpoint, sought_router
+from processes.bus.address import listening_endpoint, parse_endpoint, unreachable_router
 from processes.bus.credentials import TLS, Credentials, check_certificates
 from processes.bus.session import try_client
 from processes.cli.conclusion import conclude
@@ -108,7 +108,7 @@ def _meet(address: str, mission: Mission, alone: Mapping[str, object], protectio
     for fault in parse_faults(mission):
         if fault.left and fault.target in {ROUTER, RECORDER}:
             raise InputError("--fault", str(fault), "about UAVs where --operate is given")
-    session = await_found(partial(try_client, address, own, observer=True), partial(sought_router, address))
+    session = await_found(partial(try_client, address, own, observer=True), partial(unreachable_router, address))
     takeover = find_takeover(session, mission)
     if takeover is not None and takeover.mission is not None:
         MissionClock().check_epoch(takeover.mission)
