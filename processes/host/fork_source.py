@@ -27,7 +27,7 @@ from edc_swarm.errors import SwarmError
 from edc_swarm.mission.configuration import Mission
 from processes.runtime.parent import die_with_parent
 from processes.uav.planner_loader import warm_planner
-from processes.uav.process import UavSettings, fly
+from processes.uav.process import UavSettings, run_uav
 
 MAX_PACKET_BYTES = 1 << 16
 
@@ -138,7 +138,7 @@ class ForkSource:
             die_with_parent(parent)
             self._forget_parent()
             _redirect_output(log)
-            status = fly(settings, obey_ctrl_c=False)
+            status = run_uav(settings, obey_ctrl_c=False)
         except BaseException:  # noqa: BLE001  (the child must end here, whatever happens)
             traceback.print_exc()
         finally:

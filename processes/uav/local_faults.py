@@ -1,6 +1,6 @@
-"""Faults that a UAV process brings upon itself when the operator says so.
+"""Faults that a UAV process applies to itself on an event of the operator: links, clock, GPS receiver, planner.
 
-Processes die and freeze from outside; links, clocks, GPS receivers and solvers go wrong in here.
+The launcher kills and freezes processes from outside.
 """
 
 from __future__ import annotations
@@ -18,8 +18,8 @@ from processes.uav.planner_loader import SlowPlanner
 NS_PER_MS = 1_000_000
 
 
-class Faulty:
-    """Applies the operator's faults to one UAV's links, clock, GPS receiver and planner."""
+class LocalFaults:
+    """The operator's faults, applied to one UAV's links, clock, GPS receiver and planner."""
 
     def __init__(self, mission: Mission, uav: str, links: LinkEmulator, clock: MissionClock) -> None:
         self._mission = mission
@@ -28,8 +28,8 @@ class Faulty:
         self._clock = clock
         self.planner: SlowPlanner | None = None
 
-    def suffer(self, text: str) -> list[NodeEvent]:
-        """Apply the fault in `text` if it is about this UAV; events for the node that follow."""
+    def apply(self, text: str) -> list[NodeEvent]:
+        """Apply the fault in `text` if it concerns this UAV; return the events for the node that follow."""
         try:
             fault = parse_fault(text, self._mission.dt_s)
         except MissionError:

@@ -27,7 +27,7 @@ from processes.bus.subscriptions import MAX_TOKENS, Gate, Heard, Malformed, Post
 from processes.runtime.clock import MissionClock
 from processes.runtime.inbox import Inbox
 from processes.runtime.output import Output, salvage_parts
-from processes.uav.local_faults import Faulty
+from processes.uav.local_faults import LocalFaults
 from processes.uav.planner_loader import SlowPlanner
 from processes.uav.state import UavState, create_state, promise_path
 
@@ -197,13 +197,13 @@ def test_postbox_delays_duplicates_and_cuts():
     """The link model decides what arrives now, later, twice or never."""
     box = Postbox(LinkEmulator(MISSION, "u001"))
     assert box.arrive(REPORT, 0, 0.0)
-    faulty = Faulty(MISSION, "u001", box.links, MissionClock())
-    faulty.suffer("link u002>u001 delay 5 duplicate 1 @0s")
+    faults = LocalFaults(MISSION, "u001", box.links, MissionClock())
+    faults.apply("link u002>u001 delay 5 duplicate 1 @0s")
     assert not box.arrive(REPORT, 100, 1.0)
     assert box.next_ns == 5_000_100
     assert box.take_due(5_000_099) is None
     assert [box.take_due(5_000_100) for _ in range(3)] == [REPORT, REPORT, None]
-    faulty.suffer("partition u002|u001,u003 @2s for 1s")
+    faults.apply("partition u002|u001,u003 @2s for 1s")
     assert not box.arrive(REPORT, 0, 2.5)
     assert box.next_ns is None
 
@@ -253,19 +253,19 @@ def test_partition_ends_when_healed_and_is_one_way_when_said():
     for cut in cut_pair(["u001"], ["u002"], 0.0, 10.0, one_way=True):
         links.add_cut(cut)
     assert not links.is_cut("u002", 1.0)
-    Faulty(MISSION, "u001", links, MissionClock()).suffer("partition u002>u001 @0s")
+    LocalFaults(MISSION, "u001", links, MissionClock()).apply("partition u002>u001 @0s")
     assert links.is_cut("u002", 1.0)
-    Faulty(MISSION, "u001", links, MissionClock()).suffer("heal @1s")
+    LocalFaults(MISSION, "u001", links, MissionClock()).apply("heal @1s")
     assert not links.is_cut("u002", 1.0)
 
 
 def test_faults_about_others_and_nonsense_change_nothing():
     """The operator's events go to everybody."""
-    faulty = Faulty(MISSION, "u001", LinkEmulator(MISSION, "u001"), MissionClock())
-    assert faulty.suffer("gps u002 white @1s") == []
-    assert faulty.suffer("nonsense") == []
-    assert faulty.suffer("gps u001 white @1s") == [GpsChanged("white")]
-    assert faulty.suffer("clock u001 offset 5 @1s") == [Tick()]
+    faults = LocalFaults(MISSION, "u001", LinkEmulator(MISSION, "u001"), MissionClock())
+    assert faults.apply("gps u002 white @1s") == []
+    assert faults.apply("nonsense") == []
+    assert faults.apply("gps u001 white @1s") == [GpsChanged("white")]
+    assert faults.apply("clock u001 offset 5 @1s") == [Tick()]
 
 
 def test_slow_planner_is_slow_for_a_while():
