@@ -24,7 +24,7 @@ from processes.bus.operator_presence import LINGER_S, OperatorPresence
 from processes.bus.session import hand_over, try_client
 from processes.bus.subscriptions import Gate, Heard, heard_from
 from processes.host import fork_source
-from processes.host.claim_folder import ClaimFolder, make_state
+from processes.host.claim_folder import ClaimFolder, ensure_state
 from processes.host.pool import UavPool
 from processes.operator import host_requests
 from processes.runtime.children import Child, ChildExited, PartEndedError
@@ -132,8 +132,8 @@ class Joiner:
         """Fork the UAVs that do not fly yet."""
         roster = {entry.uav: entry for entry in issued.mission.roster}
         for uav in (uav for uav in issued.uavs if uav not in pool.living):
-            make_state(self._logs, roster[uav], begun=issued.begun)
-            pool.fly(
+            ensure_state(self._logs, roster[uav], begun=issued.begun)
+            pool.start(
                 UavSettings(
                     endpoint=self._endpoint,
                     mission=issued.mission.name,
@@ -177,7 +177,7 @@ class Joiner:
     def _obey(self, deed: host_requests.Deed | None) -> None:
         """Do to the own UAVs what a fault calls for."""
         pool = self._pool
-        if deed is None or pool is None or not pool.flies(deed.uav):
+        if deed is None or pool is None or deed.uav not in pool:
             return
         if isinstance(deed, host_requests.Restart):
             self._ordered_deaths.add(deed.uav)

@@ -222,7 +222,7 @@ class Launcher:
         self._ready_at_s = self._ready_at_s or time.monotonic()
         for entry in self._mission.roster[: len(self._local)]:
             create_state(self._output.state, entry)
-            self._pool.fly(self._uav_settings(entry.uav))
+            self._pool.start(self._uav_settings(entry.uav))
 
     def _connect(self) -> zenoh.Session:
         own, endpoint = credentials(self._security.certs, OPERATOR), connect_endpoint(self._endpoint)
