@@ -77,10 +77,7 @@ class Output:
 
     def tail(self, name: str, lines: int = 8) -> str:
         """Return the last lines of the log of the process `name`, "" if there are none."""
-        try:
-            return "\n".join(self.log(name).read_text(errors="replace").splitlines()[-lines:])
-        except OSError:
-            return ""
+        return log_tail(self.log(name), lines)
 
     def recover_part(self) -> list[str]:
         """Recover the recording of a recorder that died; return what is missing, one line each."""
@@ -98,6 +95,14 @@ class Output:
         kept = f"; edc-swarm recover {self.part} -o FILE.mcap, on another disk, makes a recording of what there is"
         allowed = f"in a folder that can be written: {self.part.parent.resolve()}: {reason}"
         return InputError("--out", str(self.path), allowed + (kept if self.part.exists() else ""))
+
+
+def log_tail(log: Path, lines: int = 8) -> str:
+    """Return the last lines of a log, "" if there are none."""
+    try:
+        return "\n".join(log.read_text(errors="replace").splitlines()[-lines:])
+    except OSError:
+        return ""
 
 
 def default_output(name: str, planner: str, which: str) -> Path:

@@ -110,7 +110,7 @@ def test_a_fork_source_killed_by_hand_fails_the_joiner(start, hosted):
     os.kill(source, signal.SIGKILL)
     left = joined.end()
     assert left.status == 1
-    assert left.stderr.splitlines()[-1].startswith("error: the fork-source ended with status -9: ")
+    assert left.stderr.splitlines()[-1].startswith("error: the fork-source was ended by SIGKILL: ")
     ended = run.end()
     assert ended.status == 1
     assert {who["cause"] for who in ended.json["not_home"]} == {"process-gone"}, ended.stdout

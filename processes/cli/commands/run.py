@@ -19,7 +19,9 @@ from processes.bus.session import try_client
 from processes.cli.conclusion import conclude
 from processes.cli.options import MISSION_HELP, MissionOptions
 from processes.cli.whole import Whole
-from processes.host.launcher import Bus, Launcher, Protection, RunReport, View
+from processes.host.launcher import Launcher
+from processes.host.run_report import RunReport
+from processes.host.run_setup import Bus, Protection, View
 from processes.host.security import check_security
 from processes.operator.takeover import find_takeover
 from processes.runtime.clock import MissionClock
