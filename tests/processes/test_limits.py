@@ -2,15 +2,21 @@
 
 from __future__ import annotations
 
+import resource
+import subprocess
+import sys
+
 import pytest
 
 from edc_swarm.errors import InputError
 from edc_swarm.mission.configuration import OPERATOR
 from edc_swarm.protocol.codec import MAX_MESSAGE_BYTES
 from edc_swarm.protocol.keys import Keys
+from processes.bus.address import free_endpoint
 from processes.bus.operator_presence import OperatorPresence
-from processes.bus.session import hand_over, open_client, put
+from processes.bus.session import MAX_SESSIONS, hand_over, open_client, put
 from processes.bus.subscriptions import Heard, heard_from
+from processes.runtime.limits import FILES, FILES_PER_UAV
 from tests.processes.conftest import await_true
 
 
@@ -46,3 +52,18 @@ def test_of_a_huge_message_only_the_beginning_is_kept(endpoint: str):
 
         await_true(arrived)
     assert len(heard[0].payload) == MAX_MESSAGE_BYTES + 1
+
+
+@pytest.mark.parametrize(("hard", "raised"), [(20_000, FILES + FILES_PER_UAV * MAX_SESSIONS), (100, 100)])
+def test_a_standalone_router_raises_its_limit_on_open_files(hard: int, raised: int):
+    """It raises the soft limit to that of all its sessions; a lower hard limit bounds it."""
+    if resource.getrlimit(resource.RLIMIT_NOFILE)[1] < hard:
+        pytest.skip("the hard limit of this shell is lower")
+    limited = ("bash", "-c", f'ulimit -Hn {hard} && ulimit -Sn 64 && exec "$@"', "limited")
+    command = [*limited, sys.executable, "-m", "processes.services.router", free_endpoint()]
+    with subprocess.Popen(command, stdout=subprocess.PIPE) as router:
+        assert router.stdout is not None
+        assert router.stdout.readline() == b"ready\n"
+        assert resource.prlimit(router.pid, resource.RLIMIT_NOFILE) == (raised, hard)
+        router.terminate()
+    assert router.returncode == 0
