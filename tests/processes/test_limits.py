@@ -1,4 +1,4 @@
-"""What a part keeps of a bus on which anybody may say anything is limited."""
+"""Limits on the memory and files of a part on an open bus."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ from tests.processes.conftest import await_true
 
 
 def test_operators_are_remembered_up_to_a_limit(endpoint: str, monkeypatch: pytest.MonkeyPatch):
-    """The first few; when they have gone there is room again."""
+    """A part remembers the first few operators; there is room again when they have gone."""
     monkeypatch.setattr("processes.bus.operator_presence.MAX_OPERATORS", 3)
     with open_client(endpoint) as crowd, open_client(endpoint) as session:
         tokens = [crowd.liveliness().declare_token(Keys(f"m{number}").alive(OPERATOR, "1")) for number in range(8)]
@@ -41,7 +41,7 @@ def test_operators_are_remembered_up_to_a_limit(endpoint: str, monkeypatch: pyte
 
 
 def test_of_a_huge_message_only_the_beginning_is_kept(endpoint: str):
-    """So much that the codec sees that it is too large."""
+    """The replacement is just too large for the codec."""
     heard: list[Heard] = []
     with open_client(endpoint) as speaker, open_client(endpoint) as session:
         session.declare_subscriber("huge", hand_over(lambda sample: heard.append(heard_from(sample))))
