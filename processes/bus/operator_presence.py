@@ -13,7 +13,7 @@ from processes.bus.session import hand_over
 
 LINGER_S = 1.0
 """Time that a part stays after its operator has left, so that the operator is the first to leave."""
-OPERATOR_TIMEOUT_S = 60.0
+OPERATOR_LOST_S = 60.0
 """Longest absence of an operator after which it may still come back."""
 MAX_OPERATORS = 1000
 """Most operators that are remembered: a flood of tokens fills no memory."""
@@ -64,9 +64,9 @@ class OperatorPresence:
         return missions[0] if missions else None
 
     def check_there(self, mission: str) -> None:
-        """Raise `SwarmError` if the operator has been away for more than `OPERATOR_TIMEOUT_S`."""
-        if self.away_s(mission) > OPERATOR_TIMEOUT_S:
-            raise SwarmError(f"the operator of mission {mission} has been away for {OPERATOR_TIMEOUT_S:g} s")
+        """Raise `SwarmError` if the operator has been away for more than `OPERATOR_LOST_S`."""
+        if self.away_s(mission) > OPERATOR_LOST_S:
+            raise SwarmError(f"the operator of mission {mission} has been away for {OPERATOR_LOST_S:g} s")
 
     def away_s(self, mission: str) -> float:
         """Return the seconds for which the mission has been without an operator, 0 while it has one."""

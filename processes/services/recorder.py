@@ -37,7 +37,7 @@ from edc_swarm.recording.sequences import tails_in
 from edc_swarm.recording.writer import RecordingWriter, Stamp, TooLarge, is_mission, stamp_of
 from edc_swarm.viz.channels import TOPICS, channel_of, topic_of
 from processes.bus.credentials import credentials
-from processes.bus.operator_presence import OPERATOR_TIMEOUT_S, OperatorPresence
+from processes.bus.operator_presence import OPERATOR_LOST_S, OperatorPresence
 from processes.bus.session import hand_over, open_client, put, query_in_background
 from processes.bus.subscriptions import Gate, Heard
 from processes.runtime.clock import MissionClock
@@ -214,7 +214,7 @@ class Recorder:
 
     def _is_deserted(self) -> bool:
         """Whether the operator has gone for good without a last word."""
-        return self._operators is not None and self._operators.away_s(self._mission) > OPERATOR_TIMEOUT_S
+        return self._operators is not None and self._operators.away_s(self._mission) > OPERATOR_LOST_S
 
     def _is_stopped(self) -> bool:
         """Whether it was told to stop, and the operator has gone or has had its time."""

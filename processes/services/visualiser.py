@@ -29,7 +29,7 @@ from edc_swarm.recording.writer import Stamp
 from edc_swarm.viz.channels import ROOT
 from edc_swarm.viz.scenery import Scenery, Shown
 from processes.bus.credentials import credentials
-from processes.bus.operator_presence import OPERATOR_TIMEOUT_S, OperatorPresence
+from processes.bus.operator_presence import OPERATOR_LOST_S, OperatorPresence
 from processes.bus.outbox import Outbox
 from processes.bus.session import hand_over, open_client
 from processes.bus.subscriptions import Gate, Heard, heard_from
@@ -127,7 +127,7 @@ class Visualiser:
 
     def _is_deserted(self) -> bool:
         """Whether the operator has gone for good without a last word."""
-        return self._operators is not None and self._operators.away_s(self._mission) > OPERATOR_TIMEOUT_S
+        return self._operators is not None and self._operators.away_s(self._mission) > OPERATOR_LOST_S
 
     def _patience_s(self) -> float:
         due_ns = self._scenery.next_ns

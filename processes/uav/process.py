@@ -40,7 +40,6 @@ from edc_swarm.errors import InputError, SwarmError
 from edc_swarm.mission.configuration import NS_PER_S
 from edc_swarm.planner.interface import Planner
 from edc_swarm.protocol.claims import LAUNCHED, instance_name
-from edc_swarm.protocol.codec import encode
 from edc_swarm.protocol.events import EventKind
 from edc_swarm.protocol.keys import Keys
 from edc_swarm.protocol.messages import Event, Message, MissionMessage, Truth
@@ -53,6 +52,7 @@ from processes.runtime.clock import MissionClock
 from processes.runtime.inbox import Inbox
 from processes.uav.local_faults import LocalFaults
 from processes.uav.planner_loader import SlowPlanner, load_planner
+from processes.uav.publisher import TRUTH_DELAY_S, Publisher
 from processes.uav.response_time import measured_response_ms
 from processes.uav.state import UavState
 
@@ -62,8 +62,6 @@ RETRY_S = 0.02
 """Longest wait of the loop while messages wait for a router."""
 STANDBY_SETTLE_S = 0.002
 """Time in which a standby lets the fixes of a slot's start gather."""
-TRUTH_DELAY_S = 0.02
-"""Silence after which the UAV publishes its truth, which only the recording needs: a slot starts with the fixes."""
 SPARE_S = 0.005
 """Least time to the next task in which the UAV answers a retransmission request."""
 
@@ -96,7 +94,6 @@ class UavProcess:
 
     def __init__(self, settings: UavSettings) -> None:
         self._settings = settings
-        self._keys = Keys(settings.mission)
         self._state = UavState(Path(settings.state), settings.uav)
         self._instance = instance_name(f"{os.getpid()}-{secrets.token_hex(4)}", settings.claimant)
         self._clock = MissionClock(settings.clock_ahead_ns)
@@ -105,12 +102,13 @@ class UavProcess:
         self._peers = Peers()
         self._flight: Flight | None = None
         self._leaving = False
-        self._unsent_truth: Truth | None = None
         self._response_ms = measured_response_ms() if settings.measure_response else 0.0
         self._session = open_client(settings.endpoint, credentials(settings.certs, settings.uav))
-        self._outbox = Outbox(self._session, self._keys.again(settings.uav, self._instance), self._inbox)
-        self._subscriptions = UavSubscriptions(self._session, self._keys, settings.uav, self._inbox)
-        self._token = self._session.liveliness().declare_token(self._keys.alive(settings.uav, self._instance))
+        keys = Keys(settings.mission)
+        self._outbox = Outbox(self._session, keys.again(settings.uav, self._instance), self._inbox)
+        self._publisher = Publisher(keys, self._outbox, self._clock)
+        self._subscriptions = UavSubscriptions(self._session, keys, settings.uav, self._inbox)
+        self._token = self._session.liveliness().declare_token(keys.alive(settings.uav, self._instance))
         self._subscriptions.ask_for_mission()
 
     def leave(self) -> None:
@@ -131,7 +129,7 @@ class UavProcess:
 
     def _wait(self) -> list[Item]:
         timeout_s = min(self._timeout_s(), RETRY_S if self._outbox.holds_back else IDLE_S)
-        if self._unsent_truth is not None:
+        if self._publisher.delays_truth:
             timeout_s = min(timeout_s, TRUTH_DELAY_S)
         if self._outbox.is_asked and timeout_s > SPARE_S:
             self._outbox.answer()
@@ -140,7 +138,7 @@ class UavProcess:
         items = self._inbox.wait(timeout_s, min(self._settle_s, max(timeout_s, 0.0)))
         self._outbox.note_delay(time.monotonic() - start_s - timeout_s)
         if not items:
-            self._send_truth()
+            self._publisher.send_truth()
         return items
 
     @property
@@ -181,14 +179,10 @@ class UavProcess:
             case Event(source="operator"):
                 self._obey(message)
             case Truth():
-                self._place(message)
+                if self._flight is not None:
+                    self._flight.place(message)
             case _:
                 self._receive(message, heard.at_ns)
-
-    def _place(self, truth: Truth) -> None:
-        """Give the emulated radio the true position of a UAV."""
-        if self._flight is not None:
-            self._flight.postbox.links.place(truth.uav, truth.to_x_m, truth.to_y_m)
 
     def _report_malformed(self, detail: str) -> None:
         if self._flight is not None:
@@ -226,7 +220,7 @@ class UavProcess:
         if event.kind == EventKind.END:
             self._leaving = True
         elif event.kind == EventKind.FAULT and self._flight is not None:
-            for node_event in self._flight.local_faults.apply(event.detail):
+            for node_event in self._flight.faults.apply(event.detail):
                 self._step(node_event)
 
     def _receive(self, message: Message, at_ns: int) -> None:
@@ -274,53 +268,30 @@ class UavProcess:
                 case Persist(promise, airframe):
                     self._state.write(promise, airframe)
                 case Publish(message):
-                    self._publish(message)
+                    self._publisher.publish(message)
+                    if isinstance(message, Truth) and self._flight is not None:
+                        self._flight.place(message)
                 case Listen(all_fixes):
                     self._subscriptions.listen_to_fixes(all_fixes)
                 case WantPlanner():
-                    self._want_planner()
+                    assert self._flight is not None
+                    load_planner(self._flight.mission, partial(self._take_planner, self._flight.faults))
                 case Stop():
                     self._leaving = True
         self._outbox.flush()
 
-    def _publish(self, message: Message) -> None:
-        if isinstance(message, Truth):
-            self._send_truth()
-            self._place(message)
-            self._unsent_truth = message
-        else:
-            self._send(message)
-
-    def _send_truth(self) -> None:
-        truth, self._unsent_truth = self._unsent_truth, None
-        if truth is not None:
-            self._send(truth)
-
-    def _send(self, message: Message) -> None:
-        stamped = msgspec.structs.replace(message, sent_ns=self._clock.now_ns())
-        self._outbox.put(self._keys.of(stamped), encode(stamped), stamped.seq)
-
-    def _want_planner(self) -> None:
-        assert self._flight is not None
-        load_planner(self._flight.mission, partial(self._take_planner, self._flight.local_faults))
-
-    def _take_planner(self, local_faults: LocalFaults, planner: Planner) -> None:
-        local_faults.planner = SlowPlanner(planner)
-        self._inbox.put_always(PlannerReady(local_faults.planner))
+    def _take_planner(self, faults: LocalFaults, planner: Planner) -> None:
+        faults.planner = SlowPlanner(planner)
+        self._inbox.put_always(PlannerReady(faults.planner))
 
     def _close(self) -> None:
-        self._send_truth()
+        self._publisher.send_truth()
         if self._flight is not None:
-            self._report_delay_error(self._flight)
+            self._carry_out(self._flight.delay_error())
             last = msgspec.json.encode(self._flight.node.last_seqs).decode()
             self._carry_out([self._flight.node.event(EventKind.CLOSED, last)])
         self._outbox.stay(self._inbox)
         self._session.close()
-
-    def _report_delay_error(self, flight: Flight) -> None:
-        error = flight.postbox.delay_error
-        if error is not None:
-            self._carry_out([flight.node.event(EventKind.DELAY_ERROR, msgspec.json.encode(error).decode())])
 
 
 @dataclass(slots=True)
@@ -330,12 +301,23 @@ class Flight:
     mission: MissionMessage
     node: UavNode
     postbox: Postbox
-    local_faults: LocalFaults
+    faults: LocalFaults
     wake_ns: int = 0
 
     def mission_s(self, now_ns: int) -> float:
         """Return the mission seconds at `now_ns` of the own clock."""
         return mission_s(now_ns - self.mission.epoch_ns, self.mission.time_scale)
+
+    def place(self, truth: Truth) -> None:
+        """Give the emulated radio the true position of a UAV."""
+        self.postbox.links.place(truth.uav, truth.to_x_m, truth.to_y_m)
+
+    def delay_error(self) -> list[Effect]:
+        """Return the event about the lateness of postponed messages, none if there were none."""
+        error = self.postbox.delay_error
+        return (
+            [self.node.event(EventKind.DELAY_ERROR, msgspec.json.encode(error).decode())] if error is not None else []
+        )
 
 
 def run_uav(settings: UavSettings, *, obey_ctrl_c: bool) -> int:
