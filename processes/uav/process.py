@@ -315,9 +315,9 @@ class Flight:
     def delay_error(self) -> list[Effect]:
         """Return the event about the lateness of postponed messages, none if there were none."""
         error = self.postbox.delay_error
-        return (
-            [self.node.event(EventKind.DELAY_ERROR, msgspec.json.encode(error).decode())] if error is not None else []
-        )
+        if error is None:
+            return []
+        return [self.node.event(EventKind.DELAY_ERROR, msgspec.json.encode(error).decode())]
 
 
 def run_uav(settings: UavSettings, *, obey_ctrl_c: bool) -> int:
