@@ -20,7 +20,7 @@ MAX_OPERATORS = 1000
 MAX_NAMES = 10
 """Most missions that an error text names."""
 GAVE_UP = f"{PREFIX}/-/alive/gave-up"
-"""Token of a router whose operator has ended before it had a mission, or has not come."""
+"""Token of a router without a mission: its operator has ended without one, or has not come."""
 
 
 class OperatorPresence:

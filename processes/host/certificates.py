@@ -1,7 +1,7 @@
 """Certificates of a swarm: one authority, one certificate per UAV and per role.
 
 The common name is the id or the role, and nothing else: the router's rules refer to it. The
-authority's key is never written, so nobody can make further certificates; a swarm that grows gets a
+authority's key is never written, so it signs no further certificates; a swarm that grows gets a
 new folder. The package `cryptography` makes all keys and signatures.
 """
 

@@ -1,4 +1,4 @@
-"""A rogue on a secured bus: a process of its own that prints its messages and those it heard, as JSON.
+"""A rogue on a secured bus: a process of its own that prints its actions and the messages that it heard, as JSON.
 
 python -m tests.processes.rogue ENDPOINT FOLDER NAME RECORDING
 
