@@ -1,4 +1,4 @@
-"""Retransmission of lost messages: a recorder, a router, and publishers whose messages are lost."""
+"""What has not arrived is asked for again: a recorder, a router, and publishers whose messages are lost."""
 
 from __future__ import annotations
 
@@ -37,7 +37,7 @@ SCENE = f"{KEYS.root}/viz/uavs"
 
 
 class Bench:
-    """A recorder process, and a session for the publishers of a test."""
+    """A recorder of its own process, and a session for whoever publishes."""
 
     def __init__(self, endpoint: str, folder: Path) -> None:
         self.out = folder / "run.mcap"
@@ -58,17 +58,17 @@ class Bench:
         self.put(KEYS.mission, encode(self.mission))
 
     def put(self, key: str, payload: bytes) -> None:
-        """Publish a message that no outbox can retransmit."""
+        """Publish something that nobody is asked for again."""
         self.session.put(key, payload, congestion_control=zenoh.CongestionControl.BLOCK)
 
     def say_last_word(self) -> None:
-        """Publish the operator's last message."""
+        """Say, as the operator, that nothing more comes."""
         tails = msgspec.json.encode({KEYS.mission: 0}).decode()
         last = Event(source="operator", instance="o-1", sent_ns=time.time_ns(), kind="closed", detail=tails)
         self.put(KEYS.event("operator"), encode(last))
 
     def end(self) -> list[Raw]:
-        """Wait for the recorder; return the recorded messages in the order of the file."""
+        """Wait for the recorder; what was recorded, in the order of the file."""
         assert self.recorder.wait(30) == 0
         self.session.close()
         return list(McapFile(self.out).messages())
@@ -76,7 +76,7 @@ class Bench:
 
 @pytest.fixture
 def bench(endpoint: str, tmp_path: Path) -> Iterator[Bench]:
-    """Start a recorder, and yield it once it records."""
+    """A recorder that has begun."""
     made = Bench(endpoint, tmp_path)
     yield made
     made.recorder.kill()
@@ -84,13 +84,13 @@ def bench(endpoint: str, tmp_path: Path) -> Iterator[Bench]:
 
 
 def fix(seq: int) -> bytes:
-    """Return a fix of u001."""
+    """A fix of u001."""
     place = {"x_m": 0.0, "y_m": 0.0, "r_m": 5.0, "waypoint_x_m": 0.0, "waypoint_y_m": 0.0}
     return encode(Fix(uav="u001", instance="p-1", seq=seq, sent_ns=time.time_ns(), slot=seq, **place))
 
 
 def closed(source: str, tails: dict[str, int]) -> bytes:
-    """Return the last message of a publisher."""
+    """A publisher's last word."""
     detail = msgspec.json.encode(tails).decode()
     return encode(Event(source=source, instance="p-1", sent_ns=time.time_ns(), kind="closed", detail=detail))
 
@@ -100,7 +100,7 @@ Lose = Callable[[str, set[int]], None]
 
 @pytest.fixture
 def lose(monkeypatch: pytest.MonkeyPatch) -> Lose:
-    """Let the bus drop messages of a key, selected by their order."""
+    """Let the bus swallow messages of a key that were handed to it, by the order in which they were."""
     real, lost, counts = outbox.put, dict[str, set[int]](), dict[str, int]()
 
     def put(session: zenoh.Session, key: str, payload: bytes, attachment: bytes) -> None:
@@ -113,7 +113,7 @@ def lose(monkeypatch: pytest.MonkeyPatch) -> Lose:
 
 
 def test_lost_messages_are_recorded_once_as_they_were(bench: Bench, lose: Lose) -> None:
-    """The recorder stores retransmissions verbatim, with their numbers and times; gaps are amid and at the end."""
+    """In the midst and at the end, scenes too: verbatim, with their numbers and times, recorded when they came."""
     inbox = Inbox[object]()
     uav = Outbox(bench.session, KEYS.again("u001", "p-1"), inbox)
     viz_inbox = Inbox[object]()
@@ -152,7 +152,7 @@ def test_lost_messages_are_recorded_once_as_they_were(bench: Bench, lose: Lose) 
 
 
 def test_what_the_publisher_no_longer_keeps_stays_a_gap(bench: Bench, lose: Lose) -> None:
-    """The recorder stores the rest of the gap, and `check` names the missing messages."""
+    """The rest of the hole is recorded, and the check says what is missing."""
     inbox = Inbox[object]()
     room = sum(len(fix(seq)) + OVERHEAD_BYTES for seq in range(4)) + 100
     uav = Outbox(bench.session, KEYS.again("u001", "p-1"), inbox, room)
@@ -173,7 +173,7 @@ def test_what_the_publisher_no_longer_keeps_stays_a_gap(bench: Bench, lose: Lose
 
 
 def test_the_recorder_waits_for_answers_after_the_last_word(bench: Bench, lose: Lose) -> None:
-    """The operator's last message may come before the last retransmissions of the UAVs."""
+    """The operator's last word may come before the last answers of those who fly."""
     inbox = Inbox[object]()
     uav = Outbox(bench.session, KEYS.again("u001", "p-1"), inbox)
     lose(FIX, {1, 2})
@@ -187,7 +187,7 @@ def test_the_recorder_waits_for_answers_after_the_last_word(bench: Bench, lose: 
 
 
 def test_what_waits_for_a_router_is_said_in_the_end(bench: Bench, monkeypatch: pytest.MonkeyPatch) -> None:
-    """Waiting messages are sent even if the router comes back after the last message."""
+    """Also when the router comes back after the last word."""
     inbox, routers = Inbox[object](), list[str]()
     monkeypatch.setattr(outbox, "is_connected", lambda _: bool(routers))
     uav = Outbox(bench.session, KEYS.again("u001", "p-1"), inbox)
@@ -204,7 +204,7 @@ def test_what_waits_for_a_router_is_said_in_the_end(bench: Bench, monkeypatch: p
 
 
 def test_what_is_no_ask_is_left_alone(endpoint: str) -> None:
-    """The outbox consumes a malformed request on its own key, and ignores a query on another key."""
+    """Noise in the place of an ask is nobody else's; a query on another key is."""
     again_key, heard = KEYS.again("u001", "p-1"), dict[str, bool]()
     with open_client(endpoint) as asker, open_client(endpoint) as session:
         inbox = Inbox[zenoh.Query]()
@@ -225,7 +225,7 @@ def test_what_is_no_ask_is_left_alone(endpoint: str) -> None:
 
 
 def test_what_is_fetched_takes_no_more_room_than_what_comes_by_itself(bench: Bench, lose: Lose) -> None:
-    """The limit on unknown keys holds for retransmissions too, whichever publisher names the keys."""
+    """Keys of nobody are recorded up to their number, whoever names them in its last word."""
     inbox = Inbox[object]()
     uav = Outbox(bench.session, KEYS.again("u001", "p-1"), inbox)
     keys = [f"{KEYS.event('u001')}/{number}" for number in range(MAX_FOREIGN_KEYS + 200)]
@@ -244,7 +244,7 @@ def test_what_is_fetched_takes_no_more_room_than_what_comes_by_itself(bench: Ben
 
 
 def test_an_answer_is_taken_for_what_was_asked_and_nothing_else(bench: Bench) -> None:
-    """The recorder rejects noise, another publisher's messages, wrong numbers and messages that it has."""
+    """Neither noise, nor what says that it is another's or another number, nor what is not missing."""
     inbox = Inbox[zenoh.Query]()
     bench.session.declare_queryable(KEYS.again("u001", "p-1"), hand_over(inbox.put))
     right = fix(1)

@@ -1,4 +1,4 @@
-"""A slow, frozen or dead recorder: the swarm is not affected, and the recording states its gaps."""
+"""The recorder may be slow, frozen or dead: the swarm does not notice, and the record says what it lacks."""
 
 from __future__ import annotations
 
@@ -30,9 +30,9 @@ FROZEN_FROM, FROZEN_SLOTS = 6, 10
 
 @pytest.mark.timing
 def test_a_frozen_recorder_delays_no_command_and_fetches_what_it_missed(start) -> None:
-    """UAVs fly on by commands during five seconds without a recorder, and finally every message is recorded.
+    """Five seconds without a recorder: UAVs fly on by commands, and every message is recorded in the end.
 
-    A UAV counts the slots in which it held; a busy machine may add a quarter of the frozen slots.
+    A UAV counts the slots in which it held; a quarter of the frozen ones is granted to a busy machine.
     """
     fault = f"freeze recorder @{FROZEN_FROM} for {FROZEN_SLOTS}"
     ended = start("run", "--json", "--uavs", "6", "--fault", fault).end()
@@ -47,7 +47,7 @@ def test_a_frozen_recorder_delays_no_command_and_fetches_what_it_missed(start) -
 
 
 def test_every_message_of_the_view_is_recorded_too(run) -> None:
-    """The visualiser's last message counts its messages per topic, and none is missing."""
+    """The visualiser's last word counts its messages per topic, and none is missing."""
     recording = run("--uavs", "4", "--area", "2500").recording
     (said,) = (event.detail for event in recording.events if event.source == "viz")
     assert '"viz/uavs":' in said
@@ -58,14 +58,14 @@ def test_every_message_of_the_view_is_recorded_too(run) -> None:
 
 
 def test_without_a_view_there_is_none(run) -> None:
-    """No visualiser runs, and its topics are not in the recording."""
+    """No visualiser runs, and its topics are not in the record."""
     recording = run("--uavs", "2", "--area", "900", "--no-viz").recording
     assert recording.unknown == {}
     assert not any(event.source == "viz" for event in recording.events)
 
 
 def test_keys_of_nobody_take_no_room_and_no_look_alike_ends_the_recording(endpoint: str, tmp_path: Path) -> None:
-    """The recorder stores the first thousand of 1500 unknown keys, and all of the mission's own, however late."""
+    """Of 1500 strange keys the first thousand are recorded; the mission's own are, however late they come."""
     part, out = tmp_path / "run.mcap.part", tmp_path / "run.mcap"
     part.touch()
     settings = RecorderSettings(endpoint=endpoint, mission="m", part=str(part), out=str(out), run={})

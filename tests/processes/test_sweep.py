@@ -55,13 +55,13 @@ TIMES = ("plan_ms", "energy_compute_j")
 
 
 def without_times(results: dict[str, Any]) -> dict[str, Any]:
-    """Return the results without their measured times."""
+    """Results but for what is measured with a stopwatch."""
     return {key: {k: v for k, v in result.items() if k not in TIMES} for key, result in results.items()}
 
 
 @pytest.fixture(scope="module")
 def expected() -> dict[str, Any]:
-    """Compute the results of the sweep in one process, undisturbed."""
+    """What the sweep gives in one process, undisturbed."""
     return without_times({run.key: result for run, result, _ in Local(1).results(RUNS)})
 
 
@@ -74,19 +74,19 @@ def wait_for(condition: Any, what: str, timeout_s: float = 120.0) -> None:
 
 
 def lines(folder: Path) -> list[bytes]:
-    """Return the lines of the file of results."""
+    """Lines of the file of results."""
     file = folder / RUNS_FILE
     return file.read_bytes().splitlines() if file.exists() else []
 
 
 def children(pid: int) -> list[int]:
-    """Return the child processes of `pid`."""
+    """Child processes of `pid`."""
     said = subprocess.run(["ps", "-o", "pid=", "--ppid", str(pid)], capture_output=True, text=True, check=False)
     return [int(word) for word in said.stdout.split()]
 
 
 def alive(pid: int) -> bool:
-    """Return True if a process runs (a zombie does not)."""
+    """Whether a process runs (a zombie does not)."""
     try:
         return Path(f"/proc/{pid}/stat").read_text(encoding="utf-8").rpartition(")")[2].split()[0] != "Z"
     except FileNotFoundError:
@@ -94,19 +94,19 @@ def alive(pid: int) -> bool:
 
 
 def deaf(pid: int) -> bool:
-    """Return True if a process blocks or ignores Ctrl-C."""
+    """Whether a process blocks or ignores Ctrl-C."""
     words = Path(f"/proc/{pid}/status").read_text(encoding="utf-8").split()
     masks = [int(words[words.index(name) + 1], 16) for name in ("SigBlk:", "SigIgn:")]
     return any(mask >> (signal.SIGINT - 1) & 1 for mask in masks)
 
 
 def die(_mission: Mission) -> None:
-    """Kill the worker, as the kernel does if there is no memory left."""
+    """What the kernel does to a worker when there is no memory left."""
     os._exit(9)
 
 
 def test_killed_sweep_continues(tmp_path: Path, expected: dict[str, Any]) -> None:
-    """SIGKILL in mid-sweep leaves no worker, and the continued sweep gives the same results, each computed once."""
+    """After kill -9 in mid-sweep no worker is left, and going on gives the same results, each made once."""
     code = SWEEP.format(tests=str(Path(__file__).parent), folder=str(tmp_path), jobs=2)
     script = tmp_path.with_name("run_sweep.py")
     script.write_text(code, encoding="utf-8")
@@ -143,7 +143,7 @@ def test_printed_command_flies_the_run_again(tmp_path: Path, expected: dict[str,
 
 
 def test_results_of_other_code_are_made_again(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    """Only the code that computed a stored result reuses it."""
+    """A result, on disk at once, is used only by the code that made it."""
     with Ledger(tmp_path) as ledger:
         sweep(RUNS[:1], ledger, Local(1))
         assert len(lines(tmp_path)) == 1
@@ -153,7 +153,7 @@ def test_results_of_other_code_are_made_again(tmp_path: Path, monkeypatch: pytes
 
 
 def test_results_of_a_planner_that_was_edited_are_made_again(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    """A user's planner determines results as the library does."""
+    """A user's planner decides results as the library does."""
     file = tmp_path / "edited_planner.py"
     file.write_text("from edc_swarm.planner.straight import Straight as Mine\n")
     monkeypatch.syspath_prepend(tmp_path)
@@ -169,7 +169,7 @@ def test_results_of_a_planner_that_was_edited_are_made_again(tmp_path: Path, mon
 
 
 def test_the_code_of_a_result_is_what_decides_it(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    """The digest covers the library without the packages that only judge results, and the measures."""
+    """The library but for what only judges results, each of which there is, and the measures."""
     library = Path(edc_swarm.__file__).parent
     assert [name for name in DECIDE_NO_RESULT if not (library / name).exists()] == []
     monkeypatch.setattr(edc_swarm, "__file__", str(tmp_path / "library" / "__init__.py"))
@@ -189,20 +189,20 @@ def test_the_code_of_a_result_is_what_decides_it(tmp_path: Path, monkeypatch: py
 
 
 def test_a_worker_with_other_code_makes_nothing() -> None:
-    """A worker with other code would give another sweep's result."""
+    """Its result would not be the sweep's."""
     with pytest.raises(SweepError, match="another version of edc-swarm"):
         make(RUNS[0], "other")
 
 
 def test_a_worker_that_dies_ends_the_sweep_with_a_word() -> None:
-    """The stored results stay, so the sweep can continue."""
+    """What was made is kept, so it can be gone on with."""
     runs = [Run(f"{__name__}:die", Mission(seed=seed)) for seed in range(2)]
     with pytest.raises(SweepError, match="a worker process died"):
         list(Local(2).results(runs))
 
 
 def test_failed_run_is_named_and_others_are_kept(tmp_path: Path) -> None:
-    """A run that cannot be flown ends the sweep with its command; the stored results stay."""
+    """A run that cannot be flown ends the sweep with its command; what was made stays."""
     crowded = Run("fly", Mission(uavs=50, area_m2=100.0))
     with Ledger(tmp_path) as ledger, pytest.raises(SweepError, match="edc-swarm sim --uavs 50 --area 100"):
         sweep([RUNS[0], crowded], ledger, Local(1))
@@ -211,7 +211,7 @@ def test_failed_run_is_named_and_others_are_kept(tmp_path: Path) -> None:
 
 @pytest.fixture
 def cluster() -> Iterator[str]:
-    """Start a Dask scheduler with two worker processes of one thread each; yield its address."""
+    """Address of a Dask scheduler with two worker processes of one thread each."""
     distributed = pytest.importorskip("distributed")
     with warnings.catch_warnings():
         warnings.simplefilter("ignore")
@@ -225,7 +225,7 @@ def cluster() -> Iterator[str]:
     "ignore::ResourceWarning", "ignore::DeprecationWarning", "ignore::pytest.PytestUnraisableExceptionWarning"
 )
 def test_dask_cluster_gives_the_same(cluster: str, tmp_path: Path, expected: dict[str, Any]) -> None:
-    """Two Dask workers give the results of one process."""
+    """Two Dask workers give what one process gives."""
     with open_scheduler(cluster, None) as scheduler, Ledger(tmp_path) as ledger:
         results = sweep(RUNS, ledger, scheduler)
     assert without_times(results) == expected
@@ -249,7 +249,7 @@ BAD = [
 def test_bad_input_is_one_line(
     words: list[str], field: str, capfd: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch, tmp_path: Path
 ) -> None:
-    """Status 2, one line that names the option, an empty standard output, and no run."""
+    """Status 2, one line that names the option, nothing on standard output, nothing flown."""
     monkeypatch.chdir(tmp_path)
     monkeypatch.setattr("processes.experiments.ledger.CONNECT_S", 0.5)
     assert main(["figures", "--runs", "1", *words] if "--runs" not in words else ["figures", *words]) == 2
@@ -260,7 +260,7 @@ def test_bad_input_is_one_line(
 
 
 def test_folder_of_others_is_refused(tmp_path: Path, capfd: pytest.CaptureFixture[str]) -> None:
-    """The sweep rejects a folder with other files, and one that another sweep holds."""
+    """A folder with something else in it is not written to, nor one that another sweep holds."""
     (tmp_path / "thesis.tex").touch()
     assert main(["figures", "--out", str(tmp_path)]) == 2
     (tmp_path / RUNS_FILE).touch()
@@ -274,7 +274,7 @@ def test_folder_of_others_is_refused(tmp_path: Path, capfd: pytest.CaptureFixtur
 
 @pytest.fixture
 def small(monkeypatch: pytest.MonkeyPatch) -> None:
-    """Compute all figures with few UAVs in little space."""
+    """All figures with few UAVs in little space."""
     axes = {
         "uavs": (Mission(area_m2=2500.0), (3.0, 6.0)),
         "area_m2": (Mission(uavs=4), (2500.0, 6400.0)),
@@ -290,7 +290,7 @@ def small(monkeypatch: pytest.MonkeyPatch) -> None:
 @pytest.mark.long
 @pytest.mark.usefixtures("small")
 def test_figures_command(tmp_path: Path, capfd: pytest.CaptureFixture[str]) -> None:
-    """It writes every figure as PNG, SVG and CSV, a page with all of them, and JSON alone on standard output."""
+    """Every figure as PNG, SVG and CSV, a page that shows each, JSON alone on standard output."""
     assert main(["figures", "--runs", "2", "--jobs", "1", "--json", "--out", str(tmp_path)]) == 0
     report = json.loads(capfd.readouterr().out)
     page = (tmp_path / "index.html").read_text(encoding="utf-8")
@@ -308,7 +308,7 @@ def test_figures_command(tmp_path: Path, capfd: pytest.CaptureFixture[str]) -> N
 
 
 def check_tables(folder: Path, rows: list[dict[str, Any]]) -> None:
-    """Assert that the CSV files hold the rows of the report, with all columns."""
+    """The CSV files hold the rows of the report, with all columns."""
     read: list[dict[str, str]] = []
     for figure in dict.fromkeys(row["figure"] for row in rows):
         with (folder / f"{figure}.csv").open(newline="", encoding="utf-8") as stream:
@@ -325,7 +325,7 @@ def check_tables(folder: Path, rows: list[dict[str, Any]]) -> None:
 
 @pytest.mark.parametrize("flown", [0, 1])
 def test_interrupt_ends_the_workers(tmp_path: Path, flown: int) -> None:
-    """Ctrl-C, which a terminal sends to all, silently ends command and workers at once, starting or flying."""
+    """Ctrl-C, which a terminal sends to all, ends command and workers at once, starting or flying, without a word."""
     command = [
         sys.executable,
         "-m",
