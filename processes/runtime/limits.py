@@ -13,8 +13,8 @@ FILES_PER_UAV = 2
 """Open files that a process may have: FILES + FILES_PER_UAV * UAVs.
 
 Measured with 4, 12 and 24 UAVs: the router has 22 and one for every UAV, the command at most 25, a UAV 19, the
-recorder 17, the visualiser 16, the fork source 7. The second file per UAV is for links that Zenoh is still closing
-when their UAVs connect again.
+recorder 17, the visualiser 16, the fork source 7. The second file per UAV is a reserve: a UAV may connect again
+before Zenoh has closed its old link.
 """
 TASKS = 120
 TASKS_PER_UAV = 10
