@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import contextlib
 import json
 import os
 import signal
@@ -106,7 +107,8 @@ def start(tmp_path: Path) -> Iterator[Fly]:
     yield go
     for command in started:
         for pid in _marked(command.mark):
-            os.kill(pid, signal.SIGKILL)
+            with contextlib.suppress(ProcessLookupError):
+                os.kill(pid, signal.SIGKILL)
         command.process.communicate()
 
 

@@ -95,7 +95,7 @@ def test_a_part_killed_by_hand_fails_the_mission(start, part: str):
     """The input is not at fault: status 1, the cause in one line, and the summary names the UAVs not home."""
     command = start("run", "--json")
     command.await_flight(10)
-    os.kill(command.pids(f"processes.{part.replace('-', '_')}")[0], signal.SIGKILL)
+    os.kill(command.pids(f".{part.replace('-', '_')}")[0], signal.SIGKILL)
     ended = command.end()
     assert ended.status == 1
     assert f"error: the {part} was ended by SIGKILL: it said nothing" in ended.stderr.splitlines()
