@@ -59,11 +59,11 @@ def test_a_standalone_router_raises_its_limit_on_open_files(hard: int, raised: i
     """It raises the soft limit to that of all its sessions; a lower hard limit bounds it."""
     if resource.getrlimit(resource.RLIMIT_NOFILE)[1] < hard:
         pytest.skip("the hard limit of this shell is lower")
-    limited = ("bash", "-c", f'ulimit -Hn {hard} && ulimit -Sn 64 && exec "$@"', "limited")
+    limited = ("bash", "-c", f'ulimit -Sn 64 && ulimit -Hn {hard} && exec "$@"', "limited")
     command = [*limited, sys.executable, "-m", "processes.services.router", free_endpoint()]
     with subprocess.Popen(command, stdout=subprocess.PIPE) as router:
         assert router.stdout is not None
-        assert router.stdout.readline() == b"ready\n"
-        assert resource.prlimit(router.pid, resource.RLIMIT_NOFILE) == (raised, hard)
+        listens = router.stdout.readline()
+        limits = resource.prlimit(router.pid, resource.RLIMIT_NOFILE)
         router.terminate()
-    assert router.returncode == 0
+    assert (listens, limits, router.returncode) == (b"ready\n", (raised, hard), 0)
