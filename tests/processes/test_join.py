@@ -360,7 +360,7 @@ def test_an_operator_that_gives_up_ends_everything(parts: Parts):
     waiting = parts.join("waiting")
     given_up = parts.operate("--planner", "nonsense").end()
     assert given_up.status == 2
-    assert given_up.stderr.startswith("error: planner = 'nonsense': must be")
+    assert given_up.stderr.startswith("error: --planner = 'nonsense': must be")
     for joined in (waiting, parts.join("late")):
         ended = joined.end()
         assert ended.status == 2
