@@ -19,7 +19,9 @@ from edc_swarm.experiments.sweeps import Run
 from edc_swarm.mission.roster import complete_mission
 from edc_swarm.recording.reader import read_recording
 from processes.experiments.ledger import SweepError, code_fingerprint
-from processes.host.launcher import Launcher, RunReport, View
+from processes.host.launcher import Launcher
+from processes.host.run_report import RunReport
+from processes.host.run_setup import View
 from processes.runtime.children import PartEndedError
 from processes.runtime.console import note
 from processes.runtime.limits import make_room

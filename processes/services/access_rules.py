@@ -24,7 +24,7 @@ from typing import Any
 
 from edc_swarm.mission.configuration import JOIN, LIVE, OPERATOR, RECORDER, VISUALISER
 from edc_swarm.protocol.keys import ALL_ALIVE, PREFIX, Keys
-from processes.bus.abort_notice import WORD
+from processes.bus.abort_notice import NOTICE_KEY
 from processes.bus.operator_presence import GAVE_UP
 
 ANY_MISSION = "*"
@@ -79,7 +79,7 @@ def _of_roles(keys: Keys) -> dict[str, list[Rule]]:
             *_answers(OPERATOR, [*asked, keys.claims, keys.orders("*"), keys.again(OPERATOR, "*")]),
             *_asks(OPERATOR, [keys.mission, keys.orders(RECORDER)]),
             _lives(OPERATOR, keys),
-            _rule(f"{OPERATOR} gives up", "ingress", "liveliness_token", [f"{WORD}/*"]),
+            _rule(f"{OPERATOR} gives up", "ingress", "liveliness_token", [f"{NOTICE_KEY}/*"]),
             *_sees_the_living(OPERATOR, keys.all_alive),
             _rule(f"{OPERATOR} looks for missions", "ingress", "liveliness_query", [ALL_ALIVE]),
         ],

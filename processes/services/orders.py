@@ -24,12 +24,12 @@ from msgspec import Struct
 
 from edc_swarm.errors import SwarmError
 from edc_swarm.protocol.keys import Keys
-from processes.bus.address import sought_router
+from processes.bus.address import unreachable_router
 from processes.bus.credentials import Credentials, check_certificates, credentials
-from processes.bus.operator_presence import LINGER_S, Operators
+from processes.bus.operator_presence import LINGER_S, OperatorPresence
 from processes.bus.session import try_client
 from processes.runtime.console import note
-from processes.runtime.loop import PATIENCE_S, START_TIMEOUT_S, What, in_words
+from processes.runtime.loop import PATIENCE_S, START_TIMEOUT_S, Awaited, in_words
 
 LOOK_EVERY_S = 0.1
 ASK_TIMEOUT_S = 2.0
@@ -47,8 +47,8 @@ def orders(kind: type[Kind], name: str) -> Kind:
     endpoint, own = arguments.endpoint, credentials(arguments.certs, name)
     if own is not None:
         check_certificates(own.folder, [name])
-    session = await_found(lambda: try_client(endpoint, own), partial(sought_router, endpoint))
-    operators = Operators(session)
+    session = await_found(lambda: try_client(endpoint, own), partial(unreachable_router, endpoint))
+    operators = OperatorPresence(session)
     mission = await_found(lambda: operators.only_mission(endpoint), f"a mission at {endpoint}")
 
     def ask() -> bytes | None:
@@ -77,7 +77,7 @@ def asked(session: zenoh.Session, key: str, payload: bytes | None = None) -> byt
     return None
 
 
-def await_found(look: Callable[[], Found | None], what: What) -> Found:
+def await_found(look: Callable[[], Found | None], what: Awaited) -> Found:
     """Call `look` until it returns something; after a while, print `what` the process waits for."""
     start_s, told = time.monotonic(), False
     while (found := look()) is None:
@@ -96,7 +96,7 @@ def outlast_operator(endpoint: str, mission: str, own: Credentials | None = None
     session = try_client(endpoint, own)
     if session is None:
         return
-    operators = Operators(session)
+    operators = OperatorPresence(session)
     while operators.away_s(mission) < LINGER_S:
         time.sleep(LOOK_EVERY_S)
     session.close()

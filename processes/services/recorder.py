@@ -35,8 +35,8 @@ from edc_swarm.protocol.messages import Event
 from edc_swarm.recording.sequences import tails_in
 from edc_swarm.recording.writer import Stamp, TooLarge
 from processes.bus.credentials import credentials
-from processes.bus.operator_presence import OPERATOR_LOST_S, Operators
-from processes.bus.session import ask_aside, hand_over, open_client, put
+from processes.bus.operator_presence import OPERATOR_LOST_S, OperatorPresence
+from processes.bus.session import hand_over, open_client, put, query_in_background
 from processes.bus.subscriptions import Gate, Heard
 from processes.runtime.clock import MissionClock
 from processes.runtime.console import complain
@@ -123,7 +123,7 @@ class Recorder:
         self._answers = {self._keys.orders(NAME): msgspec.json.encode(settings)}
         self._operators = None
         if not settings.parent:
-            self._operators = Operators(self._session)
+            self._operators = OperatorPresence(self._session)
             for key in (self._keys.mission, *self._answers):
                 self._session.declare_queryable(key, hand_over(self._inbox.put))
         self._token = self._session.liveliness().declare_token(self._keys.alive(NAME, self._instance))
@@ -218,7 +218,7 @@ class Recorder:
     def _ask(self) -> None:
         for publisher, ask in self._holes.due(time.monotonic()):
             take = partial(self._take_reply, publisher)
-            ask_aside(self._session, self._keys.again(*publisher), retransmission.encode(ask), take)
+            query_in_background(self._session, self._keys.again(*publisher), retransmission.encode(ask), take)
 
     def _take_reply(self, publisher: Publisher, reply: zenoh.Reply) -> None:
         if reply.ok is not None and len(reply.ok.payload) <= MAX_ANSWER_BYTES:

@@ -21,11 +21,12 @@ from msgspec import Struct
 from edc_swarm.errors import InputError
 from edc_swarm.mission.configuration import OPERATOR, ROUTER
 from edc_swarm.protocol.keys import ALL_ALIVE
-from processes.bus.abort_notice import WORD
+from processes.bus.abort_notice import NOTICE_KEY
 from processes.bus.credentials import certified_uavs, check_certificates, credentials
 from processes.bus.operator_presence import GAVE_UP, LINGER_S
-from processes.bus.session import hand_over, open_router
+from processes.bus.session import MAX_SESSIONS, hand_over, open_router
 from processes.runtime.console import FAILED
+from processes.runtime.limits import make_room_for_sessions
 from processes.runtime.parent import die_with_parent
 from processes.services.access_rules import ANY_MISSION, access_control
 
@@ -65,6 +66,8 @@ def main() -> int:
     if for_whom.isdigit():
         die_with_parent(int(for_whom))
         signals = {signal.SIGTERM}
+    else:
+        make_room_for_sessions(MAX_SESSIONS)  # The launcher has done so for a router of its own.
     try:
         session = open_secured(sys.argv[1], Path(sys.argv[3])) if len(sys.argv) > 3 else open_router(sys.argv[1])
     except (zenoh.ZError, OSError, msgspec.DecodeError, InputError) as error:
@@ -92,7 +95,7 @@ def _route_one_mission(session: zenoh.Session, signals: set[signal.Signals]) -> 
         (there.add if sample.kind == zenoh.SampleKind.PUT else there.discard)(key)
         if f"/alive/{OPERATOR}/" in key:
             operators.add(key)
-        elif key.startswith(WORD):
+        elif key.startswith(NOTICE_KEY):
             words.add(key)
 
     def is_over() -> bool:

@@ -29,7 +29,7 @@ from edc_swarm.recording.writer import Stamp
 from edc_swarm.viz.channels import ROOT
 from edc_swarm.viz.scenery import Scenery, Shown
 from processes.bus.credentials import credentials
-from processes.bus.operator_presence import OPERATOR_LOST_S, Operators
+from processes.bus.operator_presence import OPERATOR_LOST_S, OperatorPresence
 from processes.bus.outbox import Outbox
 from processes.bus.session import hand_over, open_client
 from processes.bus.subscriptions import Gate, Heard, heard_from
@@ -107,7 +107,7 @@ class Visualiser:
         if settings.records:
             self._token = self._session.liveliness().declare_token(keys.alive(NAME, self._instance))
         self._mission = settings.mission
-        self._operators = None if settings.parent else Operators(self._session)
+        self._operators = None if settings.parent else OperatorPresence(self._session)
 
     def stop(self) -> None:
         """Request the end; may be called from a signal handler."""

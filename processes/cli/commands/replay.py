@@ -23,7 +23,7 @@ from edc_swarm.planner.registry import make_planner, warm_up
 from edc_swarm.protocol.keys import PREFIX, Keys
 from edc_swarm.recording.mcap_file import McapFile
 from edc_swarm.recording.reader import read_recording
-from processes.bus.address import free_endpoint, listening_endpoint, parse_endpoint, sought_router
+from processes.bus.address import free_endpoint, listening_endpoint, parse_endpoint, unreachable_router
 from processes.bus.session import open_client, open_router
 from processes.runtime.console import FAILED, NOT_JUDGED, note, print_json
 from processes.runtime.run_facts import made_otherwise
@@ -123,7 +123,7 @@ def _session(options: ReplayOptions) -> zenoh.Session:
         try:
             return open_client(options.connect, timeout_ms=CONNECT_TIMEOUT_MS)
         except zenoh.ZError:
-            raise InputError("--connect", options.connect, sought_router(options.connect)) from None
+            raise InputError("--connect", options.connect, unreachable_router(options.connect)) from None
     endpoint = listening_endpoint(options.listen) if options.listen is not None else free_endpoint()
     try:
         session = open_router(endpoint)

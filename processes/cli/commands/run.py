@@ -14,13 +14,15 @@ from edc_swarm.errors import InputError
 from edc_swarm.mission.configuration import OPERATOR, RECORDER, ROUTER, Mission
 from edc_swarm.mission.fault_help import fault_help
 from edc_swarm.mission.faults import parse_faults
-from processes.bus.address import listening_endpoint, parse_endpoint, sought_router
+from processes.bus.address import listening_endpoint, parse_endpoint, unreachable_router
 from processes.bus.credentials import TLS, Credentials, check_certificates
 from processes.bus.session import try_client
 from processes.cli.conclusion import conclude
 from processes.cli.options import MISSION_HELP, MissionOptions
 from processes.cli.whole import Whole
-from processes.host.launcher import Bus, Launcher, Protection, RunReport, View
+from processes.host.launcher import Launcher
+from processes.host.run_report import RunReport
+from processes.host.run_setup import Bus, Protection, View
 from processes.host.security import check_security
 from processes.operator.takeover import find_takeover
 from processes.runtime.clock import MissionClock
@@ -112,7 +114,7 @@ def _meet(address: str, mission: Mission, alone: Mapping[str, object], protectio
     for fault in parse_faults(mission):
         if {ROUTER, RECORDER} & {*fault.names}:
             raise InputError("--fault", str(fault), "about UAVs where --operate is given")
-    session = await_found(partial(try_client, address, own, observer=True), partial(sought_router, address))
+    session = await_found(partial(try_client, address, own, observer=True), partial(unreachable_router, address))
     takeover = find_takeover(session, mission)
     if takeover is not None and takeover.mission is not None:
         MissionClock().check_epoch(takeover.mission)
