@@ -1,8 +1,8 @@
-"""Fail-over measured on real processes: `python benchmarks/faults.py [--trials 20] [--only NAME]`.
+"""Measurement of fail-over with real processes: `python benchmarks/faults.py [--trials 20] [--only NAME]`.
 
-Ten UAVs, slot 0.5 s, real time by default. Each trial injects its fault at another moment within a
-slot, flies the mission to its end with `edc-swarm run`, and is judged from the recording alone.
-Prints a table, or JSON with `--json`.
+Ten UAVs, slot 0.5 s, real time by default. Each trial injects its fault at another moment within a slot, runs the
+mission to its end with `edc-swarm run`, and is judged from the recording alone. The script prints a table, or JSON
+with `--json`.
 """
 
 from __future__ import annotations
@@ -23,6 +23,7 @@ from rich.progress import track
 
 from edc_swarm.analysis.guarantees.check import check
 from edc_swarm.analysis.metrics import Metrics, compute_metrics
+from edc_swarm.protocol.events import EventKind
 from edc_swarm.recording.model import Recording
 from edc_swarm.recording.reader import read_recording
 
@@ -34,7 +35,7 @@ HEAL_SLOT = 30
 
 @dataclass(frozen=True)
 class Flight:
-    """One trial: its recording, metrics, and guarantees that are broken or could not be judged."""
+    """One trial: its recording, its metrics, and the guarantees that are broken or could not be judged."""
 
     recording: Recording
     metrics: Metrics
@@ -43,21 +44,21 @@ class Flight:
 
     @property
     def living_home(self) -> bool:
-        """Whether every UAV that lives at the end is at its target."""
+        """True if every UAV that lives at the end is at its target."""
         return all(who.uav in self.metrics.not_living for who in self.metrics.not_home)
 
     def fault_slot(self, verb: str) -> int:
-        """Slot in which the fault was injected."""
-        return next(e.slot for e in self.recording.events if e.kind == "fault" and e.detail.startswith(verb))
+        """Return the slot of the injected fault."""
+        return next(e.slot for e in self.recording.events if e.kind == EventKind.FAULT and e.detail.startswith(verb))
 
     def planned_between(self, first: int, last: int) -> int:
-        """Number of reports with a plan for slots first..last."""
+        """Return the number of reports with a plan for slots first..last."""
         return sum(r.has_quorum and first <= r.slot <= last for r in self.recording.reports)
 
 
 @dataclass(frozen=True)
 class Scenario:
-    """A fault and the figure that matters about it; `ok` judges the figure of one trial."""
+    """A fault with the value to measure; `ok` judges the value of one trial."""
 
     name: str
     figure: str
@@ -71,7 +72,7 @@ def _failover_slots(flight: Flight) -> float:
 
 
 def _old_commands_flown(flight: Flight) -> float:
-    """Steps of a lower term flown after the first plan of the next one was made."""
+    """Return the number of steps of a lower term that UAVs flew after the first plan of the next term."""
     first = {}
     for report in flight.recording.reports:
         if report.has_quorum:
@@ -81,7 +82,7 @@ def _old_commands_flown(flight: Flight) -> float:
 
 
 def _slots_to_one_head(flight: Flight) -> float:
-    """Slots from healing until every UAV grants the same head."""
+    """Return the number of slots from the end of the fault until every UAV grants the same head."""
     for slot in range(HEAL_SLOT, flight.metrics.slots):
         last = {fix.uav: (fix.term, fix.head) for fix in flight.recording.fixes if fix.slot == slot}
         if len(last) == UAVS and len(set(last.values())) == 1:
@@ -139,7 +140,7 @@ SCENARIOS = (
 
 
 def fly(scenario: Scenario, trial: int, trials: int, time_scale: float, folder: Path) -> Flight:
-    """One mission with real processes."""
+    """Run one mission with real processes."""
     path = folder / f"{scenario.name.replace(' ', '-').replace('|', '-')}-{trial}.mcap"
     faults = [word for fault in scenario.faults(trial / trials) for word in ("--fault", fault)]
     command = [sys.executable, "-m", "processes.cli.main", "run", "--uavs", str(UAVS), "--slot", str(SLOT_S), "--json"]
@@ -155,7 +156,7 @@ def fly(scenario: Scenario, trial: int, trials: int, time_scale: float, folder: 
 
 
 def row(scenario: Scenario, flights: Sequence[Flight]) -> dict[str, object]:
-    """The figures of one scenario."""
+    """Return the results of one scenario."""
     values = [scenario.measure(flight) for flight in flights]
     return {
         "scenario": scenario.name,
@@ -173,11 +174,11 @@ def row(scenario: Scenario, flights: Sequence[Flight]) -> dict[str, object]:
 
 
 def main() -> int:
-    """Fly all trials and print the table; status 1 when a promise was not kept."""
+    """Run all trials and print the table; return 1 if a promise was not kept."""
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--trials", type=int, default=20)
     parser.add_argument("--time-scale", type=float, default=1.0)
-    parser.add_argument("--jobs", type=int, default=1, help="missions flown at the same time")
+    parser.add_argument("--jobs", type=int, default=1, help="missions that run at the same time")
     parser.add_argument("--only", help="a scenario whose name contains this")
     parser.add_argument("--json", action="store_true")
     options = parser.parse_args()

@@ -1,8 +1,8 @@
-"""How much memory a recording of a gigabyte takes to be read: huge payloads on a UAV's own event key.
+"""Memory that reading a recording of a gigabyte takes, with huge payloads on a UAV's own event key.
 
     python benchmarks/huge_recording.py FILE.mcap [MEGABYTES]
 
-Writes the file from a recording that ships with the project, then runs `check` and `metrics` on it.
+The script writes the file from a recording of the project, then runs `check` and `metrics` on it.
 """
 
 from __future__ import annotations

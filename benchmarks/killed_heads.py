@@ -1,17 +1,16 @@
-"""Missions whose heads are killed: does every living UAV get home, and if not, why not?
+"""Missions with killed heads: the number in which every living UAV gets home, and the reasons in the others.
 
     python benchmarks/killed_heads.py                          1200 simulated missions of ten UAVs
     python benchmarks/killed_heads.py --seeds 7000-7059 --heads 1 --links none --jobs 2
 
-Each cell is one or two heads killed over one kind of links, and flies the missions of all seeds. A head is
-killed at (slot + phase) slots, one draw each: from Random(f"killed/{seed}/{heads}"), `heads` distinct slots of
-2 ... 25 by `sample`, in increasing order, then a phase in [0, 1) for each by `random`. A kill that finds no
-head kills nobody.
+Each cell has one or two killed heads and one kind of links, and contains the missions of all seeds. A fault kills the
+head at (slot + phase) slots. Random(f"killed/{seed}/{heads}") draws `heads` distinct slots of 2 ... 25 by `sample`, in
+increasing order, then a phase in [0, 1) for each by `random`. A kill is skipped if there is no head at its time.
 
-A living UAV that is not home has one of these reasons. Its target is covered: nearer than R to where a UAV can be
-that lives no more, by the last plan's hull or where it was last seen. Or it is held: nearer than R to hulls, no step
-leads away from all of them, or it is within one. Or hulls close it in. The status is 1 if a living UAV without such a
-reason is not home, or discs could overlap.
+A living UAV that is not home has one of these reasons. Covered: its target is nearer than R to the last plan's hull,
+or to the last known place, of a UAV that no longer lives. Held: the UAV is nearer than R to hulls and no step leads
+away from all of them, or it is within one. Enclosed: hulls surround it. The exit status is 1 if a living UAV is not
+home without such a reason, or if discs could overlap.
 """
 
 from __future__ import annotations
@@ -55,7 +54,7 @@ LINKS: dict[str, list[dict[str, float]]] = {
 
 @dataclass(frozen=True)
 class Flight:
-    """One mission: how it ended, and of each living UAV that is not home why."""
+    """The outcome of one mission, with a reason for each living UAV that is not home."""
 
     seed: int
     heads: int
@@ -63,7 +62,7 @@ class Flight:
     slots: int
     killed: int
     away: dict[str, str]
-    """Reasons by UAV; "" for a UAV that has none."""
+    """Reasons by UAV; "" for a UAV without a reason."""
     broken: list[str]
 
     @property
@@ -73,14 +72,14 @@ class Flight:
 
 
 def faults(seed: int, heads: int, dt_s: float) -> list[str]:
-    """When the heads of this mission are killed."""
+    """Return the faults that kill the heads of this mission."""
     random = Random(f"killed/{seed}/{heads}")
     slots = sorted(random.sample(range(FIRST_SLOT, LAST_SLOT + 1), heads))
     return [f"kill head @{(slot + random.random()) * dt_s:.3f}s" for slot in slots]
 
 
 def fly(seed: int, heads: int, links: str) -> Flight:
-    """Simulate one mission and judge how it ended."""
+    """Simulate one mission and return its outcome."""
     fields = {"seed": seed, "uavs": UAVS, "max_slots": MAX_SLOTS, "link": LINKS[links]}
     mission = mission_from_dict({**fields, "fault": faults(seed, heads, Mission().dt_s)})
     message = mission_message(complete_mission(mission))
@@ -101,7 +100,7 @@ def fly(seed: int, heads: int, links: str) -> Flight:
 def _away(
     mission: MissionMessage, centre_m: np.ndarray, living: np.ndarray, plan: Report | None
 ) -> Iterator[tuple[str, str]]:
-    """Each living UAV that is not at its target, and why."""
+    """Yield each living UAV that is not at its target, with the reason."""
     for k in np.flatnonzero(living).tolist():
         entry = mission.roster[k]
         target_m = np.array([entry.target_x_m, entry.target_y_m])
@@ -114,7 +113,7 @@ def _away(
 
 
 def _hulls(mission: MissionMessage, dead: list[int], plan: Report | None) -> Obstacles:
-    """The last plan's hulls of those that live no more."""
+    """Return the last plan's hulls of the dead UAVs."""
     ids = {mission.roster[k].uav: mission.roster[k].r_m for k in dead}
     rows = [] if plan is None else list(zip(plan.hull_uav, *plan.hull_columns, strict=True))
     kept = np.array([(*shape, ids[uav]) for uav, *shape in rows if uav in ids], dtype=float).reshape(-1, 6)
@@ -124,7 +123,7 @@ def _hulls(mission: MissionMessage, dead: list[int], plan: Report | None) -> Obs
 def _cover(
     mission: MissionMessage, centre_m: np.ndarray, other: int, target_m: np.ndarray, r_m: float, plan: Report | None
 ) -> str:
-    """How a UAV that lives no more covers a target, "" if it does not."""
+    """Return in words how a dead UAV covers a target, "" if it does not."""
     entry = mission.roster[other]
     keep_m = r_m + entry.r_m
     disc_m = float(np.hypot(*(centre_m[other] - target_m))) - keep_m
@@ -151,12 +150,12 @@ def _names(text: str) -> list[str]:
 
 
 def main() -> int:
-    """Fly all missions, print a line per cell and one per UAV that is not home."""
+    """Run all missions, and print one line per cell and one per UAV that is not home."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--seeds", type=_range, default="7000-7199", help="FIRST-LAST (7000-7199)")
     parser.add_argument("--heads", type=int, choices=(1, 2), help="heads killed (default: one, then two)")
     parser.add_argument("--links", type=_names, default=",".join(LINKS), help=f"of {', '.join(LINKS)} (default: all)")
-    parser.add_argument("--jobs", type=int, default=1, help="missions flown at the same time (1)")
+    parser.add_argument("--jobs", type=int, default=1, help="missions that run at the same time (1)")
     options = parser.parse_args()
     heads = (options.heads,) if options.heads else (1, 2)
     work = [(seed, h, link) for link in options.links for h in heads for seed in options.seeds]
@@ -175,7 +174,7 @@ def main() -> int:
 
 
 def _show(flights: list[Flight]) -> None:
-    """One cell: how many have all living UAVs home, and of the rest the reasons."""
+    """Print one cell: the number of missions with all living UAVs home, and the reasons in the others."""
     home = sum(not flight.away for flight in flights)
     slots = sorted(flight.slots for flight in flights)
     dead = dict(sorted(Counter(flight.killed for flight in flights).items()))

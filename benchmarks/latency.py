@@ -1,9 +1,13 @@
-"""The bus measured on real processes: `python benchmarks/latency.py [--trials 3] [--uavs 10] [--json]`.
+"""Measurement of the bus with real processes: `python benchmarks/latency.py [--trials 3] [--uavs 10] [--json]`.
 
-Each trial measures, one after the other, the floor (bare Zenoh processes with the same fan-in and fan-out
-through the same router, `processes.experiments.zenoh_baseline`), the swarm's fix-to-command latency with planner
-`straight`, and the same with delayed links, from which comes the emulation's own delay error. Status 1 when the
-swarm's median is above twice the floor's, or the median delay error above 1 ms.
+Each trial measures three things, one after the other:
+
+1. the baseline, called floor in the output: plain Zenoh processes with the same fan-in and fan-out through the same
+   router (`processes.experiments.zenoh_baseline`);
+2. the swarm's latency from fix to command with planner `straight`;
+3. the same with delayed links, which gives the delay error of the emulation.
+
+The exit status is 1 if the swarm's median is above twice that of the baseline, or the median delay error above 1 ms.
 """
 
 from __future__ import annotations
@@ -22,7 +26,7 @@ from rich.progress import track
 from edc_swarm.analysis.latency_sample import Sample, sample_of
 from edc_swarm.analysis.metrics import OVERLOADED_PCT
 from edc_swarm.recording.reader import read_recording
-from processes.experiments.zenoh_baseline import measure_floor
+from processes.experiments.zenoh_baseline import measure_baseline
 
 SLOT_S, SLOTS = 0.5, 40
 MOST_TIMES_FLOOR = 2.0
@@ -31,7 +35,7 @@ DELAYED = ("--delay-ms", "50", "--jitter-ms", "20")
 
 
 def fly(uavs: int, seed: int, folder: Path, *extra: str) -> Sample:
-    """One mission with real processes and planner `straight`."""
+    """Run one mission with real processes and planner `straight`."""
     path = folder / "run.mcap"
     command = [sys.executable, "-m", "processes.cli.main", "run", "--uavs", str(uavs), "--slot", str(SLOT_S), "--json"]
     options = ["--planner", "straight", "--no-viz", "--seed", str(seed), "--out", str(path), "--force"]
@@ -42,8 +46,8 @@ def fly(uavs: int, seed: int, folder: Path, *extra: str) -> Sample:
 
 
 def trial(uavs: int, seed: int, folder: Path) -> dict[str, float]:
-    """Floor, swarm and delay error, in milliseconds."""
-    floor = measure_floor(uavs, SLOT_S, SLOTS)
+    """Return the latencies of baseline and swarm, and the delay error, in milliseconds."""
+    floor = measure_baseline(uavs, SLOT_S, SLOTS)
     swarm, delayed = fly(uavs, seed, folder), fly(uavs, seed, folder, *DELAYED)
     error = delayed.delay_error
     assert error is not None
@@ -59,12 +63,12 @@ def trial(uavs: int, seed: int, folder: Path) -> dict[str, float]:
         "delay error p50": error.p50_ms,
         "delay error p99": error.p99_ms,
         "delay error max": error.max_ms,
-        "late ticks %": max(swarm.ticks_late_pct, delayed.ticks_late_pct),
+        "late ticks %": max(swarm.ticks_late_pct or 0.0, delayed.ticks_late_pct or 0.0),
     }
 
 
 def main() -> int:
-    """Measure all trials and print their medians; status 1 when a promise was not kept."""
+    """Measure all trials and print their medians; return 1 if a promise was not kept."""
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--trials", type=int, default=3)
     parser.add_argument("--uavs", type=int, default=10)
@@ -80,7 +84,7 @@ def main() -> int:
         for name, value in medians.items():
             print(f"{name:24} {value:10.3f}" + ("" if name.endswith("%") or "/" in name else " ms"))
     if medians["late ticks %"] > OVERLOADED_PCT:
-        print("the machine was overloaded: these figures say nothing about the bus", file=sys.stderr)
+        print("the machine was overloaded: these results say nothing about the bus", file=sys.stderr)
     kept = medians["swarm / floor p50"] <= MOST_TIMES_FLOOR and medians["delay error p50"] <= MOST_DELAY_ERROR_MS
     return 0 if kept else 1
 

@@ -1,11 +1,11 @@
-"""A hostile neighbour: fuzzed bytes on every key of a running mission, which must not mind.
+"""Robustness to a hostile publisher: fuzzed messages on every key of a running mission, which must succeed.
 
-From a process of its own it listens to all that is said, and publishes noise, real messages with
-bytes or fields changed, and well-formed lies: on the mission's keys, on keys of strangers and on
-keys that stand for many. What still decodes after a change is made a stranger's, or older than the
-mission: to speak for a UAV of the roster is a forgery, which is what `--secure` is there for.
+A separate process receives all messages, and publishes random bytes, real messages with changed bytes or fields, and
+well-formed false messages. It uses the mission's keys, foreign keys, and wildcard keys. If a changed message still
+decodes, the process gives it a foreign publisher or a time before the mission. It never forges a message of a UAV of
+the roster: only `--secure` protects against that.
 
-    python benchmarks/noise.py [--messages 100000] [--rate 2000] [--seed 0]      flies a mission of its own
+    python benchmarks/noise.py [--messages 100000] [--rate 2000] [--seed 0]      runs a mission of its own
     python benchmarks/noise.py --connect tcp/HOST:PORT --messages 1000           joins one
 """
 
@@ -28,6 +28,7 @@ import zenoh
 from edc_swarm.analysis.guarantees.check import check
 from edc_swarm.errors import MessageError
 from edc_swarm.protocol.codec import MAX_MESSAGE_BYTES, decode, encode
+from edc_swarm.protocol.events import EventKind
 from edc_swarm.protocol.keys import Keys
 from edc_swarm.protocol.messages import Message, MissionMessage
 from edc_swarm.recording.reader import read_recording
@@ -36,7 +37,7 @@ from processes.bus.session import hand_over, open_client
 from processes.runtime.inbox import Inbox
 
 KEPT = 400
-"""Real messages of which the next is taken to be changed."""
+"""Number of recent real messages from which the fuzzer draws the next one to change."""
 OVERSIZED_EVERY = 5000
 STRANGER = "mallory"
 HOUR_NS = 3_600_000_000_000
@@ -60,7 +61,7 @@ STRANGE = [
 
 
 class Fuzzer:
-    """Makes hostile messages out of what it has heard; the same random numbers, the same changes."""
+    """A source of hostile messages, made from received ones; equal seeds give equal changes."""
 
     def __init__(self, mission: str, seed: int) -> None:
         self._random = Random(seed)
@@ -69,12 +70,12 @@ class Fuzzer:
         self._count = 0
 
     def hear(self, key: str, payload: bytes) -> None:
-        """Remember a real message."""
+        """Keep a real message."""
         self._heard.append((key, payload))
         del self._heard[:-KEPT]
 
     def next(self) -> tuple[str, bytes]:
-        """A key and what to say on it."""
+        """Return the key and the payload of the next hostile message."""
         random = self._random
         self._count += 1
         key, payload = random.choice(self._heard)
@@ -84,7 +85,7 @@ class Fuzzer:
         return self._harmless(self._key(key), made(payload))
 
     def _key(self, key: str) -> str:
-        """The key of the message, mostly; else another one of the mission, or one that nobody has."""
+        """Return the key of the message with high probability, else another key of the mission, or a foreign key."""
         random = self._random
         chance = random.random()
         if chance < 0.75:
@@ -116,7 +117,7 @@ class Fuzzer:
         return bytes(changed)
 
     def _replaced(self, payload: bytes) -> bytes:
-        """One or two fields of a JSON message replaced."""
+        """Return a JSON message with one or two fields replaced."""
         random = self._random
         try:
             raw: dict[str, msgspec.Raw] = msgspec.json.decode(payload, type=dict[str, msgspec.Raw])
@@ -127,7 +128,7 @@ class Fuzzer:
         return b"{" + b",".join(json.dumps(name).encode() + b":" + bytes(value) for name, value in raw.items()) + b"}"
 
     def _harmless(self, key: str, payload: bytes) -> tuple[str, bytes]:
-        """The same, unless it could be taken for a message of somebody in the mission."""
+        """Return the message, changed if it could pass for a message of a process of the mission."""
         try:
             message = decode(key, payload)
         except MessageError:
@@ -146,7 +147,7 @@ class Fuzzer:
 
 
 def annoy(endpoint: str, messages: int, rate: float, seed: int) -> Counter[str]:
-    """Publish so many hostile messages; how many of them on which kind of key."""
+    """Publish hostile messages, and return their number by kind of key."""
     inbox: Inbox[tuple[str, bytes]] = Inbox()
     session = open_client(endpoint, timeout_ms=10_000)
     session.declare_subscriber(
@@ -177,7 +178,7 @@ def annoy(endpoint: str, messages: int, rate: float, seed: int) -> Counter[str]:
 
 
 def measure(options: argparse.Namespace) -> int:
-    """Fly a mission among hostile messages and say how it went."""
+    """Run a mission among hostile messages and print its results."""
     endpoint = free_endpoint()
     with tempfile.TemporaryDirectory() as folder:
         out = Path(folder) / "noise.mcap"
@@ -191,15 +192,16 @@ def measure(options: argparse.Namespace) -> int:
         in_time = not ended.is_set()
         metrics = json.loads(run.communicate()[0])
         recording = read_recording(out)
-    told = Counter(event.source for event in recording.events if event.kind == "malformed")
-    print(f"{said.total()} hostile messages, {'all' if in_time else 'NOT all'} while the mission was flown")
+    told = Counter(event.source for event in recording.events if event.kind == EventKind.MALFORMED)
+    print(f"{said.total()} hostile messages, {'all' if in_time else 'NOT all'} during the mission")
     print(f"status {run.returncode}, {metrics['arrived']} of {metrics['uavs']} arrived in {metrics['slots']} slots")
-    late = f"{metrics['ticks_late_pct']:.2f} % of ticks late"
+    late_pct = metrics["ticks_late_pct"]
+    late = f"{'unknown' if late_pct is None else format(late_pct, '.2f')} % of ticks late"
     print(f"{metrics['potential_collisions']} collisions, {late}, {metrics['gaps']} gaps")
-    print(f"{len(recording.garbage)} of the recorded messages count for nothing; told of by {dict(told)}")
+    print(f"{len(recording.garbage)} of the recorded messages are ignored; reported by {dict(told)}")
     for result in (result for result in check(recording) if result.broken or not result.judged):
         print(f"{result.status}: {result.guarantee}", *(result.where or result.notes)[:3], sep="\n  ")
-    print("crashed:", [event.detail for event in recording.events if event.kind == "exited"] or "nobody")
+    print("crashed:", [event.detail for event in recording.events if event.kind == EventKind.EXITED] or "nobody")
     return int(run.returncode)
 
 

@@ -1,12 +1,12 @@
-"""Quality and time of the planner, and of OSQP beside other solvers on the same slot QPs.
+"""Quality and time of the planner, and comparison of OSQP with other solvers on the same slot QPs.
 
     python benchmarks/planner.py                  all cases, 30 missions each (seeds 1000-1029)
     python benchmarks/planner.py --quick          two missions each of the small cases
     python benchmarks/planner.py --only open,dense --runs 10 --jobs 2 --json out.json
 
-The planner alone in a closed loop: every command is executed (but for the case with lost commands),
-and every motion is audited for exact closest approach. Times are processor time of the planning
-thread, so that other work on the machine weighs less; tune only on seeds below 1000.
+The planner runs alone in a closed loop: every command is executed (except in the case with lost commands), and every
+motion is checked by exact closest approach. Times are processor time of the planning thread, so that other work on
+the machine matters less. Tune the planner only on seeds below 1000.
 """
 
 from __future__ import annotations
@@ -43,7 +43,7 @@ FIRST_SEED = 1000
 
 @dataclass(frozen=True)
 class Case:
-    """Missions of one kind. `runs` is the number asked for; `side` a circle instead of a square."""
+    """Missions of one kind. `runs` is their default number; `circle` puts starts and targets on a circle."""
 
     uavs: int
     area_m2: float
@@ -79,7 +79,7 @@ SOLVERS = ("osqp", "clarabel", "piqp", "daqp")
 
 
 def mission_of(case: Case, seed: int) -> tuple[Mission, Floats, Floats]:
-    """The mission with its starts and targets, (K, 2) each."""
+    """Return the mission with its starts and targets, (K, 2) each."""
     mission = Mission(
         uavs=case.uavs,
         area_m2=case.area_m2,
@@ -99,7 +99,7 @@ def mission_of(case: Case, seed: int) -> tuple[Mission, Floats, Floats]:
 
 
 def fly(name: str, seed: int) -> dict[str, Any]:
-    """One mission, flown by the planner alone."""
+    """Run one mission with the planner alone."""
     warnings.simplefilter("ignore")
     case = CASES[name]
     mission, start_m, target_m = mission_of(case, seed)
@@ -123,7 +123,7 @@ def fly(name: str, seed: int) -> dict[str, Any]:
 
 
 class Log:
-    """What is measured while a mission is flown."""
+    """The measurements of one mission."""
 
     def __init__(self, mission: Mission, start_m: Floats, target_m: Floats) -> None:
         self.mission, self.target_m = mission, target_m
@@ -138,7 +138,7 @@ class Log:
         self.times_ms: list[list[float]] = []
 
     def add(self, before_m: Floats, after_m: Floats, times_ms: list[float]) -> None:
-        """One slot: everyone flies straight from `before_m` to `after_m`."""
+        """Add one slot, in which every UAV flies straight from `before_m` to `after_m`."""
         mission = self.mission
         step_m = length_m(after_m - before_m)
         self.path_m += step_m
@@ -162,7 +162,7 @@ class Log:
             self.overlaps |= set(zip(k[hit].tolist(), other[hit].tolist(), strict=True))
 
     def summary(self) -> dict[str, Any]:
-        """Figures of one mission."""
+        """Return the results of one mission."""
         mission = self.mission
         cruise_w = float(propulsion_powers_w(np.array([mission.v_max_mps]), mission.energy)[0])
         straight_j = cruise_w * self.straight_m.sum() / mission.v_max_mps
@@ -178,7 +178,7 @@ class Log:
 
 
 def summarise(flights: list[dict[str, Any]]) -> dict[str, Any]:
-    """Figures of one case: means over missions, quantiles over all their slots."""
+    """Return the results of one case: means over missions, quantiles over all their slots."""
     times_ms = np.concatenate([flight["times_ms"] for flight in flights])
     return {
         "completed": f"{sum(f['completed'] for f in flights)}/{len(flights)}",
@@ -201,7 +201,7 @@ def quantiles(name: str, values: Floats) -> dict[str, float]:
 
 
 def recorded_problems(seed: int, slots: int) -> Iterator[solution.Program]:
-    """The slot QPs of a dense mission, as the planner assembles them."""
+    """Yield the slot QPs of a dense mission, as the planner assembles them."""
     mission, position_m, target_m = mission_of(CASES["dense"], seed)
     planner = make_planner("edc", mission)
     kept: list[solution.Program] = []
@@ -222,7 +222,7 @@ def recorded_problems(seed: int, slots: int) -> Iterator[solution.Program]:
 
 
 def compare_solvers(slots: int) -> list[dict[str, Any]]:
-    """Each solver on the same slot QPs, cold: time, distance to the best optimum, worst violation."""
+    """Run each solver on the same slot QPs without warm start; return time, gap to the best optimum, violation."""
     programs = list(recorded_problems(FIRST_SEED, slots))
     answers = {name: [timed(name, program) for program in programs] for name in SOLVERS}
     rows = []
@@ -250,7 +250,7 @@ def compare_solvers(slots: int) -> list[dict[str, Any]]:
 
 
 def timed(name: str, program: solution.Program) -> tuple[Floats | None, float]:
-    """Steps and milliseconds of one solver on one program, matrices ready in the form it takes."""
+    """Return steps and milliseconds of one solver on one program, without the conversion of matrices."""
     import qpsolvers  # noqa: PLC0415 (a development dependency)
     import scipy.sparse  # noqa: PLC0415
 
@@ -281,7 +281,7 @@ def show(results: dict[str, dict[str, Any]], solvers: list[dict[str, Any]], cons
             f"{r['qp_ms_p99']:.2f}", r["target"],
         )  # fmt: skip
     console.print(table)
-    table = Table(title="the slot QPs of one dense mission, cold, by solver")
+    table = Table(title="the slot QPs of one dense mission, without warm start, by solver")
     for head in solvers[0]:
         table.add_column(head, justify="right")
     for row in solvers:
@@ -293,9 +293,9 @@ def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--quick", action="store_true", help="two missions each of the small cases")
     parser.add_argument("--only", default="", help=f"comma-separated cases of {', '.join(CASES)}")
-    parser.add_argument("--runs", type=int, default=0, help="missions a case (default: as many as asked for)")
+    parser.add_argument("--runs", type=int, default=0, help="missions per case (default: as declared for the case)")
     parser.add_argument("--jobs", type=int, default=os.cpu_count() or 1)
-    parser.add_argument("--json", metavar="FILE", default="", help="write the figures here ('-': standard output)")
+    parser.add_argument("--json", metavar="FILE", default="", help="write the results to FILE ('-': standard output)")
     args = parser.parse_args()
     chosen = args.only.split(",") if args.only else list(QUICK if args.quick else CASES)
     if unknown := set(chosen) - set(CASES):

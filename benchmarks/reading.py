@@ -1,9 +1,9 @@
-"""How fast recordings are read: the bare container, the decoded messages, everything `metrics` does.
+"""Speed of reading recordings: container alone, with decoding, and with all metrics.
 
     python benchmarks/reading.py FILE.mcap [FILE.mcap ...]
 
-Processor time, not wall time, so that a busy machine disturbs less. Rates count the swarm's messages alone;
-the view's, which are only stepped over, are extra work. A recording of ten minutes of 50 UAVs:
+Times are processor time, so that a busy machine disturbs less. Rates count the swarm's messages only; scenes, which
+the reader skips, are extra work. This command makes a recording of ten minutes with 50 UAVs:
 
     edc-swarm sim benchmarks/ten_minutes.toml --out FILE.mcap
 """
@@ -39,7 +39,7 @@ def measure(path: Path) -> None:
     compute_s = best_s(lambda: compute_metrics(recording, timings))
     count, duration_s = recording.message_count, compute_metrics(recording).duration_s
     size = f"{path.stat().st_size / 1e6:.1f} MB, {duration_s:g} s"
-    print(f"{path}: {size}, {count} messages and {every - count} of the view")
+    print(f"{path}: {size}, {count} messages and {every - count} scenes and statuses")
     print(f"  container alone    {bare_s:6.2f} s  {count / bare_s:9.0f} messages/s")
     print(f"  read and decoded   {read_s:6.2f} s  {count / read_s:9.0f} messages/s")
     print(f"  read and computed  {read_s + compute_s:6.2f} s  {count / (read_s + compute_s):9.0f} messages/s")

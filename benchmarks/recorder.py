@@ -1,8 +1,8 @@
-"""The recorder under load: K UAVs at F slots a second, all speaking at once at the start of a slot.
+"""The recorder under load: K UAVs at F slots a second that all publish at the start of a slot.
 
-Publishers with one session per UAV send, in phase, what a swarm sends in a slot: fix and truth of
-every UAV, then a command for each and a report. Printed are the gaps (by sequence number) and the
-recorder's share of one processor, start and end included.
+Publishers with one session per UAV send, in phase, the messages of a swarm in a slot: fix and truth of every UAV, then
+a command for each and a report. The script prints the sequence gaps and the recorder's share of one processor, start
+and end included.
 
     python benchmarks/recorder.py [--uavs 50] [--hz 20] [--seconds 20]
 """
@@ -24,6 +24,7 @@ import msgspec
 from edc_swarm.mission.roster import complete_mission
 from edc_swarm.mission.validation import mission_from_dict
 from edc_swarm.protocol.codec import encode
+from edc_swarm.protocol.events import EventKind
 from edc_swarm.protocol.keys import Keys
 from edc_swarm.protocol.messages import Command, Event, Fix, Report, Truth, mission_message
 from edc_swarm.recording.reader import read_recording
@@ -51,7 +52,7 @@ def publish(endpoint: str, uavs: list[str], everyone: list[str], start_s: float,
     for uav, session in sessions.items():
         tails = {keys.fix(uav): slots - 1, keys.truth(uav): slots - 1}
         detail = msgspec.json.encode(tails).decode()
-        put(session, keys.event(uav), encode(Event(source=uav, instance=uav, kind="closed", detail=detail)))
+        put(session, keys.event(uav), encode(Event(source=uav, instance=uav, kind=EventKind.CLOSED, detail=detail)))
     time.sleep(1.0)
     for session in sessions.values():
         session.close()
@@ -103,7 +104,7 @@ def measure(options: argparse.Namespace, folder: Path, mission: object, everyone
     for worker in workers:
         worker.join()
     before = resource.getrusage(resource.RUSAGE_CHILDREN)
-    last = Event(source="operator", instance="operator", kind="closed", detail="{}")
+    last = Event(source="operator", instance="operator", kind=EventKind.CLOSED, detail="{}")
     put(operator, Keys(MISSION).event("operator"), encode(last))
     recorder.wait()
     after = resource.getrusage(resource.RUSAGE_CHILDREN)

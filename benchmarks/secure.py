@@ -1,4 +1,4 @@
-"""What `--secure` costs: from a UAV's fix to its command, with and without it, by turns.
+"""The cost of `--secure`: latency from fix to command with and without it, measured alternately.
 
 python benchmarks/secure.py [--uavs 10 30] [--runs 5]
 """

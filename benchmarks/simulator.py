@@ -1,7 +1,7 @@
 """Simulator speed, without the planner's own time: `python benchmarks/simulator.py [--repeats 5]`.
 
-Flies random missions with planner `straight` and no recording, and prints the median ratio of mission
-time to process time for K = 10 and K = 50.
+The script simulates random missions with planner `straight` without a recording, and prints the median ratio of
+mission time to processor time for K = 10 and K = 50.
 """
 
 from __future__ import annotations
@@ -21,7 +21,7 @@ CASES = ((10, 10_000.0), (50, 40_000.0))
 
 
 def ratio(uavs: int, area_m2: float) -> float:
-    """Mission seconds simulated per second of processor time."""
+    """Return the simulated mission seconds per second of processor time."""
     options = {"uavs": uavs, "area_m2": area_m2, "planner": "straight"}
     mission = mission_message(complete_mission(with_options(Mission(), options)))
     simulation = Simulation(mission, lambda: make_planner("straight", mission), lambda *_: None)

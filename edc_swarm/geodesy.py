@@ -1,4 +1,4 @@
-"""Local east-north metres about an origin, as WGS84 latitude and longitude.
+"""Conversion of local east-north metres about an origin to WGS84 latitude and longitude.
 
 Every UAV process imports this module, so it does not import numpy.
 """
@@ -12,14 +12,14 @@ from geographiclib.geodesic import Geodesic
 
 _LAT_LON = Geodesic.LATITUDE | Geodesic.LONGITUDE
 _REMEMBERED = 8192
-"""Points whose answer is kept: where each of a large swarm is, and is about to be."""
+"""Points in the cache: the present and the next position of every UAV of a large swarm."""
 
 
 @lru_cache(_REMEMBERED)
 def to_wgs84(x_m: float, y_m: float, origin_lat_deg: float, origin_lon_deg: float) -> tuple[float, float]:
-    """Latitude and longitude, in degrees, of the point `x_m` east and `y_m` north of the origin.
+    """Return latitude and longitude, in degrees, of the point `x_m` east and `y_m` north of the origin.
 
-    The plane is laid on the ellipsoid along geodesics from the origin. From the tangent plane (ENU
+    Geodesics from the origin map the plane to the ellipsoid. From the tangent plane (ENU
     with up = 0) this differs by d^3 / (3 Earth radius^2): 10 micrometres at a distance of 1 km.
     """
     bearing_deg = math.degrees(math.atan2(x_m, y_m))

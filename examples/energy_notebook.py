@@ -1,7 +1,7 @@
 # %% [markdown]
-# # Where the energy goes
-# One mission, simulated, then looked at as arrays and as a data frame. Run it as a script, or cell by cell in an
-# editor that knows `# %%`. Needs the extras "plots" and "frames".
+# # The energy of a swarm
+# This notebook simulates one mission, and shows it as arrays and as a data frame. Run it as a script, or cell by cell
+# in an editor that knows `# %%`. It needs the extras "plots" and "frames".
 #
 #     python examples/energy_notebook.py [PICTURE.png]
 
@@ -19,20 +19,21 @@ from edc_swarm.emulation.energy import propulsion_power_w
 from edc_swarm.recording.reader import read_recording
 from processes.cli.main import main
 
-# %% Fly twenty UAVs, and read the recording back. Any other recording will do.
+# %% Simulate twenty UAVs, and read the recording. Any other recording works too.
 with TemporaryDirectory() as folder:
     path = Path(folder) / "mission.mcap"
     main(["sim", "--uavs", "20", "--seed", "3", "--out", str(path)])
     recording, timings = read_recording(path), load_timings(path)
 
-# %% The plan's energy beside the straight-line bound, and the detour that explains only a part of it.
+# %% The energy relative to the straight-line bound, and the detour, which explains only a part of the difference.
 metrics, columns = compute_metrics(recording, timings), columns_of(recording, timings)
 energy_pct = 100 * (metrics.energy_propulsion_j / metrics.energy_straight_j - 1)
 print(f"energy {energy_pct:.1f} % and distance {metrics.extra_distance_pct:.1f} % above the straight lines")
 
-# %% Who spent it on what.
+# %% The energy bill of each UAV.
 for bill in energy_bills(recording, timings)[:5]:
-    print(f"{bill.uav}: cruise {bill.cruise_j:.0f} J, hover {bill.hover_j:.0f} J, radio {bill.radio_j:.2f} J")
+    parts_j = {"cruise": bill.cruise_j, "hover": bill.hover_j, "radio": bill.radio_j}
+    print(f"{bill.uav}: " + ", ".join(f"{name} {'-' if j is None else f'{j:.2f} J'}" for name, j in parts_j.items()))
 
 # %% One row per UAV and slot: mean speed of the UAVs that are still under way.
 frame = frame_of(columns, "pandas")

@@ -1,9 +1,9 @@
-"""A planner of your own in one file: who would come too near to another turns right; the slot QP keeps it safe.
+"""An example of a user's planner in one file: a UAV turns right before others; the slot QP keeps it safe.
 
     cd examples
     edc-swarm sim --planner own_planner:TurnRight
 
-It never overlaps, and it is no good planner: in dense missions UAVs circle for ever.
+Its discs never overlap, but it is not a good planner: in dense missions UAVs circle without end.
 """
 
 from __future__ import annotations
@@ -17,12 +17,12 @@ from edc_swarm.planner.request import checked_arrays
 from edc_swarm.planner.safe import SafeSteps
 
 NEAR_M = 5.0
-"""Room between two discs at which UAVs begin to turn."""
+"""Gap between two discs below which UAVs begin to turn."""
 RIGHT_RAD = -np.pi / 3
 
 
 class TurnRight:
-    """Straight to the target, to the right of who is near and ahead."""
+    """A planner that flies straight to the target, and turns right before a UAV that is near and ahead."""
 
     def __init__(self, mission: Mission, stopwatch: Stopwatch) -> None:
         self._u_max_m = mission.u_max_m

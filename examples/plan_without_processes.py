@@ -1,10 +1,10 @@
-"""The planner as a library: fly a small swarm in a loop, without processes, bus or clock.
+"""The planner as a library: a small swarm in a loop, without processes, bus or clock.
 
     python examples/plan_without_processes.py
 
-A planner is asked once a slot where everybody should go next. It answers with waypoints that are
-safe however the UAVs fly there: late, unevenly, half-way or not at all. Here one UAV falls silent
-for a while: the planner is told where it can be (a `Hull`), and sends the others round it.
+The loop calls the planner once per slot. The planner returns waypoints that are safe for any execution: late, uneven,
+half-way or none. In this example one UAV is silent for a while. The loop gives the planner the set of places where it
+can be (a `Hull`), and the planner leads the others around it.
 """
 
 from __future__ import annotations
@@ -26,7 +26,7 @@ def on_circle(index: int, radius_m: float) -> tuple[float, float]:
 
 
 def main() -> int:
-    # Everyone swaps places with the one opposite: all straight lines meet in the middle.
+    # Each UAV swaps places with the opposite one, so all straight lines meet in the middle.
     mission = Mission(uavs=UAVS, r_m=RADIUS_M, v_max_mps=5.0, dt_s=0.5, minimise="distance")
     planner = make_planner("edc", mission)
     position = [on_circle(k, 40.0) for k in range(UAVS)]
@@ -44,7 +44,7 @@ def main() -> int:
                 position_m=[position[k] for k in heard],
                 target_m=[target[k] for k in heard],
                 r_m=[RADIUS_M] * len(heard),
-                # A silent UAV holds: its hull is the point where it stands.
+                # A silent UAV holds, so its hull is its present point.
                 hulls=[Hull(k, *position[k], *position[k], radius_m=0.0, r_m=RADIUS_M) for k in silent],
             )
         )

@@ -1,5 +1,5 @@
-"""The operating-system processes: all sockets, files, clocks and signals are in here.
+"""The operating-system processes: all sockets, files, clocks and signals.
 
-Every package below says in its `__init__` what it decides, what it may import and which file to open first. No
-`__init__` imports anything.
+The `__init__` of every package below states its decisions, its imports and the file to open first. No `__init__`
+imports anything.
 """

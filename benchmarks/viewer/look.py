@@ -1,12 +1,12 @@
-"""A recording in Foxglove Studio, in a headless browser: a picture at each time asked for, and its complaints.
+"""Pictures of a recording in Foxglove Studio in a headless browser, and the problems that the viewer reports.
 
-Foxglove Studio 1.48 is the last whose parts are a package of their own; Lichtblick is its successor and reads the
-same layouts. Needs Chromium with its driver and, in any folder:
+Foxglove Studio 1.48 is the last version with packages of its parts; Lichtblick is its successor and reads the same
+layouts. The script needs Chromium with its driver and, in any folder:
 
     npm install @foxglove/studio-base@1.48.0 react@17.0.2 react-dom@17.0.2
     python benchmarks/viewer/look.py FOLDER/node_modules FILE.mcap [--at 0.3 0.6] [--size 1600x1000]
 
-Pictures are FILE-1.png, FILE-2.png, ... in the current folder; the status is 1 when the viewer reports a problem.
+Pictures are FILE-1.png, FILE-2.png, ... in the current folder; the exit status is 1 if the viewer reports a problem.
 """
 
 from __future__ import annotations
@@ -35,12 +35,12 @@ from edc_swarm.viz.layout import LAYOUT_ATTACHMENT
 LOADED_S = 25.0
 DRAWN_S = 6.0
 BAR_PX = (15, 57)
-"""The time bar: from the left and right edge, and from the bottom."""
+"""Distances of the time bar from the left and right edge, and from the bottom, in pixels."""
 FLAGS = ("--headless=new", "--no-sandbox", "--use-gl=angle", "--use-angle=swiftshader", "--enable-unsafe-swiftshader")
 
 
 class Handler(SimpleHTTPRequestHandler):
-    """The host page, the packages, the recording and its layout; ranges, which the viewer reads files by."""
+    """A server of the host page, the packages, the recording and its layout, with HTTP ranges for the viewer."""
 
     def __init__(self, *arguments: Any, modules: Path, recording: Path, layout: bytes) -> None:
         self._modules, self._recording, self._layout = modules, recording, layout
@@ -90,7 +90,7 @@ def served(modules: Path, recording: Path) -> Iterator[str]:
 
 
 def look(browser: Any, address: str, shares: list[float], stem: str) -> list[str]:
-    """Take the pictures; what the viewer says under "Problems"."""
+    """Take the pictures, and return the texts under the viewer's "Problems"."""
     browser.get(f"{address}/?ds=remote-file&ds.url={address}/recording.mcap")
     time.sleep(LOADED_S)
     browser.find_element(By.XPATH, "//button[contains(., 'Problems')]").click()

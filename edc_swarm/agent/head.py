@@ -1,11 +1,11 @@
-"""What the cluster head does in one term: collect fixes, count the quorum, plan, command, report.
+"""Work of the cluster head in one term: it collects fixes, counts the quorum, plans, commands, reports.
 
 Rules kept here (named as in ARCHITECTURE.md):
 
-- *quorum*: counted afresh in every slot, among the UAVs heard in that very slot, the head included;
-- *heard*: only a UAV heard in slot t is commanded for t + 1;
-- *once*: one plan per (term, slot); a restarted process never plans in a term on its disk;
-- *hull*: every UAV not heard is kept clear of, wherever it can be; remembered per term.
+- *quorum*: the head counts it anew in every slot, among the UAVs heard in that slot and itself;
+- *heard*: the head commands for slot t + 1 only UAVs heard in slot t;
+- *once*: the head makes one plan per (term, slot); a restarted process never plans in a term on its disk;
+- *hull*: the plan keeps clear of every place where an unheard UAV can be; the head remembers hulls per term.
 """
 
 from __future__ import annotations
@@ -14,18 +14,18 @@ import math
 from collections.abc import Collection, Sequence
 from dataclasses import dataclass, field
 
-from edc_swarm.agent.knowledge import Grant, HullRules, Knowledge, Stadium
+from edc_swarm.agent.knowledge import Grant, HullRules, Knowledge
 from edc_swarm.mission.configuration import Mission, RosterEntry
 from edc_swarm.planner.interface import Hull, Plan, Planner, PlanRequest
 from edc_swarm.protocol.messages import Command, Fix, Report
 
 ABSENT_SLOTS = 3
-"""A UAV unheard for this many slots is not waited for."""
+"""The head does not wait for a UAV that it has not heard for more slots than this."""
 
 
 @dataclass(slots=True)
 class Office:
-    """One term of one head: what is remembered here is forgotten with the term."""
+    """Memory of one head in one term; the next term starts without it."""
 
     grant: Grant
     t0: int = -1
@@ -35,7 +35,7 @@ class Office:
 
 @dataclass(frozen=True, slots=True)
 class Outcome:
-    """What planning one slot gives: commands for the heard, the data of the report, and what went wrong."""
+    """Result of planning one slot: commands to the heard UAVs, the report, and the planner's problem or ""."""
 
     commands: list[Command]
     report: Report
@@ -43,7 +43,7 @@ class Outcome:
 
 
 class Head:
-    """The head's work for one UAV, whether or not it is head just now.
+    """Head state of one UAV, which may or may not lead at present.
 
     Parameters
     ----------
@@ -52,7 +52,7 @@ class Head:
     uav
         The own id.
     barred_term
-        No plan is made in this term or an older one (the term on disk when the process started).
+        The term on disk when the process started: it never plans in this term or an older one.
     knowledge
         Newest fixes and relayed hulls.
     """
@@ -69,20 +69,20 @@ class Head:
         self.office = Office((0, ""))
 
     def take_office(self, grant: Grant) -> None:
-        """Begin a term: nothing of an older one is remembered."""
+        """Begin a term and forget the older one."""
         if grant != self.office.grant:
             self.office = Office(grant)
 
     def may_plan(self, slot: int) -> bool:
-        """Whether a plan from the fixes of `slot` is still to be made in this term, by this process."""
+        """Return True if this process may still make the plan from the fixes of `slot` in this term."""
         return self.office.grant[0] > self._barred_term and self.office.planned_slot < slot
 
     def heard(self, slot: int) -> list[str]:
-        """Ids of the UAVs heard in `slot`, in roster order."""
+        """Return the ids of the UAVs heard in `slot`, in roster order."""
         return self._knowledge.heard(slot, self.office.grant)
 
     def has_quorum(self, slot: int) -> bool:
-        """Whether more than half of the roster is heard in `slot`, this UAV among them."""
+        """Return True if more than half of the roster, with this UAV, is heard in `slot`."""
         own = self._knowledge.newest.get(self._uav)
         return (
             own is not None
@@ -92,12 +92,12 @@ class Head:
         )
 
     def complete(self, slot: int, gone: Collection[str]) -> bool:
-        """Whether everyone worth waiting for is heard; those in `gone` have left the bus."""
+        """Return True if every UAV heard lately is heard in `slot`, except those in `gone` (they left the bus)."""
         waited_for = {uav for uav in self._roster if slot - self._knowledge.last_slot(uav) <= ABSENT_SLOTS}
         return waited_for - set(gone) <= set(self.heard(slot))
 
     def plan(self, slot: int, planner: Planner) -> Outcome:
-        """Plan slot + 1 from the fixes of `slot`; the caller has seen to quorum and `may_plan`."""
+        """Plan slot + 1 from the fixes of `slot`; the caller has checked the quorum and `may_plan`."""
         assert self.has_quorum(slot), "a head plans with a quorum"
         assert self.may_plan(slot), "a head plans once per slot"
         office = self.office
@@ -110,17 +110,17 @@ class Head:
         office.sent.update({command.uav: command for command in commands})
         return Outcome(commands, self._report(slot, fixes, hulls, plan), plan.problem)
 
-    def hulls(self, slot: int) -> dict[str, Stadium]:
-        """Where every UAV not heard in `slot` can be, in roster order."""
+    def hulls(self, slot: int) -> dict[str, Hull]:
+        """Return the hull of every UAV not heard in `slot`, in roster order."""
         heard = set(self.heard(slot))
         return {uav: self._hull(uav) for uav in self._roster if uav not in heard}
 
-    def _hull(self, uav: str) -> Stadium:
+    def _hull(self, uav: str) -> Hull:
         office = self.office
         return self._knowledge.hull(uav, office.grant, office.t0, office.sent, self._rules)
 
     def powerless(self, slot: int) -> Report:
-        """Report of a slot that ended without a quorum."""
+        """Return the report of a slot that ended without a quorum."""
         heard = self.heard(slot)
         return Report(
             head=self._uav,
@@ -134,7 +134,7 @@ class Head:
             quorum=self._quorum,
         )
 
-    def _request(self, slot: int, fixes: Sequence[Fix], hulls: dict[str, Stadium]) -> PlanRequest:
+    def _request(self, slot: int, fixes: Sequence[Fix], hulls: dict[str, Hull]) -> PlanRequest:
         entries = [self._roster[fix.uav] for fix in fixes]
         return PlanRequest(
             slot=slot + 1,
@@ -142,26 +142,15 @@ class Head:
             position_m=[(fix.waypoint_x_m, fix.waypoint_y_m) for fix in fixes],
             target_m=[(entry.target_x_m, entry.target_y_m) for entry in entries],
             r_m=[entry.r_m for entry in entries],
-            hulls=[self._obstacle(uav, hull) for uav, hull in hulls.items()],
+            hulls=list(hulls.values()),
             previous_m=[(fix.from_x_m, fix.from_y_m) for fix in fixes] if self._mission.lag_slots else None,
         )
 
-    def _obstacle(self, uav: str, hull: Stadium) -> Hull:
-        return Hull(
-            uav=self._index[uav],
-            ax_m=hull.ax_m,
-            ay_m=hull.ay_m,
-            bx_m=hull.bx_m,
-            by_m=hull.by_m,
-            radius_m=hull.radius_m,
-            r_m=self._roster[uav].r_m,
-        )
-
     def _command(self, slot: int, fix: Fix, to_m: tuple[float, float]) -> Command:
-        """The command to `fix.uav`, with the paper's action V_k, theta_k, alpha_k (eq. 10, 11).
+        """Return the command to `fix.uav`, with the paper's action V_k, theta_k, alpha_k (eq. 10, 11).
 
-        Eq. 11 is taken with atan2; eq. 12, V = V_x / cos(alpha), holds only without deviation and
-        is not used.
+        The heading of eq. 11 is theta = atan2(V_y, V_x). Eq. 12, V = V_x / cos(alpha), holds only without
+        deviation; this code does not use it.
         """
         flown_s = self._mission.dt_s - 2 * self._mission.guard_s
         vx_mps, vy_mps = (to_m[0] - fix.waypoint_x_m) / flown_s, (to_m[1] - fix.waypoint_y_m) / flown_s
@@ -183,7 +172,7 @@ class Head:
             fix_seq=fix.seq,
         )
 
-    def _report(self, slot: int, fixes: Sequence[Fix], hulls: dict[str, Stadium], plan: Plan) -> Report:
+    def _report(self, slot: int, fixes: Sequence[Fix], hulls: dict[str, Hull], plan: Plan) -> Report:
         heard = [fix.uav for fix in fixes]
         listed = {**hulls, self._uav: self._hull(self._uav)}
         return Report(
@@ -212,7 +201,7 @@ class Head:
 
 
 def _deviation_rad(entry: RosterEntry, fix: Fix, heading_rad: float, v_mps: tuple[float, float]) -> float:
-    """Signed angle from the bearing to the target to the velocity, in (-pi, pi]; 0 when holding."""
+    """Return the signed angle from the bearing to the target to the velocity, in (-pi, pi]; 0 during a hold."""
     if v_mps == (0.0, 0.0):
         return 0.0
     bearing_rad = math.atan2(entry.target_y_m - fix.waypoint_y_m, entry.target_x_m - fix.waypoint_x_m)

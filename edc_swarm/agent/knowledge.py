@@ -1,12 +1,12 @@
-"""What one UAV knows of the others: the newest fix of each, and the hulls that reports relay.
+"""Knowledge that one UAV has of the others: the newest fix of each, and the hulls that reports relay.
 
 Rules kept here (named as in ARCHITECTURE.md):
 
-- *heard*: a fix counts for a slot only if it is a fix of that very slot with the right grant;
+- *heard*: a fix counts for a slot only if it is a fix of that slot and carries the right grant;
 - *newest*: fixes are ordered by (slot, term), so late, duplicated or reordered ones change nothing;
-- *no fix from the future*: a fix of a slot that has not begun here waits until it has;
-- *hull*: where an unheard UAV can be, for the head of one term planning one slot; known best of the term before;
-- *lost memory*: the fix of a UAV that lost its promise is not knowledge of where it is.
+- *no fix from the future*: a fix of a slot that has not begun here waits until the slot begins;
+- *hull*: all places where an unheard UAV can be, for the head of one term that plans one slot;
+- *lost memory*: the fix of a UAV that lost its promise does not tell its position.
 """
 
 from __future__ import annotations
@@ -14,42 +14,30 @@ from __future__ import annotations
 import math
 from collections import Counter
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 from edc_swarm.mission.configuration import RosterEntry
+from edc_swarm.planner.interface import Hull
 from edc_swarm.protocol.messages import Command, Fix, Report
 
 Grant = tuple[int, str]
-"""(term, head): a UAV's promise to obey one head in one term; (0, "") is none."""
-
-
-@dataclass(frozen=True, slots=True)
-class Stadium:
-    """All points within `radius_m` of the segment a-b: where a UAV can be."""
-
-    ax_m: float
-    ay_m: float
-    bx_m: float
-    by_m: float
-    radius_m: float = 0.0
-
-    def grown(self, by_m: float) -> Stadium:
-        """The same segment with a larger radius."""
-        return Stadium(self.ax_m, self.ay_m, self.bx_m, self.by_m, self.radius_m + by_m)
+"""(term, head): a UAV's promise to obey one head in one term; (0, "") stands for no promise."""
 
 
 class Knowledge:
-    """Newest fix of every UAV heard, and the newest relayed hull of the others."""
+    """Newest fix of every UAV heard, and newest relayed hull of the others."""
 
     def __init__(self, roster: Sequence[RosterEntry]) -> None:
         self._roster = {entry.uav: entry for entry in roster}
+        self._index = {entry.uav: index for index, entry in enumerate(roster)}
+        self.roster = frozenset(self._roster)
         self.newest: dict[str, Fix] = {}
         self._granting: Counter[tuple[int, int, str]] = Counter()
         self._early: dict[str, Fix] = {}
-        self._relayed: dict[str, tuple[int, int, Stadium]] = {}
+        self._relayed: dict[str, tuple[int, int, Hull]] = {}
 
     def hear_fix(self, fix: Fix, slot: int) -> None:
-        """Take in a fix; `slot` is the receiver's own current slot."""
+        """Keep a fix if it is the newest of its UAV; `slot` is the receiver's current slot."""
         if fix.uav not in self._roster or not fix.voter:
             return
         table = self._early if fix.slot > slot else self.newest
@@ -69,22 +57,22 @@ class Knowledge:
                 del self._granting[key]
 
     def hear_report(self, report: Report) -> None:
-        """Take in the hulls of a report, of those that its head did not hear and of the head itself."""
+        """Keep the hulls of a report: of the UAVs that its head did not hear, and of the head itself."""
         age = report.slot, report.term
         for uav, *shape in zip(report.hull_uav, *report.hull_columns, strict=False):
             known = self._relayed.get(uav)
             if uav in self._roster and (known is None or age > known[:2]):
-                self._relayed[uav] = (*age, Stadium(*shape))
+                self._relayed[uav] = (*age, self._place(uav, *shape))
 
     def begin_slot(self, slot: int) -> None:
-        """Take in the fixes that were too early, now that `slot` has begun."""
+        """Process the fixes that came too early, now that `slot` has begun."""
         due = [fix for fix in self._early.values() if fix.slot <= slot]
         for fix in due:
             del self._early[fix.uav]
             self.hear_fix(fix, slot)
 
     def heard(self, slot: int, grant: Grant) -> list[str]:
-        """Ids, in roster order, of the UAVs with a fix of `slot` that carries `grant`."""
+        """Return the ids, in roster order, of the UAVs with a fix of `slot` that carries `grant`."""
         return [
             uav
             for uav in self._roster
@@ -92,77 +80,93 @@ class Knowledge:
         ]
 
     def count_heard(self, slot: int, grant: Grant) -> int:
-        """Length of `heard`, without making the list."""
+        """Return the length of `heard` without making the list."""
         return self._granting.get((slot, *grant), 0)
 
     def recent(self, since_slot: int) -> Iterator[Fix]:
-        """Newest fixes, in roster order, that are not older than `since_slot`."""
+        """Yield the newest fixes, in roster order, that are not older than `since_slot`."""
         for uav in self._roster:
             fix = self.newest.get(uav)
             if fix is not None and fix.slot >= since_slot:
                 yield fix
 
+    def count_granting(self, grant: Grant, since_slot: int, besides: str) -> int:
+        """Return the number of recent fixes that carry `grant`, without those of UAV `besides`."""
+        return sum((fix.term, fix.head) == grant for fix in self.recent(since_slot) if fix.uav != besides)
+
+    def suspecting(self, since_slot: int, term: int, besides: str) -> list[str]:
+        """Return the ids, without `besides`, whose recent fix of at most `term` says that they suspect their head."""
+        recent = self.recent(since_slot)
+        return [fix.uav for fix in recent if fix.suspects and fix.uav != besides and fix.term <= term]
+
     def last_slot(self, uav: str) -> int:
-        """Slot of the newest fix of `uav`, -1 when it was never heard."""
+        """Return the slot of the newest fix of `uav`, -1 if there is none."""
         fix = self.newest.get(uav)
         return -1 if fix is None else fix.slot
 
-    def hull(self, uav: str, grant: Grant, t0: int, sent: Mapping[str, Command], rules: HullRules) -> Stadium:
-        """Where unheard `uav` can be in any slot that the head of `grant` plans.
+    def hull(self, uav: str, grant: Grant, t0: int, sent: Mapping[str, Command], rules: HullRules) -> Hull:
+        """Return the hull of unheard `uav`: all places where it can be in any slot that the head of `grant` plans.
 
-        `t0` is the first slot in which that head had a quorum in its term: no older plan can exist
-        for a slot after t0 + 1, so the ball stops growing there. `sent` is the last command of this
-        term to each UAV.
+        (a) Its newest fix carries `grant`: the segment of the command sent for the slot after that fix, else its
+            waypoint. `sent` has the last command of this term to each UAV.
+        (b) Otherwise: the place x known for the end of slot s, grown by u_max * max(0, t0 + 1 - s). The head had its
+            first quorum of the term in slot `t0`; no older plan exists for a slot after t0 + 1, so growth ends there.
         """
         fix = self.newest.get(uav)
         if fix is not None and (fix.term, fix.head) == grant:
-            return _after_own_command(fix, sent.get(uav), rules)
+            return self._after_own_command(fix, sent.get(uav), rules)
         seen = self._seen(uav, grant[0], rules)
         return min(
-            (place.grown(rules.u_max_m * max(0, t0 + 1 - slot)) for slot, place in seen), key=lambda hull: hull.radius_m
+            (_grown(place, rules.u_max_m * max(0, t0 + 1 - slot)) for slot, place in seen),
+            key=lambda hull: hull.radius_m,
         )
 
-    def _seen(self, uav: str, term: int, rules: HullRules) -> Iterator[tuple[int, Stadium]]:
-        """Slots at whose end `uav` was somewhere: by its own fix, by a head's report, else by the roster.
+    def _seen(self, uav: str, term: int, rules: HullRules) -> Iterator[tuple[int, Hull]]:
+        """Yield (slot, place): known places of `uav` at ends of slots, by its fix, by a head's report, else the roster.
 
-        Of the term just before `term`, a report of slot s tells of the end of slot s + 1 too: no term lies
-        between, and its own head sent whom it lists nothing in slot s, or, itself, the step that it lists.
+        A report of slot s from the term just before `term` holds for the end of slot s + 1 too. No term lies between,
+        and in slot s its head sent no command to the unheard UAVs; to itself it sent the step that its hull covers.
         """
         fix, relayed, entry = self.newest.get(uav), self._relayed.get(uav), self._roster[uav]
         if fix is not None:
-            yield fix.slot, _about(fix, rules)
+            yield fix.slot, self._about(fix, rules)
         if relayed is not None:
             slot, of_term, place = relayed
             yield slot + (of_term + 1 == term), place
         if fix is None and relayed is None:
-            yield -1, Stadium(entry.start_x_m, entry.start_y_m, entry.start_x_m, entry.start_y_m)
+            yield -1, self._place(uav, entry.start_x_m, entry.start_y_m, entry.start_x_m, entry.start_y_m)
+
+    def _about(self, fix: Fix, rules: HullRules) -> Hull:
+        """Return the waypoint of a fix; with lag also the segment to it, which the UAV may still fly."""
+        x_m, y_m = (fix.from_x_m, fix.from_y_m) if rules.lag_slots else (fix.waypoint_x_m, fix.waypoint_y_m)
+        return self._place(fix.uav, x_m, y_m, fix.waypoint_x_m, fix.waypoint_y_m)
+
+    def _after_own_command(self, fix: Fix, command: Command | None, rules: HullRules) -> Hull:
+        """Return hull (a): the segment of the command sent for the slot after the fix, else the waypoint."""
+        about = self._about(fix, rules)
+        if command is None or command.slot != fix.slot + 1:
+            return about
+        path = replace(about, bx_m=command.target_x_m, by_m=command.target_y_m)
+        return _grown(path, _distance_to_segment_m(fix.waypoint_x_m, fix.waypoint_y_m, path))
+
+    def _place(self, uav: str, ax_m: float, ay_m: float, bx_m: float, by_m: float, radius_m: float = 0.0) -> Hull:
+        return Hull(self._index[uav], ax_m, ay_m, bx_m, by_m, radius_m, self._roster[uav].r_m)
 
 
 @dataclass(frozen=True, slots=True)
 class HullRules:
-    """The mission's constants that hulls depend on."""
+    """Constants of the mission that hulls depend on."""
 
     u_max_m: float
     lag_slots: int
 
 
-def _about(fix: Fix, rules: HullRules) -> Stadium:
-    """The waypoint of a fix; with lag also the segment that led to it, which may still be flown."""
-    if rules.lag_slots:
-        return Stadium(fix.from_x_m, fix.from_y_m, fix.waypoint_x_m, fix.waypoint_y_m)
-    return Stadium(fix.waypoint_x_m, fix.waypoint_y_m, fix.waypoint_x_m, fix.waypoint_y_m)
+def _grown(hull: Hull, by_m: float) -> Hull:
+    """Return the hull with a larger radius."""
+    return replace(hull, radius_m=hull.radius_m + by_m)
 
 
-def _after_own_command(fix: Fix, command: Command | None, rules: HullRules) -> Stadium:
-    """Hull (a): on the segment of the command sent for the slot after the fix, else at the waypoint."""
-    about = _about(fix, rules)
-    if command is None or command.slot != fix.slot + 1:
-        return about
-    path = Stadium(about.ax_m, about.ay_m, command.target_x_m, command.target_y_m)
-    return path.grown(_distance_to_segment_m(fix.waypoint_x_m, fix.waypoint_y_m, path))
-
-
-def _distance_to_segment_m(x_m: float, y_m: float, path: Stadium) -> float:
+def _distance_to_segment_m(x_m: float, y_m: float, path: Hull) -> float:
     dx_m, dy_m = path.bx_m - path.ax_m, path.by_m - path.ay_m
     length2 = dx_m * dx_m + dy_m * dy_m
     along = ((x_m - path.ax_m) * dx_m + (y_m - path.ay_m) * dy_m) / length2 if length2 > 0 else 0.0
@@ -171,9 +175,9 @@ def _distance_to_segment_m(x_m: float, y_m: float, path: Stadium) -> float:
 
 
 def _age(fix: Fix, known: Fix) -> int:
-    """Positive when `fix` is newer than `known`: by slot, then term, then order of sending.
+    """Return a positive number if `fix` is newer than `known`: by slot, then term, then sequence number.
 
-    No two lives of a UAV speak in one slot and term: the second begins with what the first has on disk.
+    No two instances of a UAV send in one slot and term: the second begins with the promise that the first wrote.
     """
     left, right = (fix.slot, fix.term), (known.slot, known.term)
     if left == right:

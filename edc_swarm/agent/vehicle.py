@@ -1,11 +1,11 @@
-"""One UAV's body and promise: what it flies, where its disc is, what it has promised.
+"""Body and promise of one UAV: its commands, its tracked disc, its battery, its grant.
 
 Rules kept here (named as in ARCHITECTURE.md):
 
-- *promise*: (slot, term, head, waypoint) is persisted before anything else happens; slot and term
+- *promise*: the UAV persists (slot, term, head, waypoint) before any other effect; slot and term
   never decrease, and within a term the head never changes;
-- *validity*: the reasons for which a command is refused are all in `refusal`;
-- *flight*: an accepted step is completed within its slot whatever happens to the process.
+- *validity*: `refusal` has all reasons for which a UAV rejects a command;
+- *flight*: the vehicle completes an accepted step within its slot, even if the process dies.
 """
 
 from __future__ import annotations
@@ -22,11 +22,11 @@ from edc_swarm.mission.configuration import ARRIVED_M, GpsModel, Mission, Roster
 from edc_swarm.protocol.messages import NO_ONE, Command
 
 LATE_FRACTION = 0.2
-"""A tick later than this part of the slot flies nothing and is counted."""
+"""A tick later than this fraction of the slot is late: the UAV holds and counts it."""
 
 
 class Promise(Struct, frozen=True, kw_only=True):
-    """What a UAV keeps on disk. None but the waypoint is ever undone."""
+    """Promise that a UAV keeps on disk. Slot and term only grow, and a term has one head."""
 
     slot: int = -1
     term: int = 0
@@ -41,7 +41,7 @@ class Promise(Struct, frozen=True, kw_only=True):
 
 
 class Airframe(Struct, frozen=True, kw_only=True):
-    """The emulated body, which outlives the process: where the tracked disc is, and the battery."""
+    """Emulated body, which outlives the process: the centre of the tracked disc, and the battery."""
 
     x_m: float
     y_m: float
@@ -49,18 +49,18 @@ class Airframe(Struct, frozen=True, kw_only=True):
 
 
 def first_promise(entry: RosterEntry) -> Promise:
-    """What whoever creates a UAV writes for it: term 0 and the roster start."""
+    """Return the promise of a new UAV: term 0 at the roster start."""
     return Promise(waypoint_x_m=entry.start_x_m, waypoint_y_m=entry.start_y_m)
 
 
 def first_airframe(entry: RosterEntry) -> Airframe:
-    """A fresh UAV at its roster start with a full battery."""
+    """Return the body of a new UAV: at its roster start with a full battery."""
     return Airframe(x_m=entry.start_x_m, y_m=entry.start_y_m, energy_j=entry.energy_j)
 
 
 @dataclass(frozen=True, slots=True)
 class Situation:
-    """What decides whether a command may be flown at the tick of `slot`."""
+    """State of a UAV at the tick of `slot`, which decides whether it may fly a command."""
 
     slot: int
     grant: Grant
@@ -72,10 +72,9 @@ class Situation:
 
 
 def refusal(command: Command, now: Situation) -> str | None:
-    """Why `command` must not be flown, or None when it is valid.
+    """Return the reason why the UAV rejects `command`, or None if the command is valid.
 
-    That it was received before its slot began is seen to by the caller: only what has arrived when
-    the slot begins is looked at.
+    The caller passes only commands that arrived before their slot began.
     """
     start_m = (command.start_x_m, command.start_y_m)
     length_m = math.hypot(command.target_x_m - start_m[0], command.target_y_m - start_m[1])
@@ -91,7 +90,7 @@ def refusal(command: Command, now: Situation) -> str | None:
 
 
 class Vehicle:
-    """The tracked disc, the true position and the battery of one UAV.
+    """Tracked disc, true position and battery of one UAV.
 
     The disc's centre and the true position move by the same vector, so their offset never changes.
     """
@@ -110,7 +109,7 @@ class Vehicle:
 
     @property
     def airframe(self) -> Airframe:
-        """The body as it is to be persisted."""
+        """The body to persist."""
         return Airframe(x_m=self.waypoint_m[0], y_m=self.waypoint_m[1], energy_j=self.energy_j)
 
     @property
@@ -120,22 +119,22 @@ class Vehicle:
 
     @property
     def arrived(self) -> bool:
-        """Whether the waypoint is within 0.1 m of the target."""
+        """True if the waypoint is within 0.1 m of the target."""
         entry = self._entry
         return math.hypot(entry.target_x_m - self.waypoint_m[0], entry.target_y_m - self.waypoint_m[1]) <= ARRIVED_M
 
     @property
     def truth_m(self) -> tuple[float, float, float, float]:
-        """True motion of the slot: from x, from y, to x, to y."""
+        """True motion in the slot: from x, from y, to x, to y."""
         (fx, fy), (wx, wy), (ox, oy) = self.from_m, self.waypoint_m, self._offset_m
         return (fx + ox, fy + oy, wx + ox, wy + oy)
 
     def step_energy_j(self, length_m: float) -> float:
-        """Propulsion energy of one slot in which `length_m` is flown at constant speed."""
+        """Return the propulsion energy of one slot with a step of `length_m` at constant speed."""
         return step_energy_j(self._mission, length_m)
 
     def begin_slot(self, slots: int, command: Command | None) -> None:
-        """Fly `command`, or hold; `slots` have passed since the last call (more than 1 after a freeze)."""
+        """Fly `command`, or hold; `slots` slots have passed since the last call (more than 1 after a freeze)."""
         self.from_m = self.waypoint_m
         if command is not None:
             self.waypoint_m = (command.target_x_m, command.target_y_m)
@@ -146,7 +145,7 @@ class Vehicle:
 
     @property
     def next_position_m(self) -> tuple[float, float]:
-        """What the next fix will say, when this slot is over, if the GPS error stays what it is."""
+        """Position in the next fix, after this slot, if the GPS error stays the same."""
         return self._reported_m(self.waypoint_m, self._gps.error_m)
 
     def _reported_m(self, centre_m: tuple[float, float], error_m: tuple[float, float]) -> tuple[float, float]:
@@ -154,11 +153,11 @@ class Vehicle:
         return x_m + ox_m + ex_m, y_m + oy_m + ey_m
 
     def spend(self, energy_j: float) -> None:
-        """Draw energy for radio or computation."""
+        """Draw energy from the battery for radio or computation."""
         self.energy_j = max(0.0, self.energy_j - energy_j)
 
     def use_gps_model(self, model: GpsModel) -> None:
-        """Change the GPS error model in flight (a fault); neither disc nor truth moves."""
+        """Change the GPS error model in flight (a fault); disc and true position do not move."""
         self._gps = self._receiver(model, f"gps-{model}")
 
     def _receiver(self, model: GpsModel, stream: str) -> GpsReceiver:

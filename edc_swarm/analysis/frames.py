@@ -1,4 +1,4 @@
-"""A run as a data frame, for notebooks: one row per UAV and slot."""
+"""Data frames of a run for notebooks, with one row per UAV and slot."""
 
 from __future__ import annotations
 
@@ -6,6 +6,7 @@ import importlib
 from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from edc_swarm.analysis.metrics import Columns
 from edc_swarm.errors import InputError
@@ -14,13 +15,16 @@ LIBRARIES = ("pandas", "polars")
 
 
 def table_of(columns: Columns) -> dict[str, Any]:
-    """Columns of equal length, one entry per slot and UAV (slot-major), units in the names.
+    """Return columns of equal length with one entry per slot and UAV (slot-major) and units in their names.
 
-    `start_*` is the disc's centre when the slot begins, `end_*` and `away_m` (from the target) when it ends.
+    `start_*` is the disc's centre when the slot begins, `end_*` and `away_m` (from the target) when it ends. Where the
+    record lacks what was flown, all of these are NaN and `executed` is None.
     """
     slots, count = columns.step_m.shape
+    lost = columns.lost.ravel()
     (start_x_m, start_y_m), (end_x_m, end_y_m) = (
-        np.moveaxis(points_m, 2, 0).reshape(2, -1) for points_m in (columns.centre_m[:-1], columns.centre_m[1:])
+        np.moveaxis(np.where(columns.lost[..., None], np.nan, points_m), 2, 0).reshape(2, -1)
+        for points_m in (columns.centre_m[:-1], columns.centre_m[1:])
     )
     return {
         "slot": np.repeat(np.arange(slots), count),
@@ -30,21 +34,28 @@ def table_of(columns: Columns) -> dict[str, Any]:
         "start_y_m": start_y_m,
         "end_x_m": end_x_m,
         "end_y_m": end_y_m,
-        "step_m": columns.step_m.ravel(),
-        "away_m": columns.away_m[1:].ravel(),
-        "executed": columns.executed.ravel(),
+        "step_m": np.where(lost, np.nan, columns.step_m.ravel()),
+        "away_m": np.where(lost, np.nan, columns.away_m[1:].ravel()),
+        "executed": _where_known(columns.executed.ravel(), lost),
         "alive": columns.alive.ravel(),
         "energy_j": columns.energy_j.ravel(),
     }
 
 
+def _where_known(flags: NDArray[np.bool_], lost: NDArray[np.bool_]) -> NDArray[np.bool_] | list[bool | None]:
+    """Return `flags`, as a list with None in their place where `lost` says so."""
+    if not lost.any():
+        return flags
+    return [None if unknown else flag for flag, unknown in zip(flags.tolist(), lost.tolist(), strict=True)]
+
+
 def frame_of(columns: Columns, library: str = "pandas") -> Any:
-    """`table_of` as a pandas or polars data frame (extra `frames`).
+    """Return `table_of(columns)` as a pandas or polars data frame (extra `frames`).
 
     Raises
     ------
     InputError
-        Another library, or one that is not installed.
+        `library` is neither of the two, or is not installed.
     """
     if library not in LIBRARIES:
         raise InputError("library", library, f"one of {', '.join(LIBRARIES)}")

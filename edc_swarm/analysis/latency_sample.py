@@ -1,12 +1,12 @@
-"""What is measured of one run of a latency experiment, from its recording alone.
+"""The measurements of one run of a latency experiment, from its recording alone.
 
 Ages are ages of information (S. Kaul, R. Yates, M. Gruteser, "Real-Time Status: How Often Should One
-Update?", IEEE INFOCOM 2012), in wall milliseconds, sampled at the start of every slot, for every UAV that flies:
+Update?", IEEE INFOCOM 2012) in wall milliseconds. They are sampled at the start of every slot for every UAV that flies:
 
-- of fixes: since the newest fix of that UAV that a command says its head has planned with was sent;
-- of commands: since the newest command that it has begun to fly was sent.
+- fix age = start of the slot - sending of the UAV's newest fix that a command names as input of its plan;
+- command age = start of the slot - sending of the newest command that the UAV has begun to fly.
 
-Both count from the mission's epoch until there is one.
+Before the first such fix or command, the mission's epoch takes its place.
 """
 
 from __future__ import annotations
@@ -25,35 +25,35 @@ from edc_swarm.protocol.messages import roster_index
 from edc_swarm.recording.model import Recording
 
 PROGRESS = "G7"
-"""Not judged here: whether missions complete is what the experiment asks."""
+"""Guarantee that is not judged here, since the share of completed missions is a result of the experiment."""
 
 
 class Sample(Struct, frozen=True, kw_only=True):
-    """One run.
+    """The measurements of one run.
 
     Attributes
     ----------
     limit_slots
-        When the mission is given up.
+        Most slots that the mission lasts.
     others_flew
         Commands flown by UAVs other than their head.
     held_pct
-        UAV-slots in which a UAV that flies and is not at its target flew no command, of all UAV-slots in which
-        it was not there, from the first commanded slot on (from slot 1 where there is none).
+        100 n / N, from the first commanded slot on (from slot 1 if there is none): N is the number of UAV-slots in
+        which a UAV flies and is away from its target, n the number of those in which it flew no command.
     failover_slots
-        Slots without commands at all changes of head.
+        Number of slots without commands at changes of head, summed over all changes.
     broken, not_judged
-        Guarantees other than progress that are broken; those that could not be judged.
+        Guarantees other than progress that are broken, and those that could not be judged.
     delay_error
-        None in the simulator, and where nothing was delayed.
+        None in the simulator, and if no message was delayed.
     """
 
-    completed: bool
+    completed: bool | None
     slots: int
     limit_slots: int
     others_flew: int
-    potential_collisions: int
-    true_collisions: int
+    potential_collisions: int | None
+    true_collisions: int | None
     min_disc_gap_m: float | None
     broken: list[str]
     not_judged: list[str]
@@ -64,21 +64,21 @@ class Sample(Struct, frozen=True, kw_only=True):
     held_pct: float | None
     extra_distance_pct: float | None
     makespan_s: float | None
-    energy_kj: float
+    energy_kj: float | None
     failover_slots: int
     terms: int
     plan_ms: float | None
-    ticks_late_pct: float
+    ticks_late_pct: float | None
     delay_error: DelayError | None = None
 
     @property
     def invalid(self) -> bool:
-        """Whether the machine was overloaded, so that this run says nothing about the network."""
-        return self.ticks_late_pct > OVERLOADED_PCT
+        """True if the machine was, or may have been, overloaded, so that this run says nothing about the network."""
+        return self.ticks_late_pct is None or self.ticks_late_pct > OVERLOADED_PCT
 
 
 def sample_of(recording: Recording) -> Sample:
-    """Measure a run."""
+    """Return the measurements of a run."""
     metrics, columns = compute_metrics(recording), columns_of(recording)
     first = min((command.slot for command in recording.commands), default=1)
     done = metrics.completed
@@ -100,7 +100,7 @@ def sample_of(recording: Recording) -> Sample:
         held_pct=_held_pct(columns, first),
         extra_distance_pct=metrics.extra_distance_pct if done else None,
         makespan_s=metrics.makespan_s if done else None,
-        energy_kj=metrics.energy_propulsion_j / 1e3,
+        energy_kj=None if metrics.energy_propulsion_j is None else metrics.energy_propulsion_j / 1e3,
         failover_slots=sum(metrics.failover_slots),
         terms=len(metrics.heads),
         plan_ms=metrics.plan_ms.p50,
@@ -110,20 +110,20 @@ def sample_of(recording: Recording) -> Sample:
 
 
 def _others_flew(recording: Recording) -> int:
-    """Steps flown by UAVs that did not lead the term of their command."""
+    """Return the number of steps that UAVs flew by a command of another UAV."""
     leads = {command.term: command.head for command in recording.commands}
     cells = {(fix.uav, fix.slot): fix for fix in recording.fixes if fix.executing}
     return sum(leads.get(fix.command_term) != fix.uav for fix in cells.values())
 
 
 def _held_pct(columns: Columns, first: int) -> float | None:
-    away = (columns.away_m[:-1] > ARRIVED_M)[first:] & columns.alive[first:]
+    away = (columns.away_m[:-1] > ARRIVED_M)[first:] & (columns.alive & ~columns.lost)[first:]
     held = away & ~columns.executed[first:]
     return 100 * float(held.sum() / away.sum()) if away.any() else None
 
 
 def _counted_ns(recording: Recording, columns: Columns) -> NDArray[np.int64]:
-    """(S, K) when the newest fix that a plan had counted at the start of each slot was sent; 0 for none."""
+    """Return (S, K) sending times of the newest fix of each UAV that a plan used before each slot; 0 for none."""
     sent_ns = counted_ns(recording)
     table = np.zeros(columns.executed.shape, np.int64)
     index = roster_index(recording.mission.roster)
@@ -135,14 +135,14 @@ def _counted_ns(recording: Recording, columns: Columns) -> NDArray[np.int64]:
 
 
 def _mean_fix_age_ms(recording: Recording, columns: Columns, first: int) -> float | None:
-    """None where commands do not say which fixes were counted, as in older recordings."""
+    """Return the mean fix age; None if the commands do not name fixes, as in older recordings."""
     if recording.commands and all(command.fix_seq < 0 for command in recording.commands):
         return None
     return _mean_age_ms(recording, _counted_ns(recording, columns), columns.alive, first)
 
 
 def _flown_ns(recording: Recording, columns: Columns) -> NDArray[np.int64]:
-    """(S, K) when the command that each UAV began to fly in each slot was sent; 0 where it held."""
+    """Return (S, K) sending times of the command that each UAV began to fly in each slot; 0 where it held."""
     sent_ns = {(command.uav, command.slot, command.term): command.sent_ns for command in recording.commands}
     table = np.zeros(columns.executed.shape, np.int64)
     index = roster_index(recording.mission.roster)
@@ -155,7 +155,7 @@ def _flown_ns(recording: Recording, columns: Columns) -> NDArray[np.int64]:
 def _mean_age_ms(
     recording: Recording, sent_ns: NDArray[np.int64], alive: NDArray[np.bool_], first: int
 ) -> float | None:
-    """Mean over slots from `first` on and UAVs that fly in them of the time since the newest of `sent_ns`."""
+    """Return the mean age of the newest `sent_ns`, over slots from `first` on and the UAVs that fly in them."""
     mission = recording.mission
     newest_ns = np.maximum.accumulate(np.maximum(sent_ns - mission.epoch_ns, 0), axis=0)
     start_ns = np.arange(len(newest_ns), dtype=np.int64)[:, None] * mission.slot_ns
@@ -164,23 +164,23 @@ def _mean_age_ms(
 
 
 def _next_slot(recording: Recording, at_ns: int) -> int:
-    """The first slot that begins at `at_ns` or later."""
+    """Return the first slot that begins at `at_ns` or later."""
     mission = recording.mission
     return -((mission.epoch_ns - at_ns) // mission.slot_ns)
 
 
 def _delay_error(recording: Recording) -> DelayError | None:
-    """Over all UAVs: the median of their medians, the worst of their 99th percentiles and maxima."""
-    told = [
+    """Return the median over UAVs of their medians, and the greatest of their 99th percentiles and maxima."""
+    errors = [
         msgspec.json.decode(event.detail, type=DelayError)
         for event in recording.events
         if event.kind == EventKind.DELAY_ERROR
     ]
-    if not told:
+    if not errors:
         return None
     return DelayError(
-        messages=sum(one.messages for one in told),
-        p50_ms=float(np.median([one.p50_ms for one in told])),
-        p99_ms=max(one.p99_ms for one in told),
-        max_ms=max(one.max_ms for one in told),
+        messages=sum(one.messages for one in errors),
+        p50_ms=float(np.median([one.p50_ms for one in errors])),
+        p99_ms=max(one.p99_ms for one in errors),
+        max_ms=max(one.max_ms for one in errors),
     )

@@ -1,4 +1,4 @@
-"""Who still flies at the end of a recording."""
+"""The UAVs that still fly at the end of a recording."""
 
 from __future__ import annotations
 
@@ -6,18 +6,17 @@ import numpy as np
 from numpy.typing import NDArray
 
 from edc_swarm.analysis.tracks import Tracks
-from edc_swarm.errors import MissionError
-from edc_swarm.mission.faults import parse_fault
+from edc_swarm.mission.faults import Freeze, Kill, read_fault
 from edc_swarm.protocol.events import EventKind
 from edc_swarm.protocol.messages import roster_index
 from edc_swarm.recording.model import Recording
 
 SILENT_SLOTS = 3
-"""A UAV without a fix for more slots than this, at the end, is not counted as living."""
+"""A UAV without a fix in more than this many last slots is not counted as living."""
 
 
 def alive_in(tracks: Tracks, living: NDArray[np.bool_]) -> NDArray[np.bool_]:
-    """(S, K) whether each UAV flies in each slot: who does not live at the end, to the last slot it is known from."""
+    """Return (S, K) flags of the UAVs that fly: one that does not live at the end flies until its last known slot."""
     slots = np.arange(tracks.slots)[:, None]
     newest = np.max(np.where(tracks.heard | tracks.executed, slots, -1), axis=0, initial=-1)
     alive: NDArray[np.bool_] = living | (slots <= newest)
@@ -25,9 +24,9 @@ def alive_in(tracks: Tracks, living: NDArray[np.bool_]) -> NDArray[np.bool_]:
 
 
 def living_at_end(recording: Recording, tracks: Tracks) -> NDArray[np.bool_]:
-    """(K,) whether each UAV still answers, has charge and may still be commanded when the record ends.
+    """Return (K,) flags of the UAVs that publish, have charge and may be commanded when the recording ends.
 
-    A UAV that lost its memory never grants again and so stays where it is: an obstacle.
+    A UAV that lost its memory never grants again, so it holds for the rest of the mission and does not count.
     """
     index = roster_index(recording.mission.roster)
     slots = np.arange(tracks.slots)[:, None]
@@ -44,19 +43,13 @@ def living_at_end(recording: Recording, tracks: Tracks) -> NDArray[np.bool_]:
 
 
 def _stopped(recording: Recording) -> list[tuple[str, int]]:
-    """UAV and slot of every event that ends, or may end, a UAV's flight."""
+    """Return (UAV, slot) of every event that ends, or may end, a UAV's flight."""
     stopped = []
     for event in recording.events:
         if event.kind == EventKind.BATTERY_EMPTY:
             stopped.append((event.source, event.slot))
-        elif event.kind == EventKind.FAULT and event.detail.startswith(("kill ", "freeze ")):
-            stopped.append((fault_target(event.detail, recording.mission.dt_s), event.slot))
+        elif event.kind == EventKind.FAULT:
+            fault = read_fault(event.detail, recording.mission.dt_s)
+            if isinstance(fault, (Kill, Freeze)):
+                stopped.append((fault.target, event.slot))
     return stopped
-
-
-def fault_target(text: str, dt_s: float) -> str:
-    """Return whom an injected fault is aimed at, "" for a text that tells no fault."""
-    try:
-        return parse_fault(text, dt_s).target
-    except MissionError:
-        return ""

@@ -1,4 +1,4 @@
-"""Every metric, computed from a recording alone.
+"""The metrics of a run, computed from its recording alone.
 
 Durations are mission time, `*_ms` are wall time. Positions in path metrics are waypoints, the
 centres of the tracked discs; a potential collision is the paper's criterion (eq. 16) evaluated on
@@ -20,34 +20,34 @@ import numpy as np
 from msgspec import Struct
 from numpy.typing import NDArray
 
+from edc_swarm.analysis.guarantees.completeness import unproved
+from edc_swarm.analysis.guarantees.evidence import Evidence, gather
 from edc_swarm.analysis.living import alive_in, living_at_end
 from edc_swarm.analysis.outcome import NotHome, home_at_end, not_home
 from edc_swarm.analysis.separation import encounters, least_gap_m
-from edc_swarm.analysis.tracks import Tracks, tracks_of
+from edc_swarm.analysis.tracks import Tracks
 from edc_swarm.emulation.energy import compute_energy_j, propulsion_power_w, propulsion_powers_w
 from edc_swarm.errors import RecordingError
 from edc_swarm.files import read_regular
+from edc_swarm.geometry import BODY_TOLERANCE_M, DISC_TOLERANCE_M
 from edc_swarm.mission.configuration import ARRIVED_M, OPERATOR, Mission
 from edc_swarm.mission.faults import parse_faults
+from edc_swarm.mission.prospect import COMPLETED
 from edc_swarm.protocol.events import EventKind
-from edc_swarm.protocol.messages import Report
+from edc_swarm.protocol.messages import PLANNED, Report
 from edc_swarm.recording.model import Recording
 from edc_swarm.recording.ordering import fetched_count
-from edc_swarm.recording.sequences import find_gaps
 
 Floats = NDArray[np.float64]
 
 _NUMBERED, _SENT = attrgetter("uav", "slot", "seq"), attrgetter("sent_ns")
 
-OVERLAP_TOLERANCE_M = 1e-9
-BODY_TOLERANCE_M = 1e-6
 OVERLOADED_PCT = 1.0
-"""With more late ticks than this it was the machine, not the network, that was slow."""
-PLANNED = frozenset({"planned", "no-qp-needed", "failed"})
+"""Share of late ticks above which the machine, not the network, counts as the cause of delays."""
 
 
 class Quantiles(Struct, frozen=True):
-    """Median, 99th percentile and maximum; None where there is nothing to measure."""
+    """Median, 99th percentile and maximum; None if there is nothing to measure."""
 
     p50: float | None
     p99: float | None
@@ -55,7 +55,7 @@ class Quantiles(Struct, frozen=True):
 
 
 class HeadTerm(Struct, frozen=True):
-    """Who led in a term, from the first to the last slot whose fixes it planned with."""
+    """The head of a term, with the first and the last slot whose fixes it planned with."""
 
     term: int
     head: str
@@ -64,7 +64,7 @@ class HeadTerm(Struct, frozen=True):
 
 
 class Timing(Struct, frozen=True):
-    """Measured plan times of one slot, which a simulated recording itself does not carry."""
+    """Measured plan time of one slot. A simulated recording lacks it, since its bytes must not depend on a clock."""
 
     slot: int
     plan_ms: float
@@ -74,36 +74,36 @@ class Timing(Struct, frozen=True):
 
 
 class Metrics(Struct, frozen=True, kw_only=True):
-    """What `edc-swarm metrics --json` prints, as docs/metrics.md defines it. None: not defined for this run."""
+    """The metrics that `edc-swarm metrics --json` prints, defined in docs/metrics.md. None: undefined for this run."""
 
     uavs: int
     slots: int
     duration_s: float
-    completed: bool
+    completed: bool | None
     arrived: int
     not_living: list[str]
     not_home: list[NotHome]
-    potential_collisions: int
-    true_collisions: int
+    potential_collisions: int | None
+    true_collisions: int | None
     min_disc_gap_m: float | None
     min_true_distance_m: float | None
-    path_m: float
+    path_m: float | None
     straight_m: float
     extra_distance_pct: float | None
     extra_distance_mean_pct: float | None
     makespan_s: float | None
     makespan_ratio: float | None
-    energy_propulsion_j: float
+    energy_propulsion_j: float | None
     energy_compute_j: float | None
     energy_straight_j: float
     plan_ms: Quantiles
     fix_to_command_ms: Quantiles
-    slots_held: int
-    slots_missed: int
-    ticks_late_pct: float
+    slots_held: int | None
+    slots_missed: int | None
+    ticks_late_pct: float | None
     messages: int
-    gaps: int
-    fetched: int
+    gaps: int | None
+    fetched: int | None
     duplicates: int
     heads: list[HeadTerm]
     failover_slots: list[int]
@@ -123,18 +123,18 @@ class Columns:
     centre_m
         (S + 1, K, 2) centres of the tracked discs at slot starts and, last, at the end.
     step_m
-        (S, K) way flown in each slot.
+        (S, K) distance flown in each slot.
     away_m
         (S + 1, K) distance of each centre from its UAV's target.
     true_from_m, true_to_m
         (S, K, 2) true motion, NaN where unknown.
     executed, lost, alive
-        (S, K) whether a command was executed; whether the record lacks what was flown; whether the UAV still
-        flies: one that does not live at the end does until the last slot that it is known from.
+        (S, K) True where the UAV executed a command; where the recording lacks the motion; where the UAV flies
+        (a UAV that does not live at the end flies until its last known slot).
     energy_j
-        (S, K) battery, NaN where not heard.
+        (S, K) battery, NaN in a slot without a fix.
     plan_slot, plan_ms
-        (P,) slots whose plans were timed, and how long they took; 0 ms in a report means: not measured.
+        (P,) slots whose plans were timed, and their plan times; 0 ms in a report means: not measured.
     command_slot, fix_to_command_ms
         (C,) slot of each command that names a recorded fix, and the time since that fix was sent.
     """
@@ -157,7 +157,7 @@ class Columns:
 
 
 class Timings(Struct, frozen=True):
-    """Content of FILE.timings.json: plan times, and the SHA-256 of the recording that they belong to."""
+    """Content of FILE.timings.json: plan times, and the SHA-256 of their recording."""
 
     recording: str
     plans: list[Timing]
@@ -183,9 +183,9 @@ def _ignore(_: str) -> None:
 
 
 def load_timings(recording_path: str | Path, warn: Callable[[str], None] = _ignore) -> list[Timing]:
-    """Read the plan times beside a simulated recording, from FILE.timings.json; empty where they are unknown.
+    """Read the plan times of a simulated recording from FILE.timings.json beside it; empty if they are unknown.
 
-    Times that belong to another recording are told to `warn` and left out.
+    Times of another recording are ignored, with a warning through `warn`.
 
     Raises
     ------
@@ -208,19 +208,20 @@ def load_timings(recording_path: str | Path, warn: Callable[[str], None] = _igno
 
 
 def measured(recording: Recording, timings: Sequence[Timing]) -> Sequence[Timing]:
-    """Return `timings`, unless the run was a real one: its own times are in its reports."""
+    """Return `timings` for a simulated run, and nothing for a real one, whose reports contain its plan times."""
     return () if recording.run.get("clock") == "wall" else timings
 
 
 def columns_of(recording: Recording, timings: Sequence[Timing] = ()) -> Columns:
-    """The run as arrays. `timings`, when given, replace the recorded plan times."""
-    tracks = tracks_of(recording)
+    """Return the run as arrays. `timings`, if given, replace the recorded plan times."""
+    tracks = gather(recording).tracks
     return _columns(recording, tracks, living_at_end(recording, tracks), timings)
 
 
 def compute_metrics(recording: Recording, timings: Sequence[Timing] = ()) -> Metrics:
-    """All metrics of a run. `timings`, when given, replace the recorded plan times."""
-    mission, tracks = recording.mission, tracks_of(recording)
+    """Return all metrics of a run. `timings`, if given, replace the recorded plan times."""
+    mission, evidence = recording.mission, gather(recording)
+    tracks, known = evidence.tracks, _Known.of(evidence)
     living = living_at_end(recording, tracks)
     columns = _columns(recording, tracks, living, timings)
     at_target = columns.away_m <= ARRIVED_M
@@ -231,16 +232,16 @@ def compute_metrics(recording: Recording, timings: Sequence[Timing] = ()) -> Met
     commanded = {command.slot for command in recording.commands}
     first = min(commanded, default=None)
     last = int(arrival[living].max()) if settled else tracks.slots - 1
-    makespan_s = _makespan_s(mission, arrival[living], first) if settled else None
+    makespan_s = _makespan_s(mission, arrival[living], first) if settled and known.motion else None
     heads = _heads(recording)
-    separation = _separation(mission, tracks)
+    separation = _separation(mission, tracks, known)
     path_m, straight_m = columns.step_m.sum(axis=0), np.array([entry.straight_m for entry in mission.roster])
     ended_m = _length_m(columns.centre_m[-1] - columns.centre_m[0])
     return Metrics(
         uavs=len(tracks.uavs),
         slots=slots,
         duration_s=mission.dt_s * slots,
-        completed=bool(len(home) and home.all()),
+        completed=_completed(recording, home, known),
         arrived=int(home.sum()),
         not_living=[uav for uav, alive in zip(tracks.uavs, living, strict=True) if not alive],
         not_home=not_home(recording, tracks, living),
@@ -248,28 +249,70 @@ def compute_metrics(recording: Recording, timings: Sequence[Timing] = ()) -> Met
         true_collisions=separation.true_collisions,
         min_disc_gap_m=separation.min_disc_gap_m,
         min_true_distance_m=separation.min_true_distance_m,
-        path_m=float(path_m.sum()),
+        path_m=float(path_m.sum()) if known.fixes else None,
         straight_m=float(straight_m.sum()),
-        extra_distance_pct=_extra_pct(path_m[home], ended_m[home]),
-        extra_distance_mean_pct=_extra_mean_pct(path_m[home], ended_m[home], straight_m[home]),
+        extra_distance_pct=_extra_pct(path_m[home], ended_m[home]) if known.fixes else None,
+        extra_distance_mean_pct=(
+            _extra_mean_pct(path_m[home], ended_m[home], straight_m[home]) if known.fixes else None
+        ),
         makespan_s=makespan_s,
         makespan_ratio=_makespan_ratio(mission, makespan_s, _reached_m(columns, arrival)[living]),
-        energy_propulsion_j=_propulsion_j(mission, columns, arrival, first),
+        energy_propulsion_j=_propulsion_j(mission, columns, arrival, first) if known.motion else None,
         energy_compute_j=_compute_j(recording, columns),
         energy_straight_j=_straight_energy_j(mission),
         plan_ms=_quantiles(columns.plan_ms),
         fix_to_command_ms=_quantiles(columns.fix_to_command_ms),
-        slots_held=_slots_held(columns, at_target, first, last),
-        slots_missed=len(set(range(first, last + 1)) - commanded) if first is not None else 0,
+        slots_held=_slots_held(columns, at_target, first, last) if known.motion else None,
+        slots_missed=_slots_missed(commanded, first, last) if known.motion else None,
         ticks_late_pct=_ticks_late_pct(recording, int(tracks.heard.sum())),
         messages=recording.message_count,
-        gaps=sum(gap.count for gap in find_gaps(recording) if not gap.duplicate),
+        gaps=_gaps(evidence),
         fetched=fetched_count(recording),
         duplicates=recording.duplicates,
         heads=heads,
         failover_slots=[max(0, new.first_slot - old.last_slot - 1) for old, new in pairwise(heads)],
         faults_undone=_faults_undone(recording, mission.dt_s * slots),
     )
+
+
+@dataclass(frozen=True, slots=True)
+class _Known:
+    """The kinds of messages of which the record is known to lack none: what is counted in them is then a measurement.
+
+    A count of what was found may always be told; a count of 0, a sum and a share of all may not.
+    """
+
+    fixes: bool
+    truths: bool
+    commands: bool
+
+    @classmethod
+    def of(cls, evidence: Evidence) -> _Known:
+        """Return what `evidence` is complete in."""
+        return cls(*(not any(evidence.missing(kind)) for kind in ("fix", "truth", "command")))
+
+    @property
+    def motion(self) -> bool:
+        """True if it is known who flew which command."""
+        return self.fixes and self.commands
+
+
+def _completed(recording: Recording, home: NDArray[np.bool_], known: _Known) -> bool | None:
+    """Return True if all are home; None where the record lacks fixes, and does not tell how the mission ended."""
+    ends = {event.detail for event in recording.events if event.kind == EventKind.END and event.source == OPERATOR}
+    if known.fixes or home.all() or ends - {COMPLETED}:
+        return bool(len(home) and home.all())
+    return None
+
+
+def _gaps(evidence: Evidence) -> int | None:
+    """Return how many messages the numbers prove to be missing; None where they neither show nor exclude any."""
+    missing = sum(gap.count for gap in evidence.gaps if not gap.duplicate)
+    return None if not missing and unproved(evidence) else missing
+
+
+def _slots_missed(commanded: set[int], first: int | None, last: int) -> int:
+    return len(set(range(first, last + 1)) - commanded) if first is not None else 0
 
 
 def _faults_undone(recording: Recording, duration_s: float) -> list[str]:
@@ -312,8 +355,9 @@ def _length_m(vectors_m: Floats) -> Floats:
 
 
 def _arrival_slots(at_target: NDArray[np.bool_]) -> NDArray[np.int64]:
-    """(K,) slot whose motion brings each UAV to its target for good: -1 when it starts there and
-    stays, S when it never arrives.
+    """Return (K,) slots of arrival: the slot after whose motion a UAV stays at its target.
+
+    It is -1 for a UAV that starts at its target and stays, S for one that never arrives.
     """
     away = ~at_target
     last_away = len(away) - 1 - np.argmax(away[::-1], axis=0)
@@ -321,7 +365,7 @@ def _arrival_slots(at_target: NDArray[np.bool_]) -> NDArray[np.int64]:
 
 
 def _makespan_s(mission: Mission, arrival: NDArray[np.int64], first: int | None) -> float | None:
-    """From the start of the first commanded slot to the end of the last UAV's last motion."""
+    """Return the time from the start of the first commanded slot to the arrival of the last UAV."""
     if first is None:
         return None
     slots = int(arrival.max()) + 1 - first
@@ -329,35 +373,35 @@ def _makespan_s(mission: Mission, arrival: NDArray[np.int64], first: int | None)
 
 
 def _reached_m(columns: Columns, arrival: NDArray[np.int64]) -> Floats:
-    """(K,) straight line from each UAV's start to where it was when it arrived: up to `ARRIVED_M` from its target."""
+    """Return (K,) straight distances from start to place of arrival, which is within `ARRIVED_M` of the target."""
     ends = np.minimum(arrival + 1, len(columns.centre_m) - 1)
     reached_m = columns.centre_m[ends, np.arange(len(ends))]
     return _length_m(reached_m - columns.centre_m[0])
 
 
 def _makespan_ratio(mission: Mission, makespan_s: float | None, reached_m: Floats) -> float | None:
-    """The makespan over the least time in which anybody could fly the longest of these straight lines."""
+    """Return the makespan divided by the least time for the longest of the straight distances `reached_m`."""
     longest_m = float(reached_m.max(initial=0.0))
     return makespan_s * mission.v_max_mps / longest_m if makespan_s is not None and longest_m else None
 
 
 class _Separation(NamedTuple):
-    """Collisions (as pairs) and least distances, tracked and true."""
+    """Numbers of colliding pairs and least distances, of tracked discs and of true bodies."""
 
-    potential_collisions: int
-    true_collisions: int
+    potential_collisions: int | None
+    true_collisions: int | None
     min_disc_gap_m: float | None
     min_true_distance_m: float | None
 
 
-def _separation(mission: Mission, tracks: Tracks) -> _Separation:
+def _separation(mission: Mission, tracks: Tracks, known: _Known) -> _Separation:
     radius_m = np.array([entry.r_m for entry in mission.roster])
     body_m = np.array([entry.body_m for entry in mission.roster])
     from_m, to_m = tracks.seen_m
     true_m = (tracks.true_from_m, tracks.true_to_m)
     return _Separation(
-        _pairs(from_m, to_m, radius_m, -OVERLAP_TOLERANCE_M),
-        _pairs(*true_m, body_m, -BODY_TOLERANCE_M),
+        _pairs(from_m, to_m, radius_m, -DISC_TOLERANCE_M) or (0 if known.fixes else None),
+        _pairs(*true_m, body_m, -BODY_TOLERANCE_M) or (0 if known.fixes and known.truths else None),
         _finite(least_gap_m(from_m, to_m, radius_m)),
         _finite(least_gap_m(*true_m, np.zeros_like(body_m))),
     )
@@ -373,13 +417,13 @@ def _finite(value: float) -> float | None:
 
 
 def _extra_pct(path_m: Floats, ended_m: Floats) -> float | None:
-    """All paths together against the straight lines between their ends, together."""
+    """Return 100 (sum of paths / sum of straight distances between their ends - 1)."""
     total_m = float(ended_m.sum())
     return max(0.0, 100 * (float(path_m.sum()) / total_m - 1)) if total_m else None
 
 
 def _extra_mean_pct(path_m: Floats, ended_m: Floats, straight_m: Floats) -> float | None:
-    """Mean over the UAVs that have somewhere to go of each one's own percentage."""
+    """Return the mean of 100 (path / straight distance - 1) over the UAVs whose start is not their target."""
     going = straight_m > ARRIVED_M
     if not going.any():
         return None
@@ -387,7 +431,7 @@ def _extra_mean_pct(path_m: Floats, ended_m: Floats, straight_m: Floats) -> floa
 
 
 def _propulsion_j(mission: Mission, columns: Columns, arrival: NDArray[np.int64], first: int | None) -> float:
-    """Energy of flying and hovering of each UAV, from the first commanded slot until it has arrived, or is dead."""
+    """Return the propulsion energy of all UAVs, each from the first commanded slot until it arrives or dies."""
     if first is None:
         return 0.0
     flown_s = mission.dt_s - 2 * mission.guard_s
@@ -398,7 +442,7 @@ def _propulsion_j(mission: Mission, columns: Columns, arrival: NDArray[np.int64]
 
 
 def _compute_j(recording: Recording, columns: Columns) -> float | None:
-    """Energy of all plans; None where there is none, or one whose time was not measured."""
+    """Return the energy of all plans; None if there is no plan, or one without a measured time."""
     plans = sum(report.status in PLANNED for report in recording.reports)
     if not plans or len(columns.plan_ms) < plans:
         return None
@@ -418,9 +462,9 @@ def _quantiles(values: Floats) -> Quantiles:
 
 
 def _fix_to_command_ms(recording: Recording) -> tuple[NDArray[np.int64], Floats]:
-    """For each command its slot, and its send time minus that of the fix that it says its head planned with.
+    """Return, for each command, its slot and its sending time minus that of the fix that it names.
 
-    Commands that do not say it (older recordings), or whose fix is not recorded, have no delay.
+    Commands that name no fix (older recordings), or one that is not recorded, are left out.
     """
     sent_ns = counted_ns(recording)
     slots, delays_ns = [], []
@@ -433,29 +477,29 @@ def _fix_to_command_ms(recording: Recording) -> tuple[NDArray[np.int64], Floats]
 
 
 def counted_ns(recording: Recording) -> dict[tuple[str, int, int], int]:
-    """When each fix was sent, by UAV, slot and number: what commands name."""
+    """Return the sending time of each fix by (UAV, slot, sequence number), by which commands name it."""
     return dict(zip(map(_NUMBERED, recording.fixes), map(_SENT, recording.fixes), strict=True))
 
 
 def _slots_held(columns: Columns, at_target: NDArray[np.bool_], first: int | None, last: int) -> int:
-    """UAV-slots in first..last that begin away from the target and in which nothing is executed."""
+    """Return the number of UAV-slots in first..last in which a UAV away from its target executes no command."""
     if first is None:
         return 0
     held = ~columns.executed & ~at_target[:-1] & columns.alive
     return int(held[first : last + 1].sum())
 
 
-def _ticks_late_pct(recording: Recording, ticks: int) -> float:
+def _ticks_late_pct(recording: Recording, ticks: int) -> float | None:
     """Late ticks among all slots begun; `late_ticks` counts within one life of a process."""
     late: dict[tuple[str, str], int] = {}
     for fix in recording.fixes:
         if fix.late_ticks:
             late[fix.uav, fix.instance] = max(fix.late_ticks, late.get((fix.uav, fix.instance), 0))
-    return 100 * sum(late.values()) / ticks if ticks else 0.0
+    return 100 * sum(late.values()) / ticks if ticks else None
 
 
 def _heads(recording: Recording) -> list[HeadTerm]:
-    """Heads that planned, by term; a plan that only claims a quorum makes nobody head."""
+    """Return the heads that planned, by term; a plan without a quorum in the recorded fixes does not count."""
     mission = recording.mission
     roster = {entry.uav for entry in mission.roster}
     slots: dict[tuple[int, str], list[int]] = {}

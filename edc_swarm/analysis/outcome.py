@@ -1,8 +1,8 @@
-"""Who is at its target at the end of a recording, and for each of the others the reason why it is not.
+"""The outcome of a mission: the UAVs at their targets at the end, and the reason for each other UAV.
 
-A UAV is *home* when the record shows that the centre of its disc is at its target at the end. Every other
-UAV of the roster has one cause, the first that applies of those in `Cause`; what the record does not tell
-is a cause of its own, never a guess.
+A UAV is *home* if the recording shows that the centre of its disc is at its target at the end. Every other UAV of
+the roster has one cause, the first in `Cause` that applies. Missing evidence is a cause of its own; nothing is
+guessed.
 """
 
 from __future__ import annotations
@@ -15,10 +15,11 @@ import numpy as np
 from msgspec import Struct
 from numpy.typing import NDArray
 
-from edc_swarm.analysis.living import SILENT_SLOTS, fault_target, living_at_end
+from edc_swarm.analysis.living import SILENT_SLOTS, living_at_end
 from edc_swarm.analysis.tracks import Tracks, tracks_of
 from edc_swarm.geometry import point_segment_distance_m
 from edc_swarm.mission.configuration import ARRIVED_M, OPERATOR
+from edc_swarm.mission.faults import Freeze, Kill, read_fault
 from edc_swarm.protocol.events import EventKind
 from edc_swarm.protocol.messages import Event, Report
 from edc_swarm.recording.model import Recording
@@ -27,16 +28,16 @@ from edc_swarm.recording.sequences import find_gaps
 Bools = NDArray[np.bool_]
 
 STUCK_SLOTS = 20
-"""A UAV that has come no nearer to its target for so many slots is stuck."""
+"""A UAV is stuck if it has come no nearer to its target for this many slots."""
 ENDS = {
     "completed": "the mission was ended before it had arrived",
     "max_slots": "ran out of slots",
     "interrupted": "the mission was interrupted",
     "failed": "the mission was broken off",
     "stalled": "stopped, since nothing could change any more",
-    "nobody-left": "nobody flew any more",
+    "nobody-left": "no UAV flew any more",
 }
-"""Reason for a UAV that was still on its way, by the detail of the operator's event `end`."""
+"""Reason for a UAV that was still under way, by the detail of the operator's event `end`."""
 
 Cause = Literal[
     "killed",
@@ -56,16 +57,16 @@ Cause = Literal[
 
 
 class NotHome(Struct, frozen=True):
-    """A UAV that is not at its target, and why.
+    """A UAV that is not at its target, with the reason.
 
     Attributes
     ----------
     reason
         The cause in words, with slot and obstacle.
     slot
-        Since when, None where no slot applies.
+        First slot in which the cause applies, None if no slot applies.
     by
-        The UAV that is in the way, "" where none is.
+        The UAV that is in the way, "" if there is none.
     away_m
         Distance from the target to the last known centre of the disc, None for a UAV never heard.
     """
@@ -78,7 +79,7 @@ class NotHome(Struct, frozen=True):
     away_m: float | None = None
 
     def __str__(self) -> str:
-        """Return who, why and how far away, in one line."""
+        """Return one line with the UAV, the reason and the distance to its target."""
         away = "" if self.away_m is None else f", {self.away_m:.2f} m from its target"
         return f"{self.uav}: {self.reason}{away}"
 
@@ -90,7 +91,7 @@ def not_home_of(recording: Recording) -> list[NotHome]:
 
 
 def home_at_end(recording: Recording, tracks: Tracks) -> Bools:
-    """(K,) whether the record shows each UAV at its target at the end."""
+    """Return (K,) flags: True if the recording shows the UAV at its target at the end."""
     heard = tracks.heard.any(axis=0) | tracks.executed.any(axis=0)
     home: Bools = heard & (_away_m(recording, tracks) <= ARRIVED_M)
     return home
@@ -114,7 +115,7 @@ def _away_m(recording: Recording, tracks: Tracks) -> NDArray[np.float64]:
 
 @dataclass(frozen=True, slots=True)
 class _Obstacle:
-    """Where a UAV that is not home is, or can be by the newest plan's hulls."""
+    """The place of a UAV that is not home: its disc, or its hull in the newest plan."""
 
     uav: str
     what: str
@@ -123,20 +124,20 @@ class _Obstacle:
     keep_m: float
 
     def gap_m(self, point_m: tuple[float, float]) -> float:
-        """How far a centre at `point_m` is from touching it, negative inside."""
+        """Return the distance of a centre at `point_m` from touching the obstacle, negative inside."""
         return float(point_segment_distance_m(point_m, self.a_m, self.b_m)) - self.keep_m
 
 
 @dataclass(frozen=True, slots=True)
 class _Judge:
-    """A recording with what is known of its end.
+    """A recording with the state of all UAVs at its end.
 
     Attributes
     ----------
     newest
         (K,) last slot with a fix of each UAV, -1 for none.
     incomplete
-        UAVs of whose fixes the record lacks some.
+        UAVs with fixes that are missing from the recording.
     """
 
     recording: Recording
@@ -150,7 +151,7 @@ class _Judge:
 
     @classmethod
     def of(cls, recording: Recording, tracks: Tracks, living: Bools, home: Bools) -> _Judge:
-        """Gather what is known."""
+        """Collect the state of all UAVs at the end."""
         slots = np.arange(tracks.slots)[:, None]
         roster = {entry.uav for entry in recording.mission.roster}
         plans = [r for r in recording.reports if r.has_quorum and r.is_backed(roster, recording.mission.quorum)]
@@ -170,7 +171,7 @@ class _Judge:
         )
 
     def reason(self, k: int) -> NotHome:
-        """Return why UAV `k` is not home."""
+        """Return the reason why UAV `k` is not home."""
         return self._gone(k) or self._unknown(k) or self._silent(k) or self._flying(k)
 
     def _not_home(self, k: int, cause: Cause, reason: str, slot: int | None = None, by: str = "") -> NotHome:
@@ -182,13 +183,13 @@ class _Judge:
     # --- UAVs that do not live ---------------------------------------------------------------
 
     def _gone(self, k: int) -> NotHome | None:
-        """The recorded event that ended the flight of a UAV that does not live, if there is one."""
+        """Return the recorded event that ended the flight of UAV `k`, which does not live; None if there is none."""
         if self.living[k]:
             return None
         uav, newest = self.tracks.uavs[k], int(self.newest[k])
         for event in reversed(self.recording.events):
-            if event.slot >= newest and (told := self._ended_by(event, uav)) is not None:
-                return self._not_home(k, *told, event.slot)
+            if event.slot >= newest and (ending := self._ended_by(event, uav)) is not None:
+                return self._not_home(k, *ending, event.slot)
         forgot = min((f.slot for f in self.recording.fixes if f.uav == uav and not f.voter), default=None)
         if forgot is not None:
             text = f"may not be commanded since slot {forgot} (its memory was lost)"
@@ -196,7 +197,7 @@ class _Judge:
         return None
 
     def _ended_by(self, event: Event, uav: str) -> tuple[Cause, str] | None:
-        """Cause and reason where `event` ended the flight of `uav`."""
+        """Return cause and reason if `event` ended the flight of `uav`, else None."""
         since = f"since slot {event.slot}"
         if event.kind == EventKind.BATTERY_EMPTY and event.source == uav:
             return "battery-empty", f"battery empty {since}"
@@ -204,16 +205,15 @@ class _Judge:
             return None
         if event.kind == EventKind.EXITED and event.detail.startswith(f"{uav} "):
             return "process-gone", f"dead {since} (its process {event.detail.removeprefix(f'{uav} ')})"
-        if event.kind == EventKind.FAULT and fault_target(event.detail, self.recording.mission.dt_s) == uav:
-            verb = event.detail.partition(" ")[0]
-            if verb == "kill":
-                return "killed", f"dead {since} (killed by a fault)"
-            if verb == "freeze":
-                return "frozen", f"dead {since} (frozen by a fault)"
+        fault = read_fault(event.detail, self.recording.mission.dt_s) if event.kind == EventKind.FAULT else None
+        if isinstance(fault, Kill) and fault.target == uav:
+            return "killed", f"dead {since} (killed by a fault)"
+        if isinstance(fault, Freeze) and fault.target == uav:
+            return "frozen", f"dead {since} (frozen by a fault)"
         return None
 
     def _unknown(self, k: int) -> NotHome | None:
-        """The record lacks fixes that would tell where the UAV is."""
+        """Return that UAV `k` is not heard or that fixes of it are missing, else None."""
         uav, newest = self.tracks.uavs[k], int(self.newest[k])
         if newest < 0:
             return self._not_home(k, "never-heard", "unknown: the record holds no fix of it")
@@ -244,7 +244,7 @@ class _Judge:
         return self._left_alone(k) or self._blocked(k, obstacles) or self._on_its_way(k)
 
     def _obstacles(self, k: int) -> Iterator[_Obstacle]:
-        """Every other UAV that is not home: its disc, and its hull where it does not live."""
+        """Yield the disc of every other UAV that is not home, and its hull if it does not live."""
         roster, plan = self.recording.mission.roster, self.plan
         for other in np.flatnonzero(~self.home).tolist():
             if other == k:
@@ -258,14 +258,14 @@ class _Judge:
                 yield _Obstacle(uav, "hull", a_m, b_m, keep_m + plan.hull_r_m[i])
 
     def _left_alone(self, k: int) -> NotHome | None:
-        """No command for it was sent, or none was flown, up to the end."""
+        """Return that UAV `k` got no command, or flew none, for many slots up to the end, else None."""
         uav, last = self.tracks.uavs[k], self.tracks.slots - 1
-        told = max((c.slot for c in self.recording.commands if c.uav == uav), default=-1)
-        if told < last - SILENT_SLOTS:
+        commanded = max((c.slot for c in self.recording.commands if c.uav == uav), default=-1)
+        if commanded < last - SILENT_SLOTS:
             anybody = max((c.slot for c in self.recording.commands), default=-1) >= last - SILENT_SLOTS
-            since = f"since slot {told + 1}" if told >= 0 else "at any time"
-            text = f"not commanded {since}" + ("" if anybody else ": nobody was")
-            return self._not_home(k, "not-commanded", text, told + 1)
+            since = f"since slot {commanded + 1}" if commanded >= 0 else "at any time"
+            text = f"not commanded {since}" + ("" if anybody else ": no UAV was")
+            return self._not_home(k, "not-commanded", text, commanded + 1)
         flown = int(np.max(np.flatnonzero(self.tracks.executed[:, k]), initial=-1))
         if flown < last - SILENT_SLOTS:
             text = f"has flown no command since slot {flown + 1}: none came in time"
@@ -273,7 +273,7 @@ class _Judge:
         return None
 
     def _blocked(self, k: int, obstacles: list[_Obstacle]) -> NotHome | None:
-        """It came no nearer for long, and is within a step of touching another that is not home."""
+        """Return the obstacle of a stuck UAV `k` that is within one step of touching another UAV, else None."""
         if self.tracks.slots <= STUCK_SLOTS or not obstacles:
             return None
         entry, centre_m = self.recording.mission.roster[k], self.tracks.centre_m[:, k]

@@ -1,8 +1,8 @@
-"""Planning again what was planned: a recorded head's requests, rebuilt from fixes and reports.
+"""Replanning: a head's recorded plan requests, rebuilt and given to a planner again.
 
-A report names the UAVs that were heard and the hulls of the others; with the fixes of its slot that
-is all a planner is given. Planners remember (tracks, duals), so the plans of one process are made
-again in their order, by one planner.
+A report names the UAVs that the head heard and the hulls of the others. Report and fixes of a slot together are the
+whole input of a planner. A planner keeps state between slots (tracks, duals for a warm start), so one planner
+repeats all plans of a process in their order.
 """
 
 from __future__ import annotations
@@ -14,16 +14,15 @@ from dataclasses import dataclass
 from msgspec import Struct
 
 from edc_swarm.planner.interface import Hull, Planner, PlanRequest
-from edc_swarm.protocol.messages import Command, Fix, Report, roster_index
+from edc_swarm.protocol.messages import PLANNED, Command, Fix, Report, roster_index
 from edc_swarm.recording.model import Recording
 
-TOLERANCE_M = 1e-6
-"""Another processor may round otherwise; more than this is another plan."""
-PLANNED = frozenset({"planned", "no-qp-needed", "failed"})
+SAME_PLAN_M = 1e-6
+"""Greatest difference between commands of one plan on two processors, which may round differently."""
 
 
 class Difference(Struct, frozen=True):
-    """A command that is not what planning again gives."""
+    """A recorded command that differs from the replanned one."""
 
     slot: int
     uav: str
@@ -33,7 +32,7 @@ class Difference(Struct, frozen=True):
 
 
 class Replanned(Struct, frozen=True):
-    """What planning a recording again has shown.
+    """The result of replanning a recording.
 
     `identical` commands are equal to the last bit, `greatest_off_m` is the greatest distance between
     a recorded target and the one planned now. `skipped` plans lack fixes or commands in the record.
@@ -49,7 +48,7 @@ class Replanned(Struct, frozen=True):
 
 @dataclass(frozen=True, slots=True)
 class _Plan:
-    """A recorded plan: who was commanded where, and the request that it answered."""
+    """A recorded plan: its commands, and the request that it answered."""
 
     report: Report
     request: PlanRequest
@@ -57,7 +56,7 @@ class _Plan:
 
 
 def replan(recording: Recording, make_planner: Callable[[], Planner]) -> Replanned:
-    """Plan every recorded slot again and compare command by command."""
+    """Replan every recorded slot and compare command by command."""
     planners: dict[tuple[str, str], Planner] = {}
     offs: list[tuple[Command, float]] = []
     reports = [report for report in recording.reports if report.status in PLANNED]
@@ -75,12 +74,12 @@ def replan(recording: Recording, make_planner: Callable[[], Planner]) -> Replann
         identical=sum(off_m == 0.0 for _, off_m in offs),
         greatest_off_m=max((off_m for _, off_m in offs), default=0.0),
         skipped=len(reports) - len(plans),
-        differences=[Difference(c.slot, c.uav, c.term, c.head, off_m) for c, off_m in offs if not off_m <= TOLERANCE_M],
+        differences=[Difference(c.slot, c.uav, c.term, c.head, off_m) for c, off_m in offs if not off_m <= SAME_PLAN_M],
     )
 
 
 def _plans(recording: Recording, reports: list[Report]) -> Iterator[_Plan]:
-    """Every plan whose fixes and commands are all in the record, in the order of the record."""
+    """Yield every plan whose fixes and commands are all recorded, in the order of the recording."""
     index = roster_index(recording.mission.roster)
     fixes = {(f.uav, f.slot, f.term, f.head): f for f in recording.fixes}
     commands = {(c.uav, c.slot, c.term, c.head): c for c in recording.commands}

@@ -1,4 +1,4 @@
-"""Which pairs of a moving swarm come how close: the broad and the exact phase, over whole missions.
+"""Least distances of moving pairs over a whole mission, by a broad and an exact phase.
 
 Arrays are (S, K, 2) in metres: K points over S slots; within a slot all move linearly and together.
 """
@@ -20,7 +20,7 @@ _BLOCK = 1 << 19
 
 @dataclass(frozen=True, slots=True)
 class Encounters:
-    """Pairs (first < second, indices) in a slot, and their least gap in it.
+    """Pairs (indices, first < second) of UAVs in a slot, with their least gap in it.
 
     `gap_m` is distance minus the sum of the two radii: negative where discs overlap.
     """
@@ -32,21 +32,21 @@ class Encounters:
 
 
 def encounters(from_m: Floats, to_m: Floats, radius_m: Floats, below_m: float) -> Encounters:
-    """Pairs whose discs come closer than a gap of `below_m`, by exact closest approach."""
+    """Return the pairs whose discs come closer than a gap of `below_m`, by exact closest approach."""
     slot, first, second, sum_m = _candidates(from_m, to_m, radius_m, below_m)
     ends = (from_m[slot, first], to_m[slot, first], from_m[slot, second], to_m[slot, second])
     return _kept(slot, first, second, closest_approach_m(*ends) - sum_m, below_m)
 
 
 def swept_encounters(from_m: Floats, to_m: Floats, radius_m: Floats, below_m: float) -> Encounters:
-    """As `encounters`, but whenever in the slot either of the two is where on its segment."""
+    """Return the pairs whose segments come closer than a gap of `below_m`, at any pace of either UAV."""
     slot, first, second, sum_m = _candidates(from_m, to_m, radius_m, below_m)
     ends = (from_m[slot, first], to_m[slot, first], from_m[slot, second], to_m[slot, second])
     return _kept(slot, first, second, segment_distance_m(*ends) - sum_m, below_m)
 
 
 def least_gap_m(from_m: Floats, to_m: Floats, radius_m: Floats) -> float:
-    """Least gap of any two discs in any slot; NaN for fewer than two UAVs, or no slot."""
+    """Return the least gap of any two discs in any slot; NaN for fewer than two UAVs, or no slot."""
     if not from_m.size or from_m.shape[1] < 2:
         return float("nan")
     bound_m = _sampled_gap_m(from_m, radius_m)
@@ -56,7 +56,7 @@ def least_gap_m(from_m: Floats, to_m: Floats, radius_m: Floats) -> float:
 
 
 def least_gaps_m(from_m: Floats, to_m: Floats, radius_m: Floats) -> Floats:
-    """(S,) least gap of any two discs in each slot; NaN for fewer than two UAVs."""
+    """Return (S,) least gaps of any two discs in each slot; NaN for fewer than two UAVs."""
     first, second = np.triu_indices(len(radius_m), 1)
     least_m = np.full(len(from_m), np.nan)
     if len(first):
@@ -67,7 +67,7 @@ def least_gaps_m(from_m: Floats, to_m: Floats, radius_m: Floats) -> Floats:
 
 
 def closest_moment(from_m: Floats, to_m: Floats, slot: int, first: int, second: int) -> float:
-    """Share of the slot, in [0, 1], at which two points that move together are closest."""
+    """Return the share of the slot, in [0, 1], at which two points that move simultaneously are closest."""
     apart_m = from_m[slot, first] - from_m[slot, second]
     closing_m = (to_m[slot, first] - to_m[slot, second]) - apart_m
     squared = float(closing_m @ closing_m)
@@ -75,7 +75,7 @@ def closest_moment(from_m: Floats, to_m: Floats, slot: int, first: int, second: 
 
 
 def _sampled_gap_m(points_m: Floats, radius_m: Floats) -> float:
-    """Least gap at the start of every 16th slot: a bound from above on the least gap of all."""
+    """Return the least gap at the start of every 16th slot, an upper bound on the least gap."""
     first, second = np.triu_indices(points_m.shape[1], 1)
     sum_m, least_m = radius_m[first] + radius_m[second], np.inf
     for x_m, y_m in np.moveaxis(points_m[::16], 2, 1):
@@ -85,10 +85,10 @@ def _sampled_gap_m(points_m: Floats, radius_m: Floats) -> float:
 
 
 def _candidates(from_m: Floats, to_m: Floats, radius_m: Floats, below_m: float) -> tuple[Ints, Ints, Ints, Floats]:
-    """Slot, first, second and radius sum of all pairs that could come closer than `below_m`.
+    """Return slot, first, second and radius sum of all pairs that could come closer than `below_m`.
 
-    Two points cannot come closer than their distance at the start minus both lengths of way. Pairs
-    with an unknown (NaN) position are never candidates.
+    Two points that are d apart at the start and fly a and b come no closer than d - a - b. A pair with an unknown
+    (NaN) position is never a candidate.
     """
     slots, count, _ = from_m.shape
     first, second = np.triu_indices(count, 1)

@@ -1,4 +1,4 @@
-"""What a run has come to, in rows of words and numbers: the same on the terminal and on the page."""
+"""The table of a run's metrics, as rows of name and value, for the terminal and the report page."""
 
 from __future__ import annotations
 
@@ -6,37 +6,37 @@ from edc_swarm.analysis.metrics import Metrics, Quantiles
 
 MAX_HEADS = 6
 MAX_NAMED = 10
-"""UAVs that are named with the reason why they are not home; `--json` names all."""
+"""Most UAVs whose reason for not being home is printed; `--json` contains all."""
 
 
 def metric_rows(m: Metrics) -> list[tuple[str, str]]:
-    """Name and value of everything that is told of a run."""
+    """Return the rows (name, value) of a run's metrics."""
     heads = ", ".join(f"{h.head} (term {h.term}, slots {h.first_slot}-{h.last_slot})" for h in m.heads[:MAX_HEADS])
     away = f"; not living: {', '.join(m.not_living)}" if m.not_living else ""
     undone = [("faults not done", "; ".join(m.faults_undone))] if m.faults_undone else []
     return [
         ("arrived", f"{m.arrived} of {m.uavs}{away}"),
         *_not_home(m),
-        ("slots", f"{m.slots} ({m.duration_s:g} s), {m.slots_missed} without commands"),
-        ("heads", (heads + (", ..." if len(m.heads) > MAX_HEADS else "")) or "none"),
-        ("collisions", f"{m.potential_collisions} potential, {m.true_collisions} true"),
+        ("slots", f"{m.slots} ({m.duration_s:g} s), {_count(m.slots_missed)} without commands"),
+        ("heads", (heads + (", ..." if len(m.heads) > MAX_HEADS else "")) or "none recorded"),
+        ("collisions", f"{_count(m.potential_collisions)} potential, {_count(m.true_collisions)} true"),
         (
             "least gap",
             f"{_number(m.min_disc_gap_m, 'm')} between discs, {_number(m.min_true_distance_m, 'm')} true distance",
         ),
-        ("way flown", f"{m.path_m:.1f} m{_extra(m)}"),
+        ("way flown", "-" if m.path_m is None else f"{m.path_m:.1f} m{_extra(m)}"),
         ("makespan", _makespan(m)),
-        ("energy", f"{m.energy_propulsion_j / 1e3:.2f} kJ, straight {m.energy_straight_j / 1e3:.2f} kJ"),
+        ("energy", f"{_kj(m.energy_propulsion_j)}, straight {_kj(m.energy_straight_j)}"),
         ("plan time", _quantiles(m.plan_ms)),
         ("fix to command", _quantiles(m.fix_to_command_ms)),
-        ("late ticks", f"{m.ticks_late_pct:.2f} %"),
-        ("messages", f"{m.messages}, {m.gaps} gaps" + _late_and_twice(m)),
+        ("late ticks", _number(m.ticks_late_pct, "%")),
+        ("messages", f"{m.messages}, {_count(m.gaps)} gaps" + _late_and_twice(m)),
         *undone,
     ]
 
 
 def _not_home(m: Metrics) -> list[tuple[str, str]]:
-    """Who is not home and why: no row where everybody is."""
+    """Return a row with the UAVs that are not home and their reasons; no row if all are home."""
     named = [str(who) for who in m.not_home[:MAX_NAMED]]
     named += [f"and {len(m.not_home) - MAX_NAMED} more"] * (len(m.not_home) > MAX_NAMED)
     return [("not home", "; ".join(named))] if named else []
@@ -54,6 +54,14 @@ def _extra(m: Metrics) -> str:
         return ""
     whose = ", " if m.arrived == m.uavs else "; by those at their targets "
     return f"{whose}{_number(m.extra_distance_pct, '%')} more than straight"
+
+
+def _count(value: int | None) -> str:
+    return "-" if value is None else str(value)
+
+
+def _kj(value_j: float | None) -> str:
+    return "-" if value_j is None else f"{value_j / 1e3:.2f} kJ"
 
 
 def _number(value: float | None, unit: str) -> str:

@@ -1,11 +1,10 @@
-"""Where every tracked disc and every UAV was in every slot, as far as the record tells.
+"""Tracks: the place of every tracked disc and every UAV in every slot, reconstructed from a recording.
 
-A UAV publishes its waypoint in the fix of each slot; a slot without a fix is a slot in which it
-stayed, unless its truth or its next fix shows that it had accepted a step and then said nothing
-(a process can die between accepting a step and saying so). Fixes of a UAV that lost its memory
-(`voter` false) say nothing about the disc; its truth still does, since disc and UAV move by the
-same vector. Where the record itself has lost fixes (a recorder that was frozen), and nothing explains how
-the UAV came to where its next fix says it was, the slots between are `lost`: nothing is judged there.
+A UAV publishes its waypoint in the fix of each slot. In a slot without a fix it held, unless its truth or its next
+fix shows that it executed a step (a process can die after it accepts a step and before it publishes the fix). The
+fixes of a UAV that lost its memory (`voter` false) are no evidence on its disc; its truths are, since disc and UAV
+move by the same vector. If the recording lacks fixes (for example because the recorder was frozen) and no command
+explains how the UAV came to the waypoint of its next fix, the slots between are `lost`: nothing is judged there.
 """
 
 from __future__ import annotations
@@ -27,8 +26,8 @@ Floats = NDArray[np.float64]
 Bools = NDArray[np.bool_]
 Ints = NDArray[np.int64]
 Point = tuple[float, float]
-MAX_CELLS = 100_000_000
-"""Most UAV-slots that are examined."""
+MAX_UAV_SLOTS = 100_000_000
+"""Most UAV-slots of a recording that can be analysed."""
 TRUTH_TOLERANCE_M = 1e-9
 Cell = tuple[int, int]
 """Slot and UAV."""
@@ -36,7 +35,7 @@ Cell = tuple[int, int]
 
 @dataclass(frozen=True, slots=True)
 class Step:
-    """A step that was executed without a fix that says so, and the commands that explain it: all order this motion."""
+    """An executed step that no fix reports, with the commands that explain it; all of them order the same motion."""
 
     uav: int
     slot: int
@@ -50,7 +49,7 @@ class Step:
 
 @dataclass(frozen=True, slots=True)
 class Tracks:
-    """Positions of K UAVs over S slots; in slot t everything moves straight from start to end.
+    """Positions of K UAVs over S slots; in slot t each UAV moves straight from start to end.
 
     Attributes
     ----------
@@ -58,17 +57,17 @@ class Tracks:
         Ids in roster order.
     centre_m
         (S + 1, K, 2): the tracked disc's centre at the start of slot t and, in row t + 1, at its end.
-        In `lost` slots it is moved evenly from where it was last seen to where it is seen again.
+        In `lost` slots it is interpolated linearly between the last known and the next known place.
     true_from_m, true_to_m
         (S, K, 2): true position at both ends of slot t; NaN where no truth of the UAV is recorded.
     heard, executed
-        (S, K): whether a fix of the slot is recorded, and whether a command was executed in it.
+        (S, K): True where a fix of the slot is recorded; True where a command was executed in it.
     energy_j
         (S, K): battery at the slot's newest fix, NaN where there is none.
     silent
         Steps that no fix reports.
     lost
-        (S, K): whether the fix of the slot is missing from the record, and the way flown unknown.
+        (S, K): True where the fix of the slot is missing from the recording and the motion is unknown.
     """
 
     uavs: list[str]
@@ -88,7 +87,7 @@ class Tracks:
 
     @property
     def seen_m(self) -> tuple[Floats, Floats]:
-        """(S, K, 2) centres at both ends of every slot, NaN in lost slots: what may be judged."""
+        """(S, K, 2) centres at the start and at the end of every slot, NaN in lost slots, for use in verdicts."""
         if not self.lost.any():
             return self.centre_m[:-1], self.centre_m[1:]
         known = ~self.lost[..., None]
@@ -96,12 +95,12 @@ class Tracks:
 
 
 def tracks_of(recording: Recording) -> Tracks:
-    """Tracks of all UAVs of the mission, from slot 0 to the last slot with a fix or a truth.
+    """Return the tracks of all UAVs of the mission, from slot 0 to the last slot with a fix or a truth.
 
     Raises
     ------
     RecordingError
-        A message names a slot that no mission reaches: the arrays would not fit into memory.
+        A message names a slot so late that the arrays would not fit into memory.
     """
     roster = recording.mission.roster
     index = roster_index(roster)
@@ -109,8 +108,8 @@ def tracks_of(recording: Recording) -> Tracks:
     truths = [t for t in recording.truths if t.slot >= 0 and t.uav in index]
     cells, true_cells = _cells(fixes, index), _cells(truths, index)
     slots = 1 + max(int(cells[0].max(initial=-1)), int(true_cells[0].max(initial=-1)))
-    if slots * len(roster) > MAX_CELLS:
-        raise RecordingError("recording", f"slot {slots - 1} is beyond what can be examined")
+    if slots * len(roster) > MAX_UAV_SLOTS:
+        raise RecordingError("recording", f"slot {slots - 1} is beyond the longest mission that can be analysed")
     shape = (slots, len(roster))
     heard, executed, energy_j = np.zeros(shape, bool), np.zeros(shape, bool), np.full(shape, np.nan)
     heard[cells] = True
@@ -143,7 +142,7 @@ def _column(messages: Sequence[Any], name: str) -> Floats:
 
 
 def _cells(messages: Sequence[Any], index: dict[str, int]) -> tuple[Ints, Ints]:
-    """Slot and UAV of every message; where several fall into one cell, numpy keeps the last."""
+    """Return slots and UAVs of all messages as indices; of several messages in one cell numpy keeps the last."""
     uavs = (index[uav] for uav in map(attrgetter("uav"), messages))
     return _column(messages, "slot").astype(np.int64), np.fromiter(uavs, np.int64, len(messages))
 
@@ -153,14 +152,14 @@ def _points(messages: Sequence[Any], name: str) -> Floats:
 
 
 def _fill_forward(centre_m: Floats) -> None:
-    """Replace every NaN by the last point before it."""
+    """Replace every NaN with the last point before it."""
     known = ~np.isnan(centre_m[..., 0])
     newest = np.maximum.accumulate(np.where(known, np.arange(len(centre_m))[:, None], 0))
     centre_m[:] = np.take_along_axis(centre_m, newest[..., None], axis=0)
 
 
 def _bridged(fixes: Sequence[Fix], index: dict[str, int], unsaid: Bools, centre_m: Floats) -> Bools:
-    """(S, K) lost slots; over each run of them the centre is moved evenly to where the next fix's slot began."""
+    """Return (S, K) lost slots, and interpolate `centre_m` over each run of them up to the next fix."""
     lost = np.zeros_like(unsaid)
     for fix in _after_holes(fixes) if unsaid.any() else ():
         k, after = index[fix.uav], fix.slot
@@ -175,7 +174,7 @@ def _bridged(fixes: Sequence[Fix], index: dict[str, int], unsaid: Bools, centre_
 
 
 def _after_holes(fixes: Sequence[Fix]) -> Iterator[Fix]:
-    """Fixes before which the record lacks some of the same process."""
+    """Yield the fixes that follow a sequence gap of their process."""
     expected: dict[tuple[str, str], int] = {}
     for fix in fixes:
         stream = fix.uav, fix.instance
@@ -185,9 +184,9 @@ def _after_holes(fixes: Sequence[Fix]) -> Iterator[Fix]:
 
 
 def _true_motion(truths: list[Truth], cells: tuple[Ints, Ints], centre_m: Floats) -> tuple[Floats, Floats]:
-    """True positions; where a slot has none, the disc's centre plus the UAV's first known offset.
+    """Return true positions; in a slot without a truth, the disc's centre plus the UAV's first known offset.
 
-    A slot with several truths (of a process and its successor) is one motion, from first to last.
+    Several truths in one slot (of a process and its successor) are one motion, from the first to the last.
     """
     starts_m, ends_m = centre_m[:-1], centre_m[1:]
     to_m = _points(truths, "to")
@@ -199,7 +198,7 @@ def _true_motion(truths: list[Truth], cells: tuple[Ints, Ints], centre_m: Floats
 
 
 def _offsets_m(to_m: Floats, cells: tuple[Ints, Ints], ends_m: Floats) -> Floats:
-    """(K, 2): how far each UAV is from the centre of its disc where both are first known, else NaN."""
+    """Return (K, 2) offsets of each UAV from the centre of its disc in the first slot with both, else NaN."""
     offset_m = np.full(ends_m.shape[1:], np.nan)
     apart_m = to_m - ends_m[cells]
     known = ~np.isnan(apart_m[:, 0])
@@ -208,7 +207,7 @@ def _offsets_m(to_m: Floats, cells: tuple[Ints, Ints], ends_m: Floats) -> Floats
 
 
 def _flown_before_birth(executed: Bools, truths: Sequence[Truth], index: dict[str, int]) -> set[Cell]:
-    """Steps of whose slot only a successor tells the truth: its first, from where it found itself."""
+    """Return (slot, UAV) of steps whose only truth is the first of a restarted process, from after the step."""
     born: set[tuple[str, str]] = set()
     tells: dict[Cell, bool] = {}
     for truth in truths:
@@ -220,20 +219,20 @@ def _flown_before_birth(executed: Bools, truths: Sequence[Truth], index: dict[st
 
 @dataclass(frozen=True, slots=True)
 class _Sightings:
-    """What is recorded of one UAV in the slots of which no fix says what its disc did."""
+    """The truths and commands of one UAV in the slots without a fix that reports its disc."""
 
     commands: dict[int, list[Command]]
     disc_m: dict[int, Point]
 
     def agrees(self, slot: int, end: Point) -> bool:
-        """Whether the truth of the slot, if there is one, allows that the disc ended there."""
+        """Return True if the slot has no truth, or one that agrees with a disc that ends at `end`."""
         return slot not in self.disc_m or math.dist(self.disc_m[slot], end) <= TRUTH_TOLERANCE_M
 
 
 def _silent_steps(
     recording: Recording, truths: list[Truth], cells: tuple[Ints, Ints], centre_m: Floats, executed: Bools
 ) -> Iterator[Step]:
-    """Steps in slots without a (trustworthy) fix, for every UAV that has such slots."""
+    """Yield the steps in slots without a fix of a voter, for every UAV with such slots."""
     unsaid = np.isnan(centre_m[1:, :, 0])
     if not unsaid.any():
         return
@@ -256,7 +255,7 @@ def _silent_steps(
 
 
 def _runs(flags: Bools) -> Iterator[tuple[int, int]]:
-    """First index of every run of true flags, and the index after it."""
+    """Yield (first index, index after the last) of every run of true flags."""
     edges = np.flatnonzero(np.diff(np.concatenate([[False], flags, [False]]).astype(np.int8)))
     yield from zip(edges[::2].tolist(), edges[1::2].tolist(), strict=True)
 
@@ -264,10 +263,10 @@ def _runs(flags: Bools) -> Iterator[tuple[int, int]]:
 def _explained(
     k: int, first: int, after: int, sightings: _Sightings, centre_m: Floats, executed: Bools
 ) -> Iterator[Step]:
-    """The commands of slots first..after-1 that UAV `k` must have flown to be where it is seen next.
+    """Yield the steps of slots first..after-1 that UAV `k` must have flown to reach its next known place.
 
-    Walks through the slots with every point it can have reached; a recorded truth decides where it
-    was at the end of its slot, otherwise all are possible and staying is preferred.
+    The search keeps the set of all points that the UAV can have reached, slot by slot. A recorded truth decides
+    the place at the end of its slot; otherwise all points stay possible and holding is preferred.
     """
     earlier = centre_m[: first + 1, k]
     start = _point(earlier[np.flatnonzero(~np.isnan(earlier[:, 0]))[-1]])
@@ -289,7 +288,7 @@ def _explained(
 def _advanced(
     paths: dict[Point, tuple[Step, ...]], k: int, slot: int, sightings: _Sightings
 ) -> dict[Point, tuple[Step, ...]]:
-    """Where the UAV can be a slot later; where it was when nothing explains what is recorded."""
+    """Return the points that the UAV can reach in one slot; its old ones if no command explains the recorded truth."""
     reached = {point: path for point, path in paths.items() if sightings.agrees(slot, point)}
     motions: dict[tuple[Point, Point], list[Command]] = {}
     for command in sightings.commands.get(slot, []):

@@ -1,5 +1,5 @@
 """The emulated world around an agent: network links, GPS receivers, energy.
 
-This package decides what the network does to a message, what a receiver measures and what a flight costs. It imports
-`mission`, never a message type. Open `links` first.
+This package decides how links delay and drop messages, which position a receiver measures and how much energy a flight
+takes. It imports `mission` and `errors`, never a message type. Open `links` first.
 """

@@ -1,8 +1,8 @@
-"""What flying and thinking cost: propulsion power, head computation.
+"""Energy of flight and computation: propulsion power, processor time of a head.
 
 Reference: Y. Zeng, J. Xu, R. Zhang, "Energy Minimization for Wireless Communication With
 Rotary-Wing UAV", IEEE Trans. Wireless Commun. 18(4), 2019, eq. 12. Hovering costs more than slow
-cruising, so waiting is not free.
+cruising, so a hold is not free.
 
 Every UAV process imports this module, so it does not import numpy.
 """
@@ -20,24 +20,24 @@ if TYPE_CHECKING:
 
 
 def propulsion_power_w(speed_mps: float, model: EnergyModel) -> float:
-    """Power, in watts, of level flight at a constant speed (0 = hover)."""
+    """Return the power, in watts, of level flight at a constant speed (0 = hover)."""
     power_w: float = _power_w(speed_mps, model)
     return power_w
 
 
 def propulsion_powers_w(speed_mps: NDArray[np.float64], model: EnergyModel) -> NDArray[np.float64]:
-    """`propulsion_power_w` of an array of speeds, of any shape."""
+    """Return `propulsion_power_w` of an array of speeds, of any shape."""
     power_w: NDArray[np.float64] = _power_w(speed_mps, model)
     return power_w
 
 
 def compute_energy_j(cpu_s: float, model: HeadModel) -> float:
-    """Energy, in joules, that a head spends on `cpu_s` seconds of processor time."""
+    """Return the energy, in joules, that a head spends on `cpu_s` seconds of processor time."""
     return cpu_s * model.p_active_w
 
 
 def check_batteries(mission: Mission) -> None:
-    """Raise `MissionError` for a UAV whose battery does not cover one step at full speed: it would never move."""
+    """Raise `MissionError` if a UAV's battery does not cover one step at full speed: it would never move."""
     for index, entry in enumerate(mission.roster):
         if entry.straight_m <= ARRIVED_M:
             continue
@@ -55,7 +55,7 @@ def check_batteries(mission: Mission) -> None:
 
 
 def stranded(mission: Mission) -> dict[str, float]:
-    """Energy in joules that the straight flight of each UAV takes at full speed, of those whose battery lacks it."""
+    """Return the energy, in joules, of the straight flight at full speed, for each UAV whose battery has less."""
     power_w = propulsion_power_w(mission.v_max_mps, mission.energy)
     needed_j = {
         entry.uav: power_w * max(0.0, entry.straight_m - ARRIVED_M) / mission.v_max_mps for entry in mission.roster
@@ -64,14 +64,14 @@ def stranded(mission: Mission) -> dict[str, float]:
 
 
 def step_energy_j(mission: Mission, length_m: float) -> float:
-    """Propulsion energy, in joules, of one slot in which `length_m` is flown at constant speed between its guards."""
+    """Return the propulsion energy, in joules, of one slot: `length_m` at constant speed between the slot's guards."""
     flown_s = mission.dt_s - 2 * mission.guard_s
     flying_j = propulsion_power_w(length_m / flown_s, mission.energy) * flown_s
     return flying_j + propulsion_power_w(0.0, mission.energy) * (mission.dt_s - flown_s)
 
 
 def _power_w(speed_mps: Any, model: EnergyModel) -> Any:
-    """P(V) of a number or an array.
+    """Return P(V) of a number or an array.
 
     With a = V^2 / (2 v0^2), the induced term sqrt(sqrt(1 + a^2) - a) is written as its equal
     1 / sqrt(sqrt(1 + a^2) + a), which loses no digits at high speed.

@@ -1,8 +1,8 @@
-"""GPS error models: where a receiver says that a UAV is, against where it is.
+"""GPS error models: the difference of a UAV's reported and true positions.
 
 The roster start is the first reported position, hence the centre of the tracked disc; the true
 start lies anywhere in the disc (uniformly, as in the paper's section II). The error of every fix
-stays within `r_m - body_m`, so that the disc always holds the whole vehicle.
+stays within `r_m - body_m`, so the disc always contains the whole vehicle.
 
 Every UAV process imports this module, so it does not import numpy.
 """
@@ -20,19 +20,19 @@ CORRELATION_S = 30.0
 
 
 class GpsReceiver:
-    """One UAV's receiver, a state machine that depends on its arguments alone.
+    """GPS receiver of one UAV, a state machine that depends on its arguments alone.
 
     Parameters
     ----------
     model
-        `bias` (one error for ever), `white` (each fix, uniform in the disc: the paper's words),
+        `bias` (one constant error), `white` (each fix independent and uniform in the disc, as in the paper),
         `gauss-markov` (correlated over `CORRELATION_S`, clipped to the disc), or `none`.
     reach_m
         Largest error, `r_m - body_m`.
     dt_s
         Mission time between two fixes.
     seed
-        Text such as `"{mission seed}/{uav}/gps"`. A restarted receiver draws the same offset again.
+        Text such as `"{mission seed}/{uav}/gps"`. A restarted receiver draws the same offset.
     """
 
     def __init__(self, model: GpsModel, reach_m: float, dt_s: float, seed: str) -> None:
@@ -45,7 +45,7 @@ class GpsReceiver:
 
     @property
     def true_offset_m(self) -> tuple[float, float]:
-        """True start minus roster start; known before the first fix only."""
+        """True start minus roster start; defined only before the first fix."""
         assert self._fresh, "the offset belongs to the start"
         x_m, y_m = self._error_m
         return -x_m, -y_m
@@ -56,7 +56,7 @@ class GpsReceiver:
         return self._error_m
 
     def next_error_m(self) -> tuple[float, float]:
-        """Reported minus true position of the next fix; the first one undoes the true offset."""
+        """Return reported minus true position of the next fix; the first one cancels the true offset."""
         if not self._fresh:
             self._error_m = self._advanced()
         self._fresh = False
@@ -79,7 +79,7 @@ class GpsReceiver:
         return radius_m * math.cos(angle), radius_m * math.sin(angle)
 
     def _correlated(self) -> tuple[float, float]:
-        """First-order Gauss-Markov step; each axis has the spread, reach / 2, of a uniform disc."""
+        """Return a first-order Gauss-Markov step; each axis has the spread, reach / 2, of a uniform disc."""
         noise_m = 0.5 * self._reach_m * math.sqrt(1 - self._kept**2)
         x_m, y_m = (self._kept * e + noise_m * self._random.gauss(0.0, 1.0) for e in self._error_m)
         excess = max(1.0, math.hypot(x_m, y_m) / self._reach_m) if self._reach_m else 1.0

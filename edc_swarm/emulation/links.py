@@ -1,6 +1,6 @@
-"""The emulated network: what each directed link does to a message, seeded and clockless.
+"""Emulated network: loss, delay and duplication on each directed link, seeded and without a clock.
 
-The model sits in the receiving agent, above the real transport: the same object delays and drops
+The model runs in the receiving agent, above the real transport: the same object delays and drops
 messages in the simulator and in the processes. The recorder is an observer outside it. Radio range is
 about true positions, the emulator's ground truth, which the agents never see (`LinkEmulator.place`).
 
@@ -20,22 +20,22 @@ from random import Random
 from msgspec import Struct
 
 from edc_swarm.mission.configuration import MAX_FAULTS, MAX_LINKS, NS_PER_S, Link, Mission
-from edc_swarm.mission.faults import parse_faults
+from edc_swarm.mission.faults import ChangeLink, parse_faults
 
 NS_PER_MS = 1_000_000
 ANYONE = "*"
 CLIPPED_AT = 3.0
-"""A normal jitter is at most this many standard deviations."""
+"""Limit of a normal jitter, in standard deviations."""
 
 MAX_CHANGES = MAX_LINKS + MAX_FAULTS
-"""More than a mission's links and faults together are not kept."""
+"""Most changes to keep: as many as a mission's links and faults together."""
 
 REORDER_SLOTS = 3
-"""A reordered message is delayed by up to this many slots more, so that later ones overtake it."""
+"""Longest additional delay of a reordered message, in slots, so that later messages overtake it."""
 
 
 class DelayError(Struct, frozen=True):
-    """How much later than this model said messages were handed over by a process, in milliseconds."""
+    """Delay of a process beyond this model's delays when it delivered messages, in milliseconds."""
 
     messages: int
     p50_ms: float
@@ -45,9 +45,9 @@ class DelayError(Struct, frozen=True):
 
 @dataclass(frozen=True, slots=True)
 class Cut:
-    """A partition: nothing passes from `senders` to `receivers` while it lasts.
+    """A partition: while it lasts no message passes from `senders` to `receivers`.
 
-    Times are mission seconds; `end_s` is infinite for one that lasts until it is healed.
+    Times are mission seconds; `end_s` is infinite for a partition that lasts until a fault heals it.
     """
 
     senders: frozenset[str]
@@ -56,7 +56,7 @@ class Cut:
     end_s: float = math.inf
 
     def blocks(self, sender: str, receiver: str, at_s: float) -> bool:
-        """Whether a message sent at mission time `at_s` is cut off."""
+        """Return True if this partition blocks a message sent at mission time `at_s`."""
         return self.start_s <= at_s < self.end_s and sender in self.senders and receiver in self.receivers
 
 
@@ -66,7 +66,7 @@ class LinkEmulator:
     Parameters
     ----------
     mission
-        `link` gives the rules (the last one that matches sender, receiver and time holds), `seed`
+        `link` has the rules (the last one that matches sender, receiver and time applies), `seed`
         the random streams: one generator per directed link.
     receiver
         Id of the UAV that receives.
@@ -83,16 +83,16 @@ class LinkEmulator:
         self._place_m = {entry.uav: (entry.start_x_m, entry.start_y_m) for entry in mission.roster}
 
     def place(self, uav: str, x_m: float, y_m: float) -> None:
-        """Note where `uav` truly is, for links with a radio range; until then it is at its start."""
+        """Set the true position of `uav`, for links with a radio range; before the first call it is the start."""
         self._place_m[uav] = (x_m, y_m)
 
     def add_rule(self, rule: Link) -> None:
-        """Let `rule` hold from now on wherever it matches (a fault)."""
+        """Apply `rule` from now on to every link that it matches (a fault)."""
         if rule.receiver in {ANYONE, self._receiver} and len(self._rules) < MAX_CHANGES:
             self._rules.append(rule)
 
     def add_cut(self, cut: Cut) -> None:
-        """Cut links off (a fault)."""
+        """Apply a partition (a fault)."""
         if self._receiver in cut.receivers and len(self._cuts) < MAX_CHANGES:
             self._cuts.append(cut)
 
@@ -101,13 +101,13 @@ class LinkEmulator:
         self._cuts.clear()
 
     def is_cut(self, sender: str, at_s: float) -> bool:
-        """Whether a partition separates `sender` from this receiver at mission time `at_s`."""
+        """Return True if a partition separates `sender` from this receiver at mission time `at_s`."""
         return any(cut.blocks(sender, self._receiver, at_s) for cut in self._cuts)
 
     def arrivals_ns(self, sender: str, at_s: float) -> list[int]:
-        """Delays after which a message sent at `at_s` arrives: none when lost, two when duplicated.
+        """Return the delays of a message sent at `at_s`: none if it is lost, two if it is duplicated.
 
-        Delays are wall nanoseconds, in addition to what the real transport takes.
+        Delays are wall nanoseconds, in addition to the delay of the real transport.
         """
         if self._cuts and self.is_cut(sender, at_s):
             return []
@@ -148,10 +148,13 @@ class LinkEmulator:
 
 
 def fading_loss(distance_m: float, rule: Link) -> float:
-    """Probability that a message is lost to distance.
+    """Return the probability that a message is lost to distance.
 
-    The received power falls as distance to the power `path_loss_exponent`, and varies from message to
-    message, in decibels normally with deviation `shadowing_db`; at `range_m` its median is just enough.
+    The received power falls with distance to the power `path_loss_exponent`. It varies from message to
+    message, normally in decibels, with deviation `shadowing_db`. At `range_m` its median is just enough:
+
+        margin = 10 path_loss_exponent log10(range / distance)      [dB]
+        loss   = erfc(margin / (sqrt(2) shadowing_db)) / 2
     """
     if distance_m <= 0.0:
         return 0.0
@@ -162,8 +165,8 @@ def fading_loss(distance_m: float, rule: Link) -> float:
 
 
 def have_range(mission: Mission) -> bool:
-    """Whether a link of the mission has a radio range, now or by a fault to come: then true positions matter."""
-    by_fault = (fault.link() for fault in parse_faults(mission) if fault.verb == "link")
+    """Return True if a link of the mission has a radio range, at first or by a fault: then true positions matter."""
+    by_fault = (fault.rule() for fault in parse_faults(mission) if isinstance(fault, ChangeLink))
     return any(rule.range_m > 0 for rule in (*mission.link, *by_fault))
 
 
@@ -183,12 +186,12 @@ def _jitter_ms(rule: Link, random: Random) -> float:
 
 
 def cut_pair(left: Collection[str], right: Collection[str], start_s: float, end_s: float, one_way: bool) -> list[Cut]:
-    """The cuts that separate `left` from `right`; one way, only what `left` says is cut off."""
+    """Return the cuts that separate `left` from `right`; one way, only messages from `left` are cut off."""
     forth = Cut(frozenset(left), frozenset(right), start_s, end_s)
     back = Cut(frozenset(right), frozenset(left), start_s, end_s)
     return [forth] if one_way else [forth, back]
 
 
 def mission_s(mission_ns: int, time_scale: float) -> float:
-    """Mission seconds of a wall duration since the epoch."""
+    """Return the mission seconds of a wall duration since the epoch."""
     return mission_ns / NS_PER_S * time_scale

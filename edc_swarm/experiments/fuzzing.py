@@ -1,10 +1,9 @@
-"""Searching for faults: random missions under random fault schedules, every guarantee checked.
+"""The fuzzer: random missions under random fault schedules, with every guarantee checked.
 
-A run is a function of its seed: `scenario(seed)` draws a mission and a schedule, `fly` simulates it
-and returns what was broken. `smallest` drops faults one by one while the failure stays. The
-generator is biased towards what breaks such systems: grants late in a slot, fixes lost just after a
-grant, freezes just before a tick, processes stopped between two effects, and a planner that steers
-UAVs at each other, since safety must not depend on guidance.
+A run is a function of its seed: `scenario(seed)` draws a mission and a schedule, `fly` simulates it and returns the
+violations. `smallest` drops faults one by one while a violation remains. The generator prefers the faults that break
+such systems: grants late in a slot, fixes lost just after a grant, freezes just before a tick, processes stopped
+between two effects, and a planner that steers UAVs at each other, since safety must not depend on guidance.
 """
 
 from __future__ import annotations
@@ -19,7 +18,7 @@ from numpy.typing import NDArray
 
 from edc_swarm.analysis.guarantees.check import check
 from edc_swarm.errors import PlacementError
-from edc_swarm.geometry import Floats, length_m, segment_distance_m
+from edc_swarm.geometry import DISC_TOLERANCE_M, Floats, length_m, segment_distance_m
 from edc_swarm.mission.configuration import Mission
 from edc_swarm.mission.roster import complete_mission
 from edc_swarm.mission.validation import mission_from_dict
@@ -28,22 +27,22 @@ from edc_swarm.planner.registry import make_planner
 from edc_swarm.planner.request import Arrays
 from edc_swarm.protocol.messages import Message, MissionMessage, mission_message
 from edc_swarm.recording.model import Recording
-from edc_swarm.simulation.simulator import Motion, Simulation
+from edc_swarm.simulation.computers import Motion
+from edc_swarm.simulation.simulator import Simulation
 
-TOLERANCE_M = 1e-9
 CHECKED = ("G1", "G2", "G3", "G4", "G5")
 PROGRESS = "G7"
-"""Asked only of a planner that completes missions."""
+"""Guarantee that is checked only with a planner that completes missions."""
 LAST_FAULT_SLOT = 45
 RECKLESS_SLOTS = 70
 HEALED_S = 26.0
-"""A bad network is good from then on where progress is asked for."""
+"""Mission time from which the network is good, if progress is checked."""
 RECKLESS = "edc_swarm.experiments.fuzzing:Reckless"
 
 
 @dataclass(frozen=True, slots=True)
-class Finding:
-    """A run that broke a guarantee: its seed, the faults kept (indices), what was broken."""
+class Counterexample:
+    """A run that violates a guarantee: its seed, the indices of its faults, and the violations."""
 
     seed: int
     kept: tuple[int, ...]
@@ -51,16 +50,16 @@ class Finding:
 
     @property
     def command(self) -> str:
-        """The command line that flies this run again."""
+        """The command line that repeats this run."""
         kept = ",".join(str(index) for index in self.kept)
         return f"edc-swarm fuzz --seed {self.seed} --runs 1 --keep {kept or 'none'}"
 
 
 class Reckless(Edc):
-    """The slot QP under the worst guidance there is: each UAV wants to be where another one is."""
+    """The slot QP under adversarial guidance, which sends each UAV to the place of another one."""
 
     def _wishes(self, arrays: Arrays) -> Floats:
-        """Head straight for another UAV, a hull or the target, by turns."""
+        """Return steps straight towards another UAV, a hull or the target, in turn."""
         aims = [arrays.target_m]
         if len(arrays.uav) > 1:
             aims.append(arrays.position_m)
@@ -77,7 +76,7 @@ class Reckless(Edc):
 
 
 def scenario(seed: int, kept: Collection[int] | None = None) -> Mission:
-    """The mission of `seed`, with all its faults or only those at the indices `kept`."""
+    """Return the mission of `seed` with all its faults, or only those at the indices `kept`."""
     rng = Random(f"fuzz/{seed}")
     uavs = rng.choice([2, 3, 3, 4, 4, 5, 5, 6, 7, 8])
     fields: dict[str, Any] = {
@@ -108,7 +107,7 @@ def scenario(seed: int, kept: Collection[int] | None = None) -> Mission:
 
 
 def fly(mission: Mission) -> list[str]:
-    """Simulate a mission; what was broken or could not be judged, one line each (empty: every guarantee was kept)."""
+    """Simulate a mission, and return one line for each violation and each guarantee that could not be judged."""
     message = mission_message(complete_mission(mission))
     said: list[Message] = []
     simulation = Simulation(
@@ -121,18 +120,18 @@ def fly(mission: Mission) -> list[str]:
     return [*overlaps(message, end.motions), *_broken(Recording.from_messages(said), _asked(mission))]
 
 
-def search(seed: int, kept: Collection[int] | None = None) -> Finding | None:
-    """Fly the scenario of `seed`; None when every guarantee was kept."""
+def search(seed: int, kept: Collection[int] | None = None) -> Counterexample | None:
+    """Run the scenario of `seed`; return None if every guarantee held."""
     mission = scenario(seed, kept)
     broken = fly(mission)
     if not broken:
         return None
     indices = tuple(sorted(kept)) if kept is not None else tuple(range(len(mission.fault)))
-    return Finding(seed, indices, tuple(broken))
+    return Counterexample(seed, indices, tuple(broken))
 
 
-def smallest(finding: Finding) -> Finding:
-    """Drop faults one by one as long as something stays broken."""
+def smallest(finding: Counterexample) -> Counterexample:
+    """Drop faults one by one while a violation remains, and return the smallest such run."""
     index = 0
     while index < len(finding.kept):
         fewer = search(finding.seed, finding.kept[:index] + finding.kept[index + 1 :])
@@ -144,11 +143,11 @@ def smallest(finding: Finding) -> Finding:
 
 
 def overlaps(mission: MissionMessage, motions: Sequence[Motion]) -> list[str]:
-    """Pairs whose discs could overlap while flying `motions`, at whatever pace within each slot.
+    """Return one line for each pair whose discs could overlap while flying `motions`, at any pace within each slot.
 
-    The two segments flown in a slot are compared as sets of points; the one before it counts as well
-    with `lag_slots` 1, or where it was begun too late to be over. A UAV that dies or freezes stays
-    where its last step ends.
+    The check compares the two segments flown in a slot as sets of points. The segment of the previous slot counts
+    too with `lag_slots` 1, or if the UAV began it too late to finish it in time. A UAV that dies or freezes stays at
+    the end of its last step.
     """
     first, last = _paths(mission, motions)
     before_first, before_last = first.copy(), last.copy()
@@ -163,7 +162,7 @@ def overlaps(mission: MissionMessage, motions: Sequence[Motion]) -> list[str]:
             _gaps(first, last, before_first, before_last, i, j),
         ]
     )
-    bad = np.argwhere(gap_m < r_m[i] + r_m[j] - TOLERANCE_M)
+    bad = np.argwhere(gap_m < r_m[i] + r_m[j] - DISC_TOLERANCE_M)
     ids = [entry.uav for entry in mission.roster]
     return [
         f"G3: {ids[i[pair]]} and {ids[j[pair]]} can come within {gap_m[slot, pair]:.6f} m in slot {slot}"
@@ -172,12 +171,12 @@ def overlaps(mission: MissionMessage, motions: Sequence[Motion]) -> list[str]:
 
 
 def _gaps(a: Floats, b: Floats, c: Floats, d: Floats, i: Any, j: Any) -> Floats:
-    """Distances (slots, pairs) of the segments a-b of UAVs i from the segments c-d of UAVs j."""
+    """Return the distances (slots, pairs) of the segments a-b of UAVs i from the segments c-d of UAVs j."""
     return segment_distance_m(a[:, i], b[:, i], c[:, j], d[:, j])
 
 
 def _paths(mission: MissionMessage, motions: Sequence[Motion]) -> tuple[Floats, Floats]:
-    """Start and end points (slots, UAVs, 2) of what each UAV flew in each slot."""
+    """Return start and end points (slots, UAVs, 2) of the segment that each UAV flew in each slot."""
     index = {entry.uav: k for k, entry in enumerate(mission.roster)}
     starts = np.array([(entry.start_x_m, entry.start_y_m) for entry in mission.roster])
     slots = max((motion.slot for motion in motions), default=0) + 2
@@ -192,7 +191,7 @@ def _paths(mission: MissionMessage, motions: Sequence[Motion]) -> tuple[Floats, 
 
 
 def _still_flying(mission: MissionMessage, motions: Sequence[Motion], slots: int) -> NDArray[np.bool_]:
-    """Whether (slots, UAVs) the step of a slot may still be flown in the next one."""
+    """Return (slots, UAVs) flags: True if the step of a slot may last into the next one."""
     index = {entry.uav: k for k, entry in enumerate(mission.roster)}
     still = np.full((slots, len(index)), bool(mission.lag_slots))
     for motion in motions:
@@ -201,12 +200,12 @@ def _still_flying(mission: MissionMessage, motions: Sequence[Motion], slots: int
 
 
 def _asked(mission: Mission) -> tuple[str, ...]:
-    """The guarantees to be checked of a mission."""
+    """Return the guarantees to check on a mission."""
     return CHECKED if mission.planner == RECKLESS else (*CHECKED, PROGRESS)
 
 
 def _broken(recording: Recording, asked: Collection[str]) -> list[str]:
-    """What is broken of the guarantees asked; one that is left unjudged is a fault of the run, and counts as well."""
+    """Return the violations of the given guarantees; a guarantee that could not be judged counts as one."""
     results = {result.guarantee: result for result in check(recording)}
     said: list[str] = []
     for result in map(results.__getitem__, asked):
@@ -216,7 +215,7 @@ def _broken(recording: Recording, asked: Collection[str]) -> list[str]:
 
 
 def _placed(fields: dict[str, Any]) -> Mission:
-    """The mission, with as much more room as its UAVs need."""
+    """Return the mission, on an area enlarged until its UAVs fit."""
     while True:
         mission = mission_from_dict(fields)
         try:
@@ -226,7 +225,7 @@ def _placed(fields: dict[str, Any]) -> Mission:
 
 
 def _links(rng: Random) -> list[dict[str, Any]]:
-    """A network that is good, slow, lossy, or all of that."""
+    """Draw the links of a network: good, slow, lossy, or slow and lossy."""
     kind = rng.choice(["good", "good", "lossy", "slow", "bad"])
     if kind == "good":
         return []
@@ -241,7 +240,7 @@ def _links(rng: Random) -> list[dict[str, Any]]:
 
 
 def _schedule(rng: Random, mission: Mission) -> list[str]:
-    """Up to eight faults, some of them aimed sequences of two or three."""
+    """Draw up to eight faults, some of them as targeted sequences of two or three."""
     faults: list[str] = []
     while len(faults) < rng.randint(1, 8):
         faults += rng.choice(_AIMS)(rng, mission)
@@ -249,7 +248,7 @@ def _schedule(rng: Random, mission: Mission) -> list[str]:
 
 
 def _for_good(rng: Random, mission: Mission) -> list[str]:
-    """In every third mission that must make progress, a fault that never ends but leaves a promise (`judgement`)."""
+    """Draw, in every third mission whose progress is checked, a fault without an end after which G7 still applies."""
     at, ids = f"@{_slot(rng)}", [entry.uav for entry in mission.roster]
     minority = ",".join(rng.sample(ids, max(1, (len(ids) - 1) // 2)))
     lasting = (
@@ -273,7 +272,7 @@ def _id(rng: Random, mission: Mission) -> str:
 
 
 def _crash_and_return(rng: Random, mission: Mission) -> list[str]:
-    """A process dies, perhaps between two effects, and perhaps comes back soon."""
+    """Draw the death of a process, perhaps between two effects, and perhaps its restart."""
     uav, at_s = _id(rng, mission), _slot(rng) * mission.dt_s + rng.choice([0.001, 0.01, 0.2, 0.3, 0.45])
     mid_step = " mid-step" if rng.random() < 0.5 else ""
     back_s = at_s + rng.choice([0.004, 0.1, 0.5, 0.6, 1.0, 4.0])
@@ -286,7 +285,7 @@ def _death(rng: Random, mission: Mission) -> list[str]:
 
 
 def _freeze_before_tick(rng: Random, mission: Mission) -> list[str]:
-    """Stopped just before a slot begins, going on late in it or some slots later."""
+    """Draw a freeze that starts just before a slot and ends late in it or some slots later."""
     at_s = _slot(rng) * mission.dt_s - rng.choice([0.0005, 0.002, 0.01, 0.05])
     for_s = rng.choice([0.06, 0.3 * mission.dt_s, 0.36 * mission.dt_s, 0.9 * mission.dt_s, 1.3, 2.6])
     mid_step = " mid-step" if rng.random() < 0.3 else ""
@@ -311,7 +310,7 @@ def _partition(rng: Random, mission: Mission) -> list[str]:
 
 
 def _mute_after_grant(rng: Random, mission: Mission) -> list[str]:
-    """The head dies; while the others grant anew, one of them is not heard for a while."""
+    """Draw the death of the head, with one other UAV unheard during the new grants."""
     at_s, uav = _slot(rng) * mission.dt_s + rng.choice([0.0, 0.1, 0.3, 0.4, 0.48]), _id(rng, mission)
     mute_s = at_s + rng.choice([0.0035, 0.004, 0.0045, 0.2, 0.5])
     groups = rng.choice([f"{uav}>rest", f"rest>{uav}", f"{uav}|rest"])
@@ -319,14 +318,14 @@ def _mute_after_grant(rng: Random, mission: Mission) -> list[str]:
 
 
 def _restart_and_mute(rng: Random, mission: Mission) -> list[str]:
-    """The head comes back at once while one UAV that it has just commanded is not heard."""
+    """Draw a restart of the head while a UAV that it has just commanded is unheard."""
     at_s, uav = _slot(rng) * mission.dt_s + rng.choice([0.002, 0.01, 0.21, 0.4]), _id(rng, mission)
     mute_s = at_s + rng.choice([0.0, 0.01, 0.2])
     return [f"restart head @{at_s:.4f}s", f"partition {uav}>rest @{mute_s:.4f}s for {rng.randint(1, 6)}"]
 
 
 def _late_grant(rng: Random, mission: Mission) -> list[str]:
-    """One UAV's messages take most of a slot while the head changes."""
+    """Draw a change of heads while one UAV's messages take most of a slot."""
     at_s, uav = _slot(rng) * mission.dt_s + rng.random() * mission.dt_s, _id(rng, mission)
     slow = f"link {uav}>* delay {rng.choice([150, 300, 440, 480, 700])} @{max(0.0, at_s - 0.6):.3f}s for 6"
     return [slow, f"{rng.choice(['kill', 'restart', 'freeze'])} head @{at_s:.3f}s"]
@@ -340,7 +339,7 @@ def _lossy_while(rng: Random, mission: Mission) -> list[str]:
 
 
 def _clock(rng: Random, mission: Mission) -> list[str]:
-    """Offsets stay within the guard, as promised to the guarantees."""
+    """Draw a clock offset within the guard, as the guarantees assume."""
     guard_ms = 1e3 * mission.guard_s
     if guard_ms == 0:
         return []

@@ -1,8 +1,8 @@
-"""G6, same seed, same bytes: a recorded simulation is simulated again, and every message compared.
+"""G6, same seed, same bytes: this module repeats a recorded simulation and compares every message.
 
-The recorded mission alone decides what a simulation says, so the second run must say the same, to the byte.
-Another version, library or machine may rightly say something else: then a difference proves nothing, but
-equality still does. `judge` is the verdict on all guarantees, in order.
+The mission alone determines all messages of a simulation, so the second run must publish the same bytes. Another
+version, library or machine may lead to other messages. In that case a difference proves nothing, but equality still
+does. `judge` returns the verdicts on all guarantees, in order.
 """
 
 from __future__ import annotations
@@ -13,52 +13,75 @@ from dataclasses import dataclass, field
 from edc_swarm.analysis.guarantees.check import check
 from edc_swarm.analysis.guarantees.verdict import GuaranteeResult, Violation, not_applicable, not_judged, verdict
 from edc_swarm.errors import MissionError
+from edc_swarm.foreign_text import shown
 from edc_swarm.planner.interface import Plan, Planner, PlanRequest, timeless
-from edc_swarm.planner.registry import make_planner
+from edc_swarm.planner.registry import BUILT_IN, make_planner
 from edc_swarm.protocol.codec import encode
 from edc_swarm.protocol.keys import Keys
 from edc_swarm.protocol.messages import Message
 from edc_swarm.recording.model import Recording
+from edc_swarm.simulation.closed_loop import AS_PRINTED
 from edc_swarm.simulation.simulator import Simulation
 
 _G6 = ("G6", "Same seed, same bytes")
 MAX_SLOTS = 10_000_000
-"""A record that claims more slots is not simulated again."""
+"""Most slots of a recording that is simulated again."""
 MAX_TOLD = 5
 VIRTUAL, WALL = "virtual", "wall"
-"""What `run.clock` says of a simulation and of real processes."""
+"""Values of `run.clock` for a simulation and for real processes."""
 
 Identity = tuple[str, str, int]
-"""Key, instance of the publisher, number: who said it, and which of its messages it is."""
+"""Key, instance of the publisher and sequence number of a message."""
 Watch = Callable[[int, int], None]
-"""Told while a mission is simulated again: the slots flown so far, and all of the record."""
+"""Progress callback of the second simulation: number of slots simulated so far, and number of all slots."""
 
 
-def judge(recording: Recording, otherwise: str = "", watch: Watch = lambda _done, _of: None) -> list[GuaranteeResult]:
+def loads_foreign_code(planner: str) -> bool:
+    """Return True if to make `planner` is to import code that is not this project's."""
+    return planner not in {*BUILT_IN, AS_PRINTED}
+
+
+def judge(
+    recording: Recording,
+    otherwise: str = "",
+    watch: Watch = lambda _done, _of: None,
+    *,
+    load_planner: bool = False,
+) -> list[GuaranteeResult]:
     """Return the verdict on every guarantee, G1 to G7; see `check_same_bytes`."""
-    results = [*check(recording), check_same_bytes(recording, otherwise, watch)]
+    results = [*check(recording), check_same_bytes(recording, otherwise, watch, load_planner=load_planner)]
     return sorted(results, key=lambda result: result.guarantee)
 
 
 def check_same_bytes(
-    recording: Recording, otherwise: str = "", watch: Watch = lambda _done, _of: None
+    recording: Recording,
+    otherwise: str = "",
+    watch: Watch = lambda _done, _of: None,
+    *,
+    load_planner: bool = False,
 ) -> GuaranteeResult:
     """Return the verdict on G6; it takes as long as the simulation itself.
 
     Parameters
     ----------
     recording
-        What is to be judged.
+        The recording to judge.
     otherwise
-        In words, what made the recording and is not what runs here ("": nothing).
+        Description of the version, library or machine of the recording that differs from this one ("": none).
     watch
         Told how far the simulation is.
+    load_planner
+        Import the planner that the recording names, whosever it is: a recording of a stranger may name any code.
     """
     clock = recording.run.get("clock")
     if clock == WALL:
         return not_applicable(*_G6, "real processes: what they say follows the machine's timing, not the seed alone")
     if clock != VIRTUAL:
         return not_judged(*_G6, "the record does not say that a simulation made it")
+    planner = recording.mission.planner
+    if not load_planner and loads_foreign_code(planner):
+        why = f"the planner {shown(planner)} is not one of this project's; give --load-planner to load it"
+        return not_judged(*_G6, why)
     last = _last_slot(recording)
     if last > MAX_SLOTS:
         return not_judged(*_G6, f"slot {last} is beyond what is simulated again ({MAX_SLOTS} slots)")
@@ -72,21 +95,21 @@ def check_same_bytes(
 
 
 class Timeless:
-    """A planner whose plans take no time, as those of a recorded simulation."""
+    """A planner that reports a plan time of 0, like the planner of a recorded simulation."""
 
     def __init__(self, planner: Planner) -> None:
         self._planner = planner
 
     def plan(self, request: PlanRequest) -> Plan:
-        """Plan as the planner does."""
+        """Return the plan of the wrapped planner with a plan time of 0."""
         return timeless(self._planner.plan(request))
 
 
 @dataclass(slots=True)
 class _Comparison:
-    """What two runs of one mission have in common.
+    """The differences between a recorded run and its repetition.
 
-    `absent` counts messages of the second run that the record does not hold.
+    `absent` counts messages of the second run that the recording does not hold.
     """
 
     equal: int = 0
@@ -111,7 +134,7 @@ def _verdict(compared: _Comparison, otherwise: str) -> GuaranteeResult:
 
 
 def _compare(recording: Recording, last: int, watch: Watch) -> _Comparison:
-    """Simulate the mission again up to the end of the first slot in which something differs."""
+    """Simulate the mission again up to the end of the first slot with a difference."""
     mission, compared = recording.mission, _Comparison()
     keys = Keys(mission.name)
     recorded = {_identity(keys, message): message for message in _said(recording)}
@@ -133,7 +156,7 @@ def _compare(recording: Recording, last: int, watch: Watch) -> _Comparison:
         if compared.different or compared.absent > limit or slot > last:
             return compared
     simulation.end()
-    unsaid = [Violation("unsaid", f"{key} {seq} is not said again", _slot(m)) for (key, _, seq), m in recorded.items()]
+    unsaid = [Violation("unsaid", f"{key} {seq} is not repeated", _slot(m)) for (key, _, seq), m in recorded.items()]
     compared.different += unsaid[: MAX_TOLD - len(compared.different)]
     return compared
 
@@ -156,7 +179,7 @@ def _last_slot(recording: Recording) -> int:
 
 
 def _different(key: str, found: Message, again: Message) -> Violation:
-    """Name the fields of two messages that are not equal."""
+    """Return a violation that names the fields in which two messages differ."""
     names = [name for name in found.__struct_fields__ if getattr(found, name) != getattr(again, name)]
-    shown = [f"{name} was {getattr(found, name)!r:.60}, is {getattr(again, name)!r:.60}" for name in names[:2]]
-    return Violation("different", f"{key} {found.seq}: {'; '.join(shown) or 'not the same bytes'}", _slot(found))
+    changes = [f"{name} was {getattr(found, name)!r:.60}, is {getattr(again, name)!r:.60}" for name in names[:2]]
+    return Violation("different", f"{key} {found.seq}: {'; '.join(changes) or 'not the same bytes'}", _slot(found))

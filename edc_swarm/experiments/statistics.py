@@ -1,4 +1,4 @@
-"""The statistics of sweeps: means with 95 % confidence, and power laws."""
+"""Statistics of sweeps: means with 95 % confidence intervals, and power laws."""
 
 from __future__ import annotations
 
@@ -31,14 +31,14 @@ class PowerLaw(Struct, frozen=True):
 
 
 def half_width(deviation: float, degrees: int) -> float | None:
-    """Student's t interval: half of its width for a standard error with `degrees` of freedom."""
+    """Return half of the width of Student's t interval for a standard error with `degrees` of freedom."""
     if degrees < 1:
         return None
     return float(stdtrit(degrees, (1 + CONFIDENCE) / 2)) * deviation
 
 
 def estimate(values: Sequence[float]) -> Estimate:
-    """Mean of independent runs with the interval of Student's t distribution."""
+    """Return the mean of independent runs with its confidence interval (Student's t distribution)."""
     runs, mean = len(values), float(np.mean(values))
     error = float(np.std(values, ddof=1)) / math.sqrt(runs) if runs > 1 else 0.0
     half = half_width(error, runs - 1)
@@ -46,7 +46,7 @@ def estimate(values: Sequence[float]) -> Estimate:
 
 
 def power_law(x: Sequence[float], y: Sequence[float]) -> PowerLaw | None:
-    """Least squares in log-log; None where there are fewer than two positive points."""
+    """Return the least-squares fit in log-log coordinates; None if there are fewer than two positive points."""
     points = [(math.log(a), math.log(b)) for a, b in zip(x, y, strict=True) if a > 0 and b > 0]
     if len({a for a, _ in points}) < 2:
         return None

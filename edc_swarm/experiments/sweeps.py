@@ -1,7 +1,7 @@
-"""Declared sweeps: many runs, each a mission and what is measured on it.
+"""Declared sweeps: lists of runs, each of which is a mission and the name of a measurement.
 
-A run is pure data, so that it can be made in any process or on any machine of a cluster, be found
-again in a file of results by its key, and be flown again by a printed command.
+A run is pure data. So any process on any machine of a cluster can execute it, its key finds it in a file of results,
+and a printed command repeats it.
 """
 
 from __future__ import annotations
@@ -24,16 +24,16 @@ class Run:
     Attributes
     ----------
     measure
-        Name of the measurement, as whoever makes the run knows it, or "module:function" of a function of your own
-        from a `Mission` to plain data.
+        Name of a measurement that the caller defines, or "module:function" of a user's function from a `Mission` to
+        plain data.
     mission
-        As it would be in a mission file; what is left out is derived or drawn from its seed.
+        The mission as in a mission file; missing fields are derived or drawn from its seed.
     alone
-        Whether its result is a time, so that nothing else may run meanwhile.
+        True if the result is a time, so that no other run may execute at the same time.
     file
-        A mission file that says the same, for missions that options cannot say.
+        A mission file of the same content, for missions that options cannot express.
     verb
-        The command that flies it, `sim` or `run`.
+        The command that runs it, `sim` or `run`.
     """
 
     measure: str
@@ -44,12 +44,12 @@ class Run:
 
     @property
     def key(self) -> str:
-        """What tells this run from all others: the measure and every field that is no default."""
+        """Unique key of this run: the measure and every field that is not at its default."""
         return f"{self.measure} {msgspec.json.encode(changed_fields(self.mission), order='deterministic').decode()}"
 
     @property
     def command(self) -> str:
-        """The command line that flies this mission.
+        """The command line that runs this mission.
 
         Raises
         ------
@@ -62,13 +62,13 @@ class Run:
 
 
 def changed_fields(mission: Mission) -> dict[str, Any]:
-    """The fields of `mission` that are not at their default, as plain data."""
+    """Return the fields of `mission` that are not at their default, as plain data."""
     default = msgspec.to_builtins(Mission())
     return {name: value for name, value in msgspec.to_builtins(mission).items() if value != default[name]}
 
 
 def mission_toml(mission: Mission) -> str:
-    """The mission file that says `mission`: what is not at its default."""
+    """Return `mission` as the text of a mission file, with the fields that are not at their default."""
     scalars, tables = [], []
     for name, value in changed_fields(mission).items():
         if isinstance(value, dict):
@@ -81,12 +81,12 @@ def mission_toml(mission: Mission) -> str:
 
 
 def _lines(values: dict[str, Any]) -> str:
-    """Numbers, texts and lists of texts, which TOML writes as JSON does."""
+    """Return lines of TOML for numbers, texts and lists of texts, whose syntax is that of JSON."""
     return "".join(f"{name} = {msgspec.json.encode(value).decode()}\n" for name, value in values.items())
 
 
 def command_of(mission: Mission, verb: str = "sim") -> str:
-    """`edc-swarm sim` or `run` with the options that say this mission.
+    """Return the command line of `edc-swarm sim` or `run` whose options give this mission.
 
     Raises
     ------

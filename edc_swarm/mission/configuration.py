@@ -5,18 +5,10 @@ A mission file is TOML; its keys are the fields of `Mission`. The mission messag
 
 Everything that presents a field derives from its declaration here: the options of `run` and `sim` with their help,
 docs/mission.md and scenarios/reference.toml (`declarations`, `reference`), and what an error says is allowed
-(`wording`). A declaration is
-
-    area_m2: Annotated[Positive, Option("area")] = 10_000.0
-    \"\"\"One line that says what the field is.
-
-    What it does, and limits that depend on other fields.
-
-    Default: what the default stands for, where the value alone does not say it.
-    Source: where the default comes from; without it, that of the class.
-    \"\"\"
-
-The suffix of the name is the unit (`declarations.UNITS`). `Option` names the option that sets the field.
+(`wording`). The docstring below a field says in its first line what the field is, then what it does, with limits that
+depend on other fields; "Default:" says what the default stands for, where the value alone does not; "Source:" says
+where the default comes from, where that differs from the source of the class. The suffix of a name is its unit
+(`declarations.UNITS`). `Option` names the option that sets the field.
 """
 
 from __future__ import annotations
@@ -31,6 +23,8 @@ MAX_UAVS = 2000
 MAX_FAULTS = 1000
 MAX_LINKS = 1000
 MOST_SLOTS = 1_000_000
+FOR_GOOD_S = 1e9
+"""A link rule that ends then or later never ends."""
 
 PlannerName = Annotated[str, Meta(min_length=1, max_length=200)]
 Minimise = Literal["distance", "energy", "time"]
@@ -238,7 +232,7 @@ class Link(Struct, frozen=True, kw_only=True):
     """Standard deviation of the received power, drawn for each message; 0: every message beyond `range_m` is lost."""
     start_s: NonNegative = 0.0
     """Mission time at which the rule begins."""
-    end_s: NonNegative = 1e9
+    end_s: NonNegative = FOR_GOOD_S
     """Mission time at which the rule ends; from 1e9 on it never ends."""
 
 
@@ -374,7 +368,7 @@ class Mission(Struct, frozen=True, kw_only=True):
     fault: Annotated[list[FaultText], Meta(max_length=MAX_FAULTS), Option("fault")] = []
     """Faults of the mission, each a text such as "kill head @10".
 
-    The docstring of `edc_swarm/mission/faults.py` lists the verbs.
+    `edc-swarm run --fault-help` and docs/faults.md list them.
     """
     roster: Annotated[list[RosterEntry], Meta(max_length=MAX_UAVS)] = []
     """UAVs of the mission, tables `[[roster]]`.

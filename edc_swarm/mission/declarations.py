@@ -18,7 +18,7 @@ from msgspec import Struct
 
 from edc_swarm.mission import configuration
 from edc_swarm.mission.configuration import Option
-from edc_swarm.mission.wording import in_words, number_text, type_at
+from edc_swarm.mission.wording import in_words, plain_number, type_at
 
 UNITS = {
     "_j_per_message": ("J", "joules"),
@@ -144,7 +144,7 @@ def _default(kind: type[Struct], name: str) -> str:
         case str(text):
             return text
         case int(number) | float(number):
-            return number_text(number)
+            return plain_number(number)
         case Struct():
             return "those of its keys"
         case _:

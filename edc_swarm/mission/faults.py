@@ -1,121 +1,266 @@
-"""What can go wrong on purpose: the fault vocabulary of mission files, `--fault` and the fuzzer.
+"""Faults that a mission asks for: one declaration per verb, which says all that there is to know of it.
 
-    kill TARGET [mid-step] @WHEN [for D]    the process dies (SIGKILL), and is started again after D
-    restart TARGET [lose-memory] @WHEN      it comes back, with or without its promise
-    freeze TARGET [mid-step] @WHEN [for D]  it stops (SIGSTOP), and goes on after D (SIGCONT)
-    resume TARGET @WHEN
-    partition LEFT|RIGHT @WHEN [for D]      nothing passes between two groups
-    partition LEFT>RIGHT @WHEN [for D]      nothing passes from the first to the second
-    heal @WHEN                              every partition ends
-    link A>B [delay MS] [jitter MS] [loss P] [duplicate P] [reorder P] [range M] @WHEN [for D]
-    clock TARGET [offset MS] [drift PPM] @WHEN
-    gps TARGET MODEL @WHEN
-    slow TARGET MS @WHEN [for D]            the solver takes MS longer
-
-TARGET is an id, `head` or `standby`, for the first four also `router` or, with real processes,
-`recorder`, which is not restarted. LEFT|RIGHT is `halves`, or two groups: `rest` (one of them), or ids,
-`head`, `standby` joined by commas; A and B are ids, `head`, `standby` or `*`. WHEN and D are slots, or
-seconds of mission time with an `s`: `@10`, `@5s`, `for 4`, `for 2.5s`. Without `for` it is for good.
-Of freezes that overlap the longest counts. A `link` replaces what those links did before: what it does
-not say is 0. A fault whose target nobody is at its time does nothing, and the record says so (event
-`fault-without-target`; what was done when is in the events `fault`, with ids in place of words).
-`mid-step` stops the process between two effects of one step; it is honoured by the simulator, where
-such a moment can be aimed at, and is an ordinary kill or freeze for real processes.
+A declaration is a class: its fields are the typed values, its docstring is the help text, its decorator says the verb
+and the parts of its text. Parser, canonical text, bounds, error texts and the help (`mission.fault_help`, which
+`edc-swarm run --fault-help` prints and `docs/faults.md` is) derive from it. To add a fault, declare it here and write
+the function that carries it out: in `emulation.machine` if a UAV's machine does so, in `simulation.faults` and
+`processes.operator.fault_injector` if it is about whole processes.
 """
 
 from __future__ import annotations
 
 import math
+from collections import deque
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
+from typing import Any, ClassVar, TypeVar, get_args
 
 from edc_swarm.errors import MissionError
-from edc_swarm.mission.configuration import RECORDER, ROUTER, Link, Mission
+from edc_swarm.mission.configuration import FOR_GOOD_S, RECORDER, ROUTER, GpsModel, Link, Mission
+from edc_swarm.mission.fault_syntax import (
+    HALVES,
+    HEAD,
+    ONE_UAV,
+    REST,
+    STANDBY,
+    Choice,
+    Ends,
+    Flag,
+    Groups,
+    Part,
+    Quantities,
+    Quantity,
+    Target,
+    UnreadableError,
+    bounded,
+    number,
+    number_text,
+)
 from edc_swarm.mission.validation import convert
 
-HEAD, STANDBY, REST, HALVES = "head", "standby", "rest", "halves"
-PROCESS_VERBS = frozenset({"kill", "restart", "freeze", "resume"})
-LINK_WORDS = ("delay", "jitter", "loss", "duplicate", "reorder", "range")
-TARGETS = frozenset({HEAD, STANDBY})
-"""Words that stand for one UAV."""
-WORDS = {
-    **dict.fromkeys(PROCESS_VERBS, TARGETS | {RECORDER, ROUTER}),
-    "partition": TARGETS | {REST, HALVES},
-    "link": TARGETS | {"*"},
-    **dict.fromkeys(("clock", "gps", "slow"), TARGETS),
-}
-"""What a fault may name besides the UAVs of the roster."""
-LASTING_VERBS = frozenset({"kill", "freeze", "partition", "link", "slow"})
-"""Faults that may end by themselves, `for D`."""
-MOST = 1e9
+MOST_IN_FAULT = 1e9
 """Largest time in seconds and largest quantity in a fault."""
 MOST_DRIFT_PPM = 500_000.0
+ROUTER_OUTAGE_S = 1.0
+"""Time for which a router that is restarted is away."""
 USAGE = "a fault such as 'kill head @10', 'freeze u003 @5s for 2s' or 'partition halves @10 for 20'"
-FORMS = {
-    "kill": "kill TARGET [mid-step] @WHEN [for D]",
-    "restart": "restart TARGET [lose-memory] @WHEN",
-    "freeze": "freeze TARGET [mid-step] @WHEN [for D]",
-    "resume": "resume TARGET @WHEN",
-    "partition": "partition LEFT|RIGHT @WHEN [for D] or partition LEFT>RIGHT @WHEN [for D]",
-    "heal": "heal @WHEN",
-    "link": "link A>B [delay MS] [jitter MS] [loss P] [duplicate P] [reorder P] [range M] @WHEN [for D]",
-    "clock": "clock TARGET [offset MS] [drift PPM] @WHEN",
-    "gps": "gps TARGET MODEL @WHEN",
-    "slow": "slow TARGET MS @WHEN [for D]",
-}
-"""What is said of a fault that cannot be read, by its verb."""
 
-
-class _UnreadableError(ValueError):
-    """Why, in words for the user."""
+PROCESS = Target(ONE_UAV | {RECORDER, ROUTER})
 
 
 @dataclass(frozen=True, slots=True)
-class Fault:
-    """One fault: what, to whom, when (mission seconds), for how long (infinite: for good).
+class Declaration:
+    """All that is declared of one verb.
 
-    `left` is the target or the first group, `right` the second group; `flags` are words such as
-    `mid-step`, `lose-memory`, a GPS model or `one-way`; `numbers` are named quantities such as
-    `delay_ms` or `loss`.
+    Attributes
+    ----------
+    verb
+        First word of the fault's text.
+    kind
+        Class of the typed values.
+    parts
+        The parts of the text between the verb and the time.
+    lasts
+        True if the fault may end by itself, `for D`.
     """
 
     verb: str
-    left: tuple[str, ...] = ()
-    right: tuple[str, ...] = ()
-    flags: tuple[str, ...] = ()
-    numbers: tuple[tuple[str, float], ...] = ()
-    at_s: float = 0.0
-    for_s: float = math.inf
+    kind: type[Fault]
+    parts: tuple[Part, ...]
+    lasts: bool
 
     @property
-    def target(self) -> str:
-        """The one process this fault is for."""
-        return self.left[0]
+    def syntaxes(self) -> list[str]:
+        """The syntax lines."""
+        lines = [self.verb]
+        for part in self.parts:
+            lines = [f"{line} {syntax}" for syntax in part.syntaxes for line in lines]
+        return [f"{line} @WHEN{' [for D]' if self.lasts else ''}" for line in lines]
+
+    @property
+    def names(self) -> dict[str, frozenset[str]]:
+        """The fields that name UAVs, each with the words that it takes besides ids."""
+        return {field: words for part in self.parts for field, words in part.names.items()}
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Fault:
+    """A fault: its class says what goes wrong, `at_s` (mission time) when, `for_s` how long (infinite: for good)."""
+
+    declaration: ClassVar[Declaration]
+    carrier: ClassVar[str] = "the UAVs that it concerns"
+    at_s: float = 0.0
+    for_s: float = math.inf
 
     @property
     def end_s(self) -> float:
         """Mission time at which it is over."""
         return self.at_s + self.for_s
 
-    def number(self, name: str, default: float = 0.0) -> float:
-        """A named quantity, or `default`."""
-        return dict(self.numbers).get(name, default)
+    @property
+    def names(self) -> tuple[str, ...]:
+        """The ids and words that it names, in the order of its text."""
+        values = (getattr(self, field) for field in self.declaration.names)
+        return tuple(name for value in values for name in ((value,) if isinstance(value, str) else value))
+
+    def without_names(self) -> Fault:
+        """Return the same fault of nobody: equal for a fault as planned and as carried out."""
+        return replace(self, **{field: type(getattr(self, field))() for field in self.declaration.names})
 
     def __str__(self) -> str:
-        """The canonical text, which `parse_fault` takes again."""
-        words = [self.verb, *([_groups_text(self)] if self.left else []), *self.flags_shown(), *_numbers_text(self)]
-        lasting = [] if math.isinf(self.for_s) else ["for", f"{_number_text(self.for_s)}s"]
-        return " ".join([*words, f"@{_number_text(self.at_s)}s", *lasting])
+        """Return the canonical text, which `parse_fault` reads again."""
+        words = [word for part in self.declaration.parts for word in part.write(self)]
+        lasting = [] if math.isinf(self.for_s) else ["for", f"{number_text(self.for_s)}s"]
+        return " ".join([self.declaration.verb, *words, f"@{number_text(self.at_s)}s", *lasting])
 
-    def flags_shown(self) -> list[str]:
-        """Flags that stand in the text as words of their own."""
-        return [flag for flag in self.flags if flag != "one-way"]
 
-    def link(self) -> Link:
-        """The link rule of a `link` fault."""
-        fields = dict(self.numbers)
-        window = {"start_s": self.at_s, "end_s": min(self.end_s, 1e9)}
-        return convert({"sender": self.left[0], "receiver": self.right[0], **fields, **window}, Link)
+@dataclass(frozen=True, slots=True)
+class ProcessFault(Fault):
+    """A fault of a whole process."""
+
+    carrier: ClassVar[str] = "the host of the process"
+    target: str
+
+
+F = TypeVar("F", bound=Fault)
+
+DECLARATIONS: dict[str, Declaration] = {}
+"""Every declaration, by verb."""
+
+
+def _declare(verb: str, *parts: Part, lasts: bool = False) -> Callable[[type[F]], type[F]]:
+    def enter(kind: type[F]) -> type[F]:
+        kind.declaration = DECLARATIONS[verb] = Declaration(verb, kind, parts, lasts)
+        return kind
+
+    return enter
+
+
+@_declare("kill", PROCESS, Flag("mid_step", "mid-step"), lasts=True)
+@dataclass(frozen=True, slots=True)
+class Kill(ProcessFault):
+    """The process dies (SIGKILL); after D it starts again. The recorder does not start again."""
+
+    mid_step: bool = False
+
+
+@_declare("restart", PROCESS, Flag("lose_memory", "lose-memory"))
+@dataclass(frozen=True, slots=True)
+class Restart(ProcessFault):
+    """The process dies if it lives, and starts again, with `lose-memory` without its promise. Not for the recorder."""
+
+    lose_memory: bool = False
+
+
+@_declare("freeze", PROCESS, Flag("mid_step", "mid-step"), lasts=True)
+@dataclass(frozen=True, slots=True)
+class Freeze(ProcessFault):
+    """The process stops (SIGSTOP); after D it goes on (SIGCONT). Of freezes that overlap the longest counts."""
+
+    mid_step: bool = False
+
+
+@_declare("resume", PROCESS)
+@dataclass(frozen=True, slots=True)
+class Resume(ProcessFault):
+    """The process goes on after a freeze (SIGCONT)."""
+
+
+@_declare("partition", Groups(), lasts=True)
+@dataclass(frozen=True, slots=True)
+class Partition(Fault):
+    """No message passes between the two groups; with LEFT>RIGHT none passes from the first to the second."""
+
+    left: tuple[str, ...]
+    right: tuple[str, ...] = ()
+    one_way: bool = False
+
+
+@_declare("heal")
+@dataclass(frozen=True, slots=True)
+class Heal(Fault):
+    """Every partition ends."""
+
+
+@_declare(
+    "link",
+    Ends(),
+    Quantities(
+        (
+            Quantity("delay_ms", "MS", 0.0, MOST_IN_FAULT, "delay"),
+            Quantity("jitter_ms", "MS", 0.0, MOST_IN_FAULT, "jitter"),
+            Quantity("loss", "P", 0.0, 1.0, "loss"),
+            Quantity("duplicate", "P", 0.0, 1.0, "duplicate"),
+            Quantity("reorder", "P", 0.0, 1.0, "reorder"),
+            Quantity("range_m", "M", 0.0, MOST_IN_FAULT, "range"),
+        )
+    ),
+    lasts=True,
+)
+@dataclass(frozen=True, slots=True)
+class ChangeLink(Fault):
+    """The links from A to B get these properties in place of those that they have; a quantity that is left out is 0."""
+
+    sender: str
+    receiver: str
+    quantities: tuple[tuple[str, float], ...] = ()
+
+    def rule(self) -> Link:
+        """Return the link rule, which holds while the fault lasts."""
+        window = {"start_s": self.at_s, "end_s": min(self.end_s, FOR_GOOD_S)}
+        return convert({"sender": self.sender, "receiver": self.receiver, **dict(self.quantities), **window}, Link)
+
+
+@_declare(
+    "clock",
+    Target(),
+    Quantities(
+        (
+            Quantity("offset_ms", "MS", -MOST_IN_FAULT, MOST_IN_FAULT, "offset"),
+            Quantity("drift_ppm", "PPM", -MOST_DRIFT_PPM, MOST_DRIFT_PPM, "drift"),
+        ),
+        least_count=1,
+    ),
+)
+@dataclass(frozen=True, slots=True)
+class ChangeClock(Fault):
+    """The clock is ahead by the offset from then on, and gains the drift."""
+
+    target: str
+    quantities: tuple[tuple[str, float], ...]
+
+    @property
+    def offset_ms(self) -> float:
+        """By how much the clock is ahead."""
+        return dict(self.quantities).get("offset_ms", 0.0)
+
+    @property
+    def drift_ppm(self) -> float:
+        """By how much the clock gains."""
+        return dict(self.quantities).get("drift_ppm", 0.0)
+
+
+@_declare("gps", Target(), Choice("model", "MODEL", get_args(GpsModel)))
+@dataclass(frozen=True, slots=True)
+class ChangeGps(Fault):
+    """The GPS receiver errs by another model."""
+
+    target: str
+    model: GpsModel
+
+
+@_declare("slow", Target(), Quantity("by_ms", "MS", 0.0, MOST_IN_FAULT), lasts=True)
+@dataclass(frozen=True, slots=True)
+class SlowSolver(Fault):
+    """Every plan takes MS milliseconds longer."""
+
+    target: str
+    by_ms: float
+
+
+def declaration_of(text: str) -> Declaration | None:
+    """Return the declaration of the verb that `text` begins with; None for an unknown verb."""
+    return DECLARATIONS.get(next(iter(text.split()), ""))
 
 
 def parse_fault(text: str, dt_s: float) -> Fault:
@@ -126,18 +271,25 @@ def parse_fault(text: str, dt_s: float) -> Fault:
     MissionError
         With the text and what would have been accepted.
     """
-    words = text.split()
-    form = FORMS.get(words[0], USAGE) if words else USAGE
+    declaration = declaration_of(text)
+    syntax = " or ".join(declaration.syntaxes) if declaration is not None else USAGE
     try:
-        return _parse_words(words, dt_s)
-    except _UnreadableError as error:
-        raise MissionError("fault", text, f"{form} ({error})") from None
-    except (ValueError, IndexError, KeyError):
-        raise MissionError("fault", text, form) from None
+        return _parse(text, declaration, dt_s)
+    except UnreadableError as error:
+        allowed = f"{syntax} ({error})" if str(error) else syntax
+    raise MissionError("fault", text, allowed)
+
+
+def read_fault(text: str, dt_s: float) -> Fault | None:
+    """Read the fault that an event of a recording or of the bus tells; None for a text that tells no fault."""
+    try:
+        return parse_fault(text, dt_s)
+    except MissionError:
+        return None
 
 
 def parse_faults(mission: Mission) -> list[Fault]:
-    """All faults of a mission with a roster, by time.
+    """Read all faults of a mission with a roster, by time.
 
     Raises
     ------
@@ -148,152 +300,56 @@ def parse_faults(mission: Mission) -> list[Fault]:
     faults = []
     for text in mission.fault:
         fault = parse_fault(text, mission.dt_s)
-        for name in (*fault.left, *fault.right):
-            if name not in roster | WORDS.get(fault.verb, frozenset()):
+        words = frozenset[str]().union(*fault.declaration.names.values())
+        for name in fault.names:
+            if name not in roster | words:
                 raise MissionError("fault", text, f"about a UAV of the roster, which {name!r} is not")
         faults.append(fault)
     return sorted(faults, key=lambda fault: fault.at_s)
 
 
 def resolve(fault: Fault, head: str, standbys: Sequence[str], roster: Sequence[str]) -> Fault | None:
-    """The same fault with ids in place of `head`, `standby`, `halves`, `rest`; None when nobody is that now."""
-    left = _resolved(fault.left, head, standbys)
-    right = _resolved(fault.right, head, standbys)
+    """Return the fault with ids in place of `head`, `standby`, `halves`, `rest`; None if one stands for no UAV now."""
+    ids = {HEAD: head, STANDBY: standbys[0] if standbys else ""}
+    if isinstance(fault, Partition):
+        return _resolve_groups(fault, ids, roster)
+    names = {field: getattr(fault, field) for field in fault.declaration.names}
+    found = {field: ids.get(name, name) for field, name in names.items()}
+    return replace(fault, **found) if all(found.values()) else None
+
+
+def _resolve_groups(fault: Partition, ids: dict[str, str], roster: Sequence[str]) -> Partition | None:
+    left, right = (tuple(ids.get(name, name) for name in group) for group in (fault.left, fault.right))
+    left, right = tuple(filter(None, left)), tuple(filter(None, right))
     if fault.left == (HALVES,):
         left, right = tuple(roster[: len(roster) // 2]), tuple(roster[len(roster) // 2 :])
     elif fault.right == (REST,):
         right = tuple(uav for uav in roster if uav not in left)
     elif fault.left == (REST,):
         left = tuple(uav for uav in roster if uav not in right)
-    nobody = (fault.left and not left) or (fault.right and not right)
-    return None if nobody else replace(fault, left=left, right=right)
+    return replace(fault, left=left, right=right) if left and right else None
 
 
-def _resolved(names: tuple[str, ...], head: str, standbys: Sequence[str]) -> tuple[str, ...]:
-    table = {HEAD: head, STANDBY: standbys[0] if standbys else ""}
-    found = (table.get(name, name) for name in names)
-    return tuple(name for name in found if name)
-
-
-def _parse_words(words: list[str], dt_s: float) -> Fault:
-    verb, rest = words[0], words[1:]
-    if verb not in _READERS:
-        raise _UnreadableError(f"unknown fault {verb}")
+def _parse(text: str, declaration: Declaration | None, dt_s: float) -> Fault:
+    verb, *rest = text.split() or [""]
+    if declaration is None:
+        raise UnreadableError(f"unknown fault {verb}" if verb else "")
     when = next((i for i, word in enumerate(rest) if word.startswith("@")), None)
     if when is None:
-        raise _UnreadableError("no @WHEN")
-    tail = rest[when + 1 :]
-    for_s = math.inf
+        raise UnreadableError("no @WHEN")
+    tail, for_s = rest[when + 1 :], math.inf
     if tail:
-        if tail[0] != "for" or len(tail) != 2 or verb not in LASTING_VERBS:
-            raise _UnreadableError(f"unexpected {' '.join(tail)}")
+        if tail[0] != "for" or len(tail) != 2 or not declaration.lasts:
+            raise UnreadableError(f"unexpected {' '.join(tail)}")
         for_s = _seconds(tail[1], dt_s)
-    fault = _READERS[verb](verb, rest[:when])
-    return replace(fault, at_s=_seconds(rest[when][1:], dt_s), for_s=for_s)
+    words, values = deque(rest[:when]), dict[str, Any]()
+    for part in declaration.parts:
+        values.update(part.read(words))
+    if words:
+        raise UnreadableError
+    return declaration.kind(**values, at_s=_seconds(rest[when][1:], dt_s), for_s=for_s)
 
 
 def _seconds(text: str, dt_s: float) -> float:
-    return _bounded(_number(text[:-1]) if text.endswith("s") else _number(text) * dt_s)
-
-
-def _bounded(value: float) -> float:
-    if not 0 <= value <= MOST:
-        raise _UnreadableError(f"a time or quantity must be from 0 to {MOST:g}")
-    return value
-
-
-def _number(text: str) -> float:
-    try:
-        return float(text)
-    except ValueError:
-        raise _UnreadableError(f"{text!r} is no number") from None
-
-
-def _read_process(verb: str, words: list[str]) -> Fault:
-    allowed = {"kill": "mid-step", "freeze": "mid-step", "restart": "lose-memory"}.get(verb)
-    if any(flag != allowed for flag in words[1:]):
-        raise ValueError
-    return Fault(verb, (words[0],), flags=tuple(words[1:]))
-
-
-def _read_partition(verb: str, words: list[str]) -> Fault:
-    (groups,) = words
-    if groups == HALVES:
-        return Fault(verb, (HALVES,))
-    one_way = ">" in groups
-    left, right = groups.split(">" if one_way else "|")
-    names = left.split(","), right.split(",")
-    if HALVES in (*names[0], *names[1]) or (REST in (*names[0], *names[1]) and (names.count([REST]) != 1)):
-        raise _UnreadableError("halves stands alone, and rest is one whole group of the two")
-    return Fault(verb, tuple(names[0]), tuple(names[1]), ("one-way",) if one_way else ())
-
-
-def _read_heal(verb: str, words: list[str]) -> Fault:
-    if words:
-        raise ValueError
-    return Fault(verb)
-
-
-def _read_link(verb: str, words: list[str]) -> Fault:
-    sender, receiver = words[0].split(">")
-    fields = {"delay": "delay_ms", "jitter": "jitter_ms", "range": "range_m"}
-    pairs = list(zip(words[1::2], words[2::2], strict=True))
-    if any(name not in LINK_WORDS for name, _ in pairs):
-        raise ValueError
-    numbers = tuple((fields.get(name, name), _bounded(_number(value))) for name, value in pairs)
-    if any(value > 1 for name, value in numbers if name not in fields.values()):
-        raise _UnreadableError("a probability is at most 1")
-    return Fault(verb, (sender,), (receiver,), numbers=numbers)
-
-
-def _read_clock(verb: str, words: list[str]) -> Fault:
-    fields = {"offset": "offset_ms", "drift": "drift_ppm"}
-    numbers = tuple((fields[name], _number(value)) for name, value in zip(words[1::2], words[2::2], strict=True))
-    most = {"offset_ms": MOST, "drift_ppm": MOST_DRIFT_PPM}
-    if not numbers or not all(abs(value) <= most[name] for name, value in numbers):
-        raise _UnreadableError(
-            f"clock takes offset MS up to {MOST:g} and drift PPM up to {MOST_DRIFT_PPM:g}, either way"
-        )
-    return Fault(verb, (words[0],), numbers=numbers)
-
-
-def _read_gps(verb: str, words: list[str]) -> Fault:
-    target, model = words
-    if model not in {"none", "bias", "white", "gauss-markov"}:
-        raise _UnreadableError("gps takes none, bias, white or gauss-markov")
-    return Fault(verb, (target,), flags=(model,))
-
-
-def _read_slow(verb: str, words: list[str]) -> Fault:
-    target, by_ms = words
-    return Fault(verb, (target,), numbers=(("by_ms", _bounded(_number(by_ms))),))
-
-
-_READERS: dict[str, Callable[[str, list[str]], Fault]] = {
-    **dict.fromkeys(PROCESS_VERBS, _read_process),
-    "partition": _read_partition,
-    "heal": _read_heal,
-    "link": _read_link,
-    "clock": _read_clock,
-    "gps": _read_gps,
-    "slow": _read_slow,
-}
-
-
-def _groups_text(fault: Fault) -> str:
-    left, right = ",".join(fault.left), ",".join(fault.right)
-    if not right:
-        return left
-    return f"{left}{'>' if fault.verb == 'link' or 'one-way' in fault.flags else '|'}{right}"
-
-
-def _numbers_text(fault: Fault) -> list[str]:
-    if fault.verb == "slow":
-        return [_number_text(fault.number("by_ms"))]
-    return [word for name, value in fault.numbers for word in (name.split("_")[0], _number_text(value))]
-
-
-def _number_text(value: float) -> str:
-    """Twelve digits where they are exact, else all that it takes."""
-    short = f"{value:.12g}"
-    return short if float(short) == value else repr(value)
+    value_s = number(text[:-1]) if text.endswith("s") else number(text) * dt_s
+    return bounded(value_s, 0.0, MOST_IN_FAULT, "a time in seconds")

@@ -28,14 +28,24 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from edc_swarm.mission.configuration import MOST_SLOTS, ROUTER, Link, Mission, default_tau_s
-from edc_swarm.mission.faults import Fault, parse_faults, resolve
+from edc_swarm.mission.configuration import FOR_GOOD_S, MOST_SLOTS, ROUTER, Link, Mission, default_tau_s
+from edc_swarm.mission.faults import (
+    ChangeClock,
+    ChangeLink,
+    Fault,
+    Freeze,
+    Heal,
+    Kill,
+    Partition,
+    ProcessFault,
+    SlowSolver,
+    parse_faults,
+    resolve,
+)
 
-FOR_GOOD_S = 1e9
-"""A link that ends then or later never ends."""
 MOST_LOSS = 0.5
 """Share of lost or late messages up to which progress is promised."""
-SLACK_SLOTS = 20
+FAULT_SLACK_SLOTS = 20
 """A fault may be carried out so much later than planned, and the mission still lasts long enough."""
 COMPLETED, GIVEN_UP, NOBODY_LEFT, STALLED = "completed", "max_slots", "nobody-left", "stalled"
 """All are there; `max_slots` are over; nobody flies any more; nothing can change any more."""
@@ -63,7 +73,7 @@ class Prospect:
 def default_max_slots(mission: Mission) -> int:
     """Slots after which a mission is given up, if its file does not say: late enough for G7 to be judged."""
     faults = parse_faults(mission)
-    slack = SLACK_SLOTS if faults else 0
+    slack = FAULT_SLACK_SLOTS if faults else 0
     return min(settled_slot(mission, faults) + prospect_of(mission, faults).limit_slots + slack, MOST_SLOTS)
 
 
@@ -77,9 +87,9 @@ def settled_slot(mission: Mission, faults: Sequence[Fault]) -> int:
 def prospect_of(mission: Mission, faults: Sequence[Fault]) -> Prospect:
     """Return what is promised after `faults`, by time, with ids in place of `head` and `standby` where known."""
     lasting = [fault for fault in faults if math.isinf(_end_s(fault, faults))]
-    partitions = [fault for fault in lasting if fault.verb == "partition"]
+    partitions = [fault for fault in lasting if isinstance(fault, Partition)]
     side, cut = _quorum_side(mission, partitions) if partitions else (frozenset(e.uav for e in mission.roster), "")
-    missed, link = _missed(mission, [fault for fault in lasting if fault.verb == "link"], _slowest(faults))
+    missed, link = _missed(mission, [fault for fault in lasting if isinstance(fault, ChangeLink)], _slowest(faults))
     obstacle = _router_gone(faults) or _clock_wrong(mission, faults) or cut or link
     longest_m = max((entry.straight_m for entry in mission.roster), default=0.0)
     step_m = mission.v_max_mps * mission.dt_s
@@ -91,43 +101,43 @@ def prospect_of(mission: Mission, faults: Sequence[Fault]) -> Prospect:
 
 def _end_s(fault: Fault, faults: Sequence[Fault]) -> float:
     """Mission time at which a fault is over; infinite for what lasts for good."""
-    if fault.verb == "partition":
-        heals_s = (other.at_s for other in faults if other.verb == "heal" and other.at_s >= fault.at_s)
+    if isinstance(fault, Partition):
+        heals_s = (other.at_s for other in faults if isinstance(other, Heal) and other.at_s >= fault.at_s)
         return min(fault.end_s, *heals_s, math.inf)
-    if fault.verb in {"link", "slow"} or math.isfinite(fault.for_s):
+    if isinstance(fault, (ChangeLink, SlowSolver)) or math.isfinite(fault.for_s):
         return fault.end_s
     return fault.at_s
 
 
 def _router_gone(faults: Sequence[Fault]) -> str:
     """Name the fault that takes the router away for good, if there is one."""
-    last = [fault for fault in faults if fault.verb in {"kill", "freeze", "restart", "resume"} and ROUTER in fault.left]
-    if last and last[-1].verb in {"kill", "freeze"} and math.isinf(last[-1].for_s):
+    last = [fault for fault in faults if isinstance(fault, ProcessFault) and fault.target == ROUTER]
+    if last and isinstance(last[-1], (Kill, Freeze)) and math.isinf(last[-1].for_s):
         return f"'{last[-1]}' takes the router away for good"
     return ""
 
 
 def _clock_wrong(mission: Mission, faults: Sequence[Fault]) -> str:
     """Name a clock that stays beyond the guard, or drifts, if there is one."""
-    last = {fault.left: fault for fault in faults if fault.verb == "clock"}
+    last = {fault.target: fault for fault in faults if isinstance(fault, ChangeClock)}
     for fault in last.values():
-        if fault.number("drift_ppm") or abs(fault.number("offset_ms")) > 1e3 * mission.guard_s:
+        if fault.drift_ppm or abs(fault.offset_ms) > 1e3 * mission.guard_s:
             return f"'{fault}' leaves a clock beyond guard_s for good"
     return ""
 
 
-def _quorum_side(mission: Mission, partitions: Sequence[Fault]) -> tuple[frozenset[str], str]:
+def _quorum_side(mission: Mission, partitions: Sequence[Partition]) -> tuple[frozenset[str], str]:
     """Return the largest group that lasting partitions leave together, and what forbids a promise to it."""
     roster = [entry.uav for entry in mission.roster]
     whole = frozenset(roster)
     heard = np.ones((len(roster), len(roster)), bool)
     for fault in partitions:
         cut = resolve(fault, "", [], roster)
-        if cut is None:
+        if not isinstance(cut, Partition):
             return whole, f"'{fault}' never heals, and whom it cuts off is not known"
         left, right = np.isin(roster, cut.left), np.isin(roster, cut.right)
         heard[np.ix_(left, right)] = False
-        if "one-way" not in cut.flags:
+        if not cut.one_way:
             heard[np.ix_(right, left)] = False
     group = max(_groups(heard | heard.T), key=lambda members: int(members.sum()), default=np.ones(len(roster), bool))
     side = frozenset(uav for uav, inside in zip(roster, group, strict=True) if inside)
@@ -150,22 +160,22 @@ def _groups(linked: NDArray[np.bool_]) -> Iterator[NDArray[np.bool_]]:
         left &= ~group
 
 
-def _slowest(faults: Sequence[Fault]) -> Fault | None:
+def _slowest(faults: Sequence[Fault]) -> SlowSolver | None:
     """Return the fault that slows a solver most, of those that last and that no later one replaces."""
-    last = {fault.left: fault for fault in faults if fault.verb == "slow"}
+    last = {fault.target: fault for fault in faults if isinstance(fault, SlowSolver)}
     lasting = [fault for fault in last.values() if math.isinf(fault.for_s)]
-    return max(lasting, key=lambda fault: fault.number("by_ms"), default=None)
+    return max(lasting, key=lambda fault: fault.by_ms, default=None)
 
 
-def _missed(mission: Mission, links: Sequence[Fault], slow: Fault | None) -> tuple[float, str]:
+def _missed(mission: Mission, links: Sequence[ChangeLink], slow: SlowSolver | None) -> tuple[float, str]:
     """Return the share of messages lost or late on the worst link that lasts; or 0 and what forbids a promise."""
-    slow_ms = slow.number("by_ms") if slow is not None else 0.0
+    slow_ms = slow.by_ms if slow is not None else 0.0
     slot_ms, tau_ms = mission.slot_ns / 1e6, 1e3 * default_tau_s(mission) / mission.time_scale
     spare_ms = min(tau_ms, slot_ms - tau_ms - slow_ms)
     if spare_ms <= 0:
         return 0.0, f"'{slow}' leaves no time for a plan, for good"
     worst = 0.0
-    for rule in _in_force([*mission.link, *(fault.link() for fault in links)]):
+    for rule in _in_force([*mission.link, *(fault.rule() for fault in links)]):
         missed = 1 - (1 - _loss(rule)) * (1 - _late(rule, spare_ms)) * (1 - rule.reorder)
         name = f"the link {rule.sender}>{rule.receiver}"
         if rule.range_m > 0:

@@ -49,7 +49,7 @@ def type_at(kind: type, path: str) -> Type:
     return found
 
 
-def number_text(value: float) -> str:
+def plain_number(value: float) -> str:
     """Return a number as a user writes it: 10000, 0.25, 1e12."""
     if isinstance(value, int):
         return str(value)
@@ -66,9 +66,9 @@ def _inside(kind: Type, part: str) -> Type | None:
 def _number(kind: IntType | FloatType) -> str:
     noun = "a whole number" if isinstance(kind, IntType) else "a number"
     if kind.ge is not None and kind.le is not None:
-        return f"{noun} from {number_text(kind.ge)} to {number_text(kind.le)}"
+        return f"{noun} from {plain_number(kind.ge)} to {plain_number(kind.le)}"
     limits = {"above": kind.gt, "at least": kind.ge, "below": kind.lt, "at most": kind.le}
-    said = [f"{word} {number_text(limit)}" for word, limit in limits.items() if limit is not None]
+    said = [f"{word} {plain_number(limit)}" for word, limit in limits.items() if limit is not None]
     return f"{noun} {' and '.join(said)}".rstrip()
 
 

@@ -1,4 +1,4 @@
-"""Planner "edc": guidance proposes, the slot QP makes it safe, the certificate has the last word."""
+"""Planner "edc": guidance prefers steps, the slot QP makes them safe, the certificate checks them last."""
 
 from __future__ import annotations
 
@@ -16,13 +16,16 @@ from edc_swarm.solver import certificate, slot_qp
 
 
 def weights(mission: Mission) -> tuple[float, float]:
-    """Prices (wt, wd) of a slot of time and of a full step of distance; wt + wd = 1.
+    """Return the prices (wt, wd) of a slot of time and of a full step of distance; wt + wd = 1.
 
-    "time" asks for the earliest arrival. "distance" balances distance with time: with more weight on
-    distance UAVs wait for each other rather than go round, and missions stall. "energy" takes the
-    weights from the power curve: a slot of flight at full speed costs P(v_max), a slot of waiting
-    P(0), so time is worth P(0) and distance the rest, P(v_max) - P(0), of which there is none while
-    hovering costs more than cruising.
+    ==========  =========================================  ===================================================
+    minimise    (wt, wd)                                   reason
+    ==========  =========================================  ===================================================
+    time        (1, 0)                                     earliest arrival
+    distance    (1/2, 1/2)                                 with a higher wd UAVs wait for each other rather
+                                                           than fly round, and missions stall
+    energy      wt = min(P(0) / P(v_max), 1), wd = 1 - wt  a slot at full speed costs P(v_max), a hold P(0)
+    ==========  =========================================  ===================================================
     """
     if mission.minimise == "distance":
         return 0.5, 0.5
@@ -35,7 +38,7 @@ def weights(mission: Mission) -> tuple[float, float]:
 
 
 class Edc:
-    """The project's own planner: complete, and free of overlaps however the steps are flown."""
+    """The project's own planner: its missions complete, and its steps are free of overlaps in every execution."""
 
     def __init__(self, mission: Mission, stopwatch: Stopwatch, tuning: Tuning | None = None) -> None:
         self._u_max_m = mission.u_max_m
@@ -44,14 +47,14 @@ class Edc:
         self._safe = SafeSteps(self._u_max_m, stopwatch)
 
     def plan(self, request: PlanRequest) -> Plan:
-        """Next waypoints of the UAVs of `request`."""
+        """Return the next waypoints of the UAVs of `request`."""
         started_ns = self._stopwatch()
         arrays = checked_arrays(request)
         wish_m = self._wishes(arrays)
         return self._safe.plan(arrays, wish_m, guidance_ms=(self._stopwatch() - started_ns) / 1e6)
 
     def _wishes(self, arrays: Arrays) -> Floats:
-        """What guidance prefers, but for UAVs that have to leave a hull's neighbourhood first."""
+        """Return the preferred waypoints: those of guidance, but for UAVs that must first fly away from a hull."""
         obstacles = arrays.obstacles
         goal_m = ways.free_goals(arrays.target_m, arrays.r_m, obstacles)
         scene = Scene(arrays.slot, arrays.uav, arrays.position_m, goal_m, arrays.r_m, obstacles)
@@ -61,10 +64,10 @@ class Edc:
         return wish_m
 
     def _leave(self, arrays: Arrays, wish_m: Floats) -> None:
-        """Send UAVs nearer than R to a hull away from it, if what they prefer and may fly brings them hardly farther.
+        """Send UAVs nearer than R to a hull away from it, if their preferred and allowed steps hardly do.
 
-        Nearer than R a UAV may take only steps by which it comes nearer to no point of the hull. Of these it takes
-        the one most clear of all that bound them.
+        Nearer than R a UAV may fly only steps that come nearer to no point of the hull. It flies the one
+        farthest from the bounds of these steps.
         """
         alone = slot_qp.slot_problem(arrays.position_m, wish_m, arrays.r_m, self._u_max_m, arrays.obstacles)
         lack_m = self._lack_m(arrays, arrays.position_m)
@@ -79,7 +82,7 @@ class Edc:
                 wish_m[k] = arrays.position_m[k] + far_m * ways.clearest(normal)
 
     def _lack_m(self, arrays: Arrays, point_m: Floats, k: int | None = None) -> Floats:
-        """How much less than R from each hull the points are, (n, m); or (m,) one point of UAV `k`."""
+        """Return R minus the distance of the points from each hull, (n, m), or (m,) for one point of UAV `k`."""
         obstacles = arrays.obstacles
         r_m = arrays.r_m[:, None] if k is None else arrays.r_m[k]
         away_m = point_segment_distance_m(point_m[..., None, :], obstacles.a_m, obstacles.b_m)

@@ -1,8 +1,8 @@
-"""A user's planner at arm's length: whatever it does, its head goes on, and tells what was wrong.
+"""Guard of a user's planner: its head continues after any failure of it, and reports the error.
 
-Where it raises, or what it returns is no plan, everyone holds for that slot and the plan says why. What is
-whole is taken as it is, but for steps longer than u_max, which are cut to it. Nothing else is made safe here:
-a planner that sends two UAVs to one place is obeyed, and `edc-swarm check` says so.
+If the planner raises, or returns no valid plan, all UAVs hold in that slot and the plan has the reason. The guard
+shortens steps longer than u_max and changes nothing else in a valid plan. It does not make steps safe: a planner
+may send two UAVs to one place, and `edc-swarm check` then reports the collision.
 """
 
 from __future__ import annotations
@@ -24,7 +24,7 @@ MAX_PROBLEM = 400
 
 
 class Guarded:
-    """`planner`, which somebody else wrote, as a planner that always returns a plan."""
+    """A user's `planner`, as a planner that always returns a plan."""
 
     def __init__(self, planner: Planner, mission: Mission, stopwatch: Stopwatch) -> None:
         self._planner = planner
@@ -32,11 +32,11 @@ class Guarded:
         self._stopwatch = stopwatch
 
     def plan(self, request: PlanRequest) -> Plan:
-        """Next waypoints of the UAVs of `request`; where the planner has none, everyone holds."""
+        """Return the next waypoints of the UAVs of `request`; if the planner has none, all hold."""
         started_ns = self._stopwatch()
         try:
             plan = self._checked(self._planner.plan(request), request)
-        except Exception as error:  # noqa: BLE001  (whatever a stranger's code raises, the head goes on)
+        except Exception as error:  # noqa: BLE001  (user code may raise anything, and the head continues)
             plan = _all_hold(request, described(error, type(self._planner).__module__))
         if plan.guidance_ms + plan.assemble_ms + plan.solve_ms > 0.0:
             return plan
@@ -55,7 +55,7 @@ class Guarded:
 
 
 def described(error: BaseException, module: str) -> str:
-    """What was raised, and the last line of `module` on the way there, if there is one."""
+    """Return the error's type and text, with the last line of `module` in its traceback if there is one."""
     frames = traceback.walk_tb(error.__traceback__)
     lines = [(frame.f_code.co_filename, line) for frame, line in frames if frame.f_globals.get("__name__") == module]
     where = f" ({Path(lines[-1][0]).name}, line {lines[-1][1]})" if lines else ""

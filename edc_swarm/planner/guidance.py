@@ -1,41 +1,41 @@
-"""Guidance: which step each UAV would like to take, by space-time best response.
+"""Guidance: the preferred step of each UAV, by space-time best response.
 
-The slot QP makes any wishes safe; whether missions complete, and how far everyone flies, is decided
-here. Each UAV has a *plan*, a few way points in space and time after which it flies straight to its
+The slot QP makes any preferred steps safe; guidance decides whether missions complete, and how far UAVs fly. Each
+UAV has a *plan*, a few way points in space and time and then a straight flight to its
 goal, and hence a *track*, its predicted position in each of the next W slots. Once a slot the UAVs
-whose tracks conflict, the earliest conflict first, look for the track A that is cheapest against
+whose tracks conflict, the earliest conflict first, search the track A that is cheapest against
 the current tracks of all others:
 
     COST(A) = sum over slots not at the goal of wt  +  wd * length / u_max  +  CONF(A)
     CONF(A) = sum_l way_kl sum_t gamma^t (TOUCH + DEPTH (sep - d) / R)   where d < sep
 
-in units of slots. d is what the slot QP will look at: however unevenly the steps of slot t are flown,
+in units of slots. d is the distance that the slot QP checks: in every uneven execution of the steps of slot t
 the difference of the two positions stays in a parallelogram, and d is its distance from the origin. So
-a plan without conflicts is flown as it stands. (Distances at slot ends alone promise gaps that the QP
-then refuses, for ever.) sep = R + delta, or 0.9995 of the present distance where that is less (already
+the UAV flies a plan without conflicts unchanged. (Distances at slot ends alone promise gaps that the QP
+rejects in every slot.) sep = R + delta, or 0.9995 of the present distance where that is less (already
 too close: a conflict is then getting closer). A conflict has a finite price, so a plan always exists,
 and far conflicts are discounted since they may dissolve.
 
-`way` is the right of way: (luck_l + PATIENCE) / (luck_k + PATIENCE) within [1/CAP, CAP]. A UAV that has
-lost time is dearer to others: luck = lateness * (0.5 + U(0, 1)), drawn anew every W slots. Without it
-dense missions jam. The denser the swarm, the more those with the longest way go first as well, since
+`way` is the right of way: (luck_l + PATIENCE) / (luck_k + PATIENCE) within [1/CAP, CAP]. A conflict with a
+late UAV costs others more: luck = lateness * (0.5 + U(0, 1)), drawn anew every W slots. Without it
+dense missions jam. In a dense swarm the UAVs with the longest way go first too, since
 they decide when the mission ends: FAR_FIRST * coverage^2 * remaining slots is added, coverage being the
-share of the swarm's rectangle that its discs cover (at most 0.4). In the slot to come nobody has less
-than the right of way IMMINENT: a step into another's corner is not flown anyway, and whoever insists on
-it is never seen to need room. Insisting pays now and then, since the QP grants a part of the step; but who
-has stood still for STUCK slots plans no such step at all any more, so that the others see what it waits for.
+share of the swarm's rectangle that its discs cover (at most 0.4). In the next slot every UAV has at
+least the right of way IMMINENT: the QP rejects a step into another UAV's box, and the track of a UAV that insists on
+such a step does not show that it needs room. To insist sometimes pays, since the QP grants a part of the step; but
+a UAV that has stood still for STUCK slots plans no such step, so its track shows the others where it needs room.
 
-The best response is found by A* over a lattice in space and time (nodes (layer, a, b), two slots a
+A* finds the best response over a lattice in space and time (nodes (layer, a, b), two slots a
 layer, spacing 2 u_max / sqrt(20); moves: stay, 12 of about half and 32 of nearly full speed; distances
-at slots only), then improved off the lattice at the full price: way points are dropped while the cost
-does not rise ("string pulling"), drawn towards the straight connection by bisection, and nudged in space
-and time while the cost falls. Only the slots that a change touches are flown and priced again. Before
-searching, the UAV tries to pass each opponent in turn on one side; where that is free and nearly as
-cheap as the straight line, no search is made. A plan that falls behind is put off, and dropped when that
-happens too often: it does not work out. A plan whose conflicts have gone is kept and improved; it gives
-way to the straight line as soon as that is free.
+at slots only). Local search then improves it off the lattice at the full price: it drops way points while the cost
+does not rise ("string pulling"), moves them towards the straight connection by bisection, and moves them in space
+and time while the cost falls. It flies and prices again only the slots that a change affects. Before
+a search the UAV tries to pass each opponent in turn on one side; if that is free and nearly as
+cheap as the straight line, it does not search. A UAV delays a plan that falls behind, and drops a plan
+delayed too often. It keeps and improves a plan whose conflicts are gone, and replaces it by
+the straight line as soon as that is free.
 
-Random numbers are a hash of (seed, slot, UAV) and effort is counted in steps priced, so the same
+Random numbers are a hash of (seed, slot, UAV) and guidance counts effort in priced steps, so the same
 requests give the same bytes on any head. A new head starts cold: all tracks are straight lines.
 """
 
@@ -54,11 +54,11 @@ from edc_swarm.planner import ways
 from edc_swarm.solver.slot_qp import DELTA_M, Obstacles
 
 NEVER = -(10**9)
-"""Slot in which a UAV was last planned for that never was."""
+"""Slot of the last plan for a UAV that has none."""
 STILL_SHARE = 0.02
-"""Who moves by less than this share of a full step has stood still."""
-MAX_CELLS = 160
-"""Cells along one side of the grid at most."""
+"""Share of a full step below which a UAV has stood still."""
+MAX_SIDE_CELLS = 160
+"""Most cells along one side of the grid."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -78,23 +78,23 @@ class Tuning:
     cap
         Largest right-of-way ratio.
     imminent
-        Least right of way of all others in the slot to come.
+        Least right of way of all others in the next slot.
     stuck
-        Slots of standing still after which a UAV no longer insists in the slot to come.
+        Slots of standing still after which a UAV no longer insists in the next slot.
     far_first
-        Lateness that each slot of the remaining way counts as, per squared coverage.
+        Lateness for each slot of the remaining way, per squared coverage.
     greed
         Factor on the A* heuristic: above 1 the search is faster and not quite optimal.
     expand
         Expansions of one search.
     budget, budget_per_uav
-        Steps priced in one slot after which no further UAV makes a new plan.
+        Priced steps in one slot after which no further UAV makes a new plan.
     rounds
         Rounds of local search on way points.
     easy
-        Slots of extra effort below which a plan that passes everyone on one side needs no search.
+        Slots of extra effort below which a plan that passes all opponents on one side needs no search.
     delay
-        Slots by which a plan may be put off before it is made anew.
+        Slots by which a UAV may delay a plan before it makes a new one.
     """
 
     look_ahead: int = 32
@@ -121,20 +121,20 @@ class Tuning:
 
     @property
     def side(self) -> int:
-        """Lattice points along one side: as far as full speed leads."""
+        """Lattice points along one side: the reach at full speed."""
         return 2 * math.ceil(self.layers * math.sqrt(20.0)) + 1
 
     def limits(self, uavs: int) -> kernel.Limits:
-        """What one slot may cost with so many UAVs."""
+        """Return the limits on the effort of one slot with this number of UAVs."""
         budget = self.budget + self.budget_per_uav * uavs
         return kernel.Limits(self.layers, self.side, self.greed, self.expand, budget, self.rounds, self.easy)
 
 
 @dataclass(frozen=True, slots=True)
 class Scene:
-    """One slot as the guidance sees it.
+    """One slot as input of the guidance.
 
-    `uav` (n,) roster indices, `position_m` `goal_m` (n, 2), `r_m` (n,); `obstacles` stay where they are.
+    `uav` (n,) roster indices, `position_m` `goal_m` (n, 2), `r_m` (n,); the hulls in `obstacles` do not move.
     """
 
     slot: int
@@ -158,7 +158,7 @@ class Guidance:
         self._draft = _draft(tuning)
 
     def wishes(self, scene: Scene) -> Floats:
-        """Preferred waypoints (n, 2), each within u_max of the UAV's position."""
+        """Return the preferred waypoints (n, 2), each within u_max of the UAV's position."""
         if not len(scene.uav):
             return np.empty((0, 2))
         walls = ways.walls_of(scene.position_m, scene.r_m, scene.obstacles)
@@ -175,7 +175,7 @@ class Guidance:
         return world.track[:, 1].copy()
 
     def _remember(self, scene: Scene, way_m: Floats) -> None:
-        """Bring the memory to this slot: time passes, lateness grows, who was long unheard is forgotten."""
+        """Advance the memory to this slot: lateness grows, and UAVs unheard for long are forgotten."""
         memory = self._memory = self._memory.grown(int(scene.uav.max()) + 1)
         elapsed = scene.slot - memory.seen[scene.uav]
         known = (elapsed > 0) & (elapsed <= self._tuning.look_ahead)
@@ -187,18 +187,18 @@ class Guidance:
         memory.distance_m[scene.uav] = way_m
 
     def _stood_still(self, scene: Scene) -> NDArray[np.bool_]:
-        """Who is where it was when it was last planned for."""
+        """Return a mask of the UAVs that have not moved since their last plan."""
         return length_m(scene.position_m - self._memory.position_m[scene.uav]) < STILL_SHARE * self._u_max_m
 
     def _lateness(self, scene: Scene, way_m: Floats, elapsed: Indices) -> Floats:
-        """Slots lost against full speed; at the goal they are forgotten little by little."""
+        """Return the slots lost against full speed; at the goal they decay slowly."""
         late = self._memory.late[scene.uav]
         lost = elapsed - (self._memory.distance_m[scene.uav] - way_m) / self._u_max_m
         fading = late * (1 - 1 / self._tuning.patience)
         return np.maximum(np.where(way_m < ARRIVED_M, fading, late + lost), 0.0)
 
     def _luck(self, scene: Scene) -> Floats:
-        """Right of way of all vehicles, in slots: lateness times chance, and the length of the way to go."""
+        """Return the right of way of all UAVs, in slots: lateness times chance, plus the length of the way."""
         tuning, memory = self._tuning, self._memory
         window = scene.slot // tuning.look_ahead
         chance = [0.5 + kernel.uniform(self._seed, window, uav) for uav in scene.uav]
@@ -206,7 +206,7 @@ class Guidance:
         return memory.late[scene.uav] * chance + tuning.far_first * min(coverage(scene), 0.4) ** 2 * way_slots
 
     def _imminent(self, scene: Scene) -> Floats:
-        """Least right of way of all others over each UAV in the slot to come."""
+        """Return the least right of way of all others over each UAV in the next slot."""
         still = self._memory.still[scene.uav]
         return np.where(still >= self._tuning.stuck, kernel.UNYIELDING, self._tuning.imminent)
 
@@ -215,7 +215,7 @@ class Guidance:
         start_m, r_m = scene.position_m, scene.r_m
         low_m = start_m.min(axis=0)
         extent_m = start_m.max(axis=0) - low_m
-        cell_m = max(2 * float(r_m.max()) + DELTA_M + self._u_max_m, float(extent_m.max()) / MAX_CELLS)
+        cell_m = max(2 * float(r_m.max()) + DELTA_M + self._u_max_m, float(extent_m.max()) / MAX_SIDE_CELLS)
         margin = 4
         cells = np.ceil(extent_m / cell_m).astype(np.int64) + 1 + 2 * margin
         slots = tuning.look_ahead + 1
@@ -250,7 +250,7 @@ class Guidance:
 
 
 def coverage(scene: Scene) -> float:
-    """Share of the smallest rectangle around all discs, now and at their goals, that the discs cover."""
+    """Return the share that the discs cover of the smallest rectangle around them, now and at their goals."""
     points_m = np.concatenate([scene.position_m, scene.goal_m])
     sides_m = np.ptp(points_m, axis=0) + 2 * scene.r_m.max()
     return math.pi * float((scene.r_m**2).sum()) / max(float(sides_m.prod()), 1e-9)
@@ -258,7 +258,7 @@ def coverage(scene: Scene) -> float:
 
 @dataclass
 class _Memory:
-    """Plans and lateness of the whole roster, row = roster index; `seen` is when each was last planned for."""
+    """Plans and lateness of the whole roster, row = roster index; `seen` is the slot of each UAV's last plan."""
 
     seen: Indices
     late: Floats
@@ -275,7 +275,7 @@ class _Memory:
         return _Memory(seen, np.zeros(size), np.zeros(size), still, position_m, plans)
 
     def grown(self, size: int) -> _Memory:
-        """At least `size` rows."""
+        """Return a memory with at least `size` rows."""
         have = len(self.late)
         if size <= have:
             return self
@@ -287,17 +287,17 @@ class _Memory:
         return more
 
     def advance(self, uav: Indices, known: NDArray[np.bool_], elapsed: Indices) -> None:
-        """Move way points `elapsed` slots nearer; forget the plans of UAVs that are not known."""
+        """Move way points `elapsed` slots nearer; drop the plans of UAVs that are not known."""
         self.plans.size[uav[~known]] = 0
         self.plans.slot[uav] -= np.where(known, elapsed, 0)[:, None]
 
     def plans_of(self, uav: Indices) -> kernel.Plans:
-        """Copies of the rows of these UAVs."""
+        """Return copies of the rows of these UAVs."""
         plans = self.plans
         return kernel.Plans(plans.size[uav], plans.delay[uav], plans.slot[uav], plans.point_m[uav])
 
     def store(self, uav: Indices, plans: kernel.Plans) -> None:
-        """Put the rows back."""
+        """Write the rows of these UAVs."""
         for mine, theirs in zip(self.plans, plans, strict=True):
             mine[uav] = theirs
 

@@ -1,10 +1,10 @@
 """Compiled part of the guidance: see `edc_swarm.planner.guidance` for the theory.
 
-Everything here is plain loops over arrays, deterministic: no fast-math, no threads, random numbers
-from a hash, effort counted in steps priced. It is one file since a compiled function is cached with
-the file that it stands in: a change to a callee elsewhere would go unnoticed.
+All code here is plain loops over arrays and deterministic: no fast-math, no threads, random numbers
+from a hash, effort counted in priced steps. It is one file since numba caches a compiled function by the file
+that defines it, and would not notice a change to a callee in another file.
 
-Names: n UAVs, m obstacles that never move, W slots of look-ahead, M lattice layers (two slots each),
+Names: n UAVs, m hulls that never move, W slots of look-ahead, M lattice layers (two slots each),
 P way points a plan can have.
 """
 
@@ -23,30 +23,30 @@ from numpy.typing import NDArray
 Floats = NDArray[np.float64]
 Ints = NDArray[np.int64]
 
-ARRIVED_M = 1e-9
+AT_GOAL_M = 1e-9
 ROUNDING_M = 1e-6
-"""A plan that keeps its distance to within this is no conflict: local search ends on the very edge."""
+"""Tolerance of a plan's distances: local search ends exactly at the least distance."""
 OPEN, PRICED, CLOSED = 0, 1, 2
 UNYIELDING = 1e4
-"""Right of way of all others in the slot to come over a UAV that has stood still for long."""
+"""Right of way of all others in the next slot over a UAV that has stood still for long."""
 ENTRY_BITS = 4
 """A vehicle has 2**ENTRY_BITS entries in each slot of the grid, of which it uses nine."""
 EXPANSION = 8
-"""Steps priced that one expansion of the lattice search counts as: about its share of the time."""
+"""Effort of one expansion of the lattice search, in priced steps of equal time."""
 SIDESTEPS = 3
-"""Opponents that one plan passes at most without a search."""
+"""Most opponents that one plan passes without a search."""
 SIDE = 1.002
-"""How far beside an opponent a plan passes at first, as a share of the least distance."""
+"""First distance at which a plan passes an opponent, as a share of the least distance."""
 SLACK = 1.0
-"""Slots by which way points off the lattice may be cheaper than on it."""
+"""Slots by which way points off the lattice may be cheaper than way points on it."""
 GAIN = 1e-3
-"""Slots by which moving a way point must pay."""
+"""Least gain, in slots, of moving a way point."""
 TIE = 1e-12
-"""What the order of additions may make of equal costs."""
+"""Tolerance for equal costs, which differ by the order of additions."""
 HALVINGS = 4
-"""Bisections when a way point is drawn towards the straight connection."""
+"""Bisections of a move of a way point towards the straight connection."""
 REPEATS = 4
-"""Times that a way point is moved on in one direction."""
+"""Most moves of a way point in one direction."""
 
 Function = TypeVar("Function", bound=Callable[..., Any])
 
@@ -55,14 +55,14 @@ ONCE: Any = np.int64(1)
 DROPPED: Any = np.int64(-1)
 MOVED: Any = np.int64(0)
 INSERTED: Any = np.int64(1)
-"""Numpy's numbers, since a function is compiled anew for every literal that it is called with."""
+"""Numpy's numbers, since numba compiles a function anew for every literal argument."""
 
 
 def compiled(function: Function) -> Function:
-    """Compile a function that makes no array, so references need not be counted: that took a third of the time.
+    """Compile a function that makes no array, without reference counting, which took a third of the time.
 
-    Divisions follow IEEE 754, so no check for zero slows the loops down; none of them divides by zero. What is compiled
-    is kept on disk; where that cannot be, it is kept in memory alone.
+    Divisions follow IEEE 754, so no check for zero slows the loops down; no loop divides by zero. Numba keeps compiled
+    code on disk, or in memory only if no folder can be written.
     """
     options: dict[str, Any] = {"error_model": "numpy", "_nrt": False}
     dispatcher: Any = njit(**options)(function)
@@ -77,10 +77,10 @@ _DiskCache: Any = FunctionCache
 
 
 class _Cache(_DiskCache):  # type: ignore[misc]
-    """Numba's cache on disk, whose failure costs time and nothing else: a full disk, or a file that was torn."""
+    """Numba's cache on disk; a failure of it, such as a full disk or a torn file, only costs time."""
 
     def load_overload(self, sig: Any, target_context: Any) -> Any:
-        """Load a compiled function; None where there is none, or none that can be read."""
+        """Load a compiled function; return None if there is none, or if its file cannot be read."""
         try:
             return super().load_overload(sig, target_context)
         except Exception:  # noqa: BLE001  (unpickling a torn file may raise anything)
@@ -89,7 +89,7 @@ class _Cache(_DiskCache):  # type: ignore[misc]
             return None
 
     def save_overload(self, sig: Any, data: Any) -> None:
-        """Save a compiled function, if that can be."""
+        """Save a compiled function, if possible."""
         with suppress(OSError):
             super().save_overload(sig, data)
 
@@ -113,10 +113,10 @@ class Rules(NamedTuple):
 
 
 class Walls(NamedTuple):
-    """Obstacles: the segments a_m-b_m (m, 2), (m, 2), of whose points a UAV's centre keeps away.
+    """Hulls with each UAV's distances from them: the segments a_m-b_m (m, 2), (m, 2).
 
-    `keep_m` (n, m) is how far each UAV should keep: R + delta and the obstacle's own radius. `bar_m` (n, m)
-    is how near it may never come: the same, or just not nearer than it is now.
+    `keep_m` (n, m) is the distance that each UAV's centre should keep: R + delta plus the hull's radius. `bar_m`
+    (n, m) is the distance that it must keep: the same, or 0.9995 of the present distance if that is less.
     """
 
     a_m: Floats
@@ -126,11 +126,11 @@ class Walls(NamedTuple):
 
 
 class World(NamedTuple):
-    """What a plan is judged against.
+    """Data for pricing a plan.
 
     track (n, W+1, 2) predicted positions in metres, one a slot; start_m (n, 2); goal_m (n, 2);
     r_m (n,); luck (n,) lateness drawn for right of way; imminent (n,) least right of way
-    of all others over each in the slot to come; gamma (W+1,) discount of a conflict;
+    of all others over each in the next slot; gamma (W+1,) discount of a conflict;
     head (W+1, cells) and link (W+1, 16 n) linked lists, for each slot and square cell, of the vehicles
     whose step of that slot has its middle in this cell or in one of the eight around it (entry 16 l + i
     is vehicle l's i-th cell). A cell is as wide as the middles of two steps in conflict can be apart.
@@ -155,7 +155,7 @@ class World(NamedTuple):
 class Plans(NamedTuple):
     """Way points of every UAV: size (n,), slot (n, P) from now, point (n, P, 2).
 
-    `delay` (n,) counts the slots by which a plan had to be put off since it was made.
+    `delay` (n,) counts the slots of delay of a plan since the UAV made it.
     """
 
     size: Ints
@@ -165,7 +165,7 @@ class Plans(NamedTuple):
 
 
 class Limits(NamedTuple):
-    """How hard to look for plans: the fields of `guidance.Tuning`, with the budget of this slot."""
+    """Limits on the search for plans: the fields of `guidance.Tuning`, with the budget of this slot."""
 
     layers: int
     side: int
@@ -177,12 +177,12 @@ class Limits(NamedTuple):
 
 
 class Draft(NamedTuple):
-    """A plan being worked on: way points, the track that they give, and what each slot of it costs.
+    """A plan under construction: way points, their track, and the cost of each of its slots.
 
     `slot` (P + 1,) and `point_m` (P + 1, 2) have room for one way point more than a plan. `track` (W+1, 2);
-    `aim` (W+1,) is the way point that the step of slot t aims at; `effort` and `price` (W+2,) are what
-    the step costs in itself and in conflicts, the last entry being the straight rest beyond the
-    look-ahead. The `new_` arrays belong to a change that is being tried. `work` counts steps priced.
+    `aim` (W+1,) is the way point that the step of slot t aims at; `effort` and `price` (W+2,) are the costs of
+    the step itself and of its conflicts; the last entry is the straight rest beyond the
+    look-ahead. The `new_` arrays belong to a trial change. `work` counts priced steps.
     """
 
     slot: Ints
@@ -218,7 +218,7 @@ class Scratch(NamedTuple):
 
 @compiled
 def uniform(seed: int, a: int, b: int) -> float:
-    """Number in [0, 1) from a hash of three integers (splitmix64 finaliser, thrice)."""
+    """Return a number in [0, 1) from a hash of three integers (splitmix64 finaliser, thrice)."""
     z = np.uint64(0)
     for value in (seed, a, b):
         z = (z ^ np.uint64(value)) + np.uint64(0x9E3779B97F4A7C15)
@@ -230,13 +230,13 @@ def uniform(seed: int, a: int, b: int) -> float:
 
 @compiled
 def norm(x: float, y: float) -> float:
-    """Length of a vector; several times faster than hypot, and nothing here is near overflow."""
+    """Return the length of a vector; several times faster than hypot, and no length here is near overflow."""
     return math.sqrt(x * x + y * y)
 
 
 @compiled
 def cell_of(rules: Rules, x: float, y: float) -> tuple[int, int]:
-    """Cell of a point; points outside the grid count as in its border cells."""
+    """Return the cell of a point; points outside the grid belong to its border cells."""
     i = int((x - rules.low_x_m) * rules.per_cell)
     j = int((y - rules.low_y_m) * rules.per_cell)
     return min(max(i, 0), rules.rows - 1), min(max(j, 0), rules.columns - 1)
@@ -244,7 +244,7 @@ def cell_of(rules: Rules, x: float, y: float) -> tuple[int, int]:
 
 @compiled
 def register(world: World, k: int, present: bool) -> None:
-    """Put vehicle k's track into the grid, or take it out: nine cells about the middle of each step."""
+    """Add vehicle k's track to the grid, or remove it: nine cells about the middle of each step."""
     rules, track, head, link = world.rules, world.track[k], world.head, world.link
     for t in range(track.shape[0]):
         before = max(t - 1, 0)
@@ -268,14 +268,14 @@ def register(world: World, k: int, present: bool) -> None:
 
 @compiled
 def separation(rules: Rules, start_m: Floats, r_m: Floats, k: int, other: int) -> float:
-    """Distance that two vehicles have to keep: R + delta, or just not less than now if they are nearer."""
+    """Return the distance that two vehicles must keep: R + delta, or 0.9995 of the present one if that is less."""
     apart = 0.9995 * norm(start_m[k, 0] - start_m[other, 0], start_m[k, 1] - start_m[other, 1])
     return float(min(r_m[k] + r_m[other] + rules.delta_m, apart) - ROUNDING_M)
 
 
 @compiled
 def toll(rules: Rules, luck: Floats, imminent: Floats, r_m: Floats, k: int, other: int, t: int, lack: float) -> float:
-    """Undiscounted price for k of lacking `lack` metres of distance to another vehicle in slot t."""
+    """Return the undiscounted price for k of `lack` metres too little distance to another vehicle in slot t."""
     way = (luck[other] + rules.patience) / (luck[k] + rules.patience)
     way = min(max(way, 1.0 / rules.cap), rules.cap)
     if t == 1:
@@ -285,7 +285,7 @@ def toll(rules: Rules, luck: Floats, imminent: Floats, r_m: Floats, k: int, othe
 
 @compiled
 def to_segment(px: float, py: float, dx: float, dy: float) -> float:
-    """Squared distance of the origin to the segment from p to p + d."""
+    """Return the squared distance of the origin to the segment from p to p + d."""
     along = -(px * dx + py * dy)
     if along <= 0.0:
         return px * px + py * py
@@ -298,7 +298,7 @@ def to_segment(px: float, py: float, dx: float, dy: float) -> float:
 
 @compiled
 def clearance(px: float, py: float, ax: float, ay: float, bx: float, by: float) -> float:
-    """Squared distance of the origin to the parallelogram {p + s a + t b, 0 <= s, t <= 1}."""
+    """Return the squared distance of the origin to the parallelogram {p + s a + t b, 0 <= s, t <= 1}."""
     det = ax * by - ay * bx
     if det != 0.0:
         s = (by * -px + bx * py) / det
@@ -311,11 +311,11 @@ def clearance(px: float, py: float, ax: float, ay: float, bx: float, by: float) 
 
 @compiled
 def wall_conflict(rules: Rules, walls: Walls, k: int, x0: float, y0: float, x: float, y: float) -> float:
-    """Price of the obstacles that vehicle k's step from (x0, y0) to (x, y) comes near: the exact distance counts.
+    """Return the price of the hulls near vehicle k's step from (x0, y0) to (x, y), by the exact distance.
 
-    An obstacle yields to nobody and never goes away: nearer than `bar_m` the price is the greatest, in any slot.
-    Who is nearer than `keep_m` already pays a moderate one for staying, so it leaves, by the way that suits it.
-    Callers ask only where there are obstacles: passing them on costs a third of the time of everything else.
+    A hull never yields or moves: nearer than `bar_m` the price is the greatest, in any slot.
+    A vehicle nearer than `keep_m` pays a moderate price for staying, so it leaves by its cheapest way.
+    Callers call it only if there are hulls: to pass them as arguments costs a third of the time of all other work.
     """
     a, b, keep, bar = walls.a_m, walls.b_m, walls.keep_m, walls.bar_m
     price = 0.0
@@ -335,7 +335,7 @@ def wall_conflict(rules: Rules, walls: Walls, k: int, x0: float, y0: float, x: f
 
 @compiled
 def open_way(walls: Walls, k: int, x0: float, y0: float, x: float, y: float) -> bool:
-    """Whether vehicle k can fly straight from (x0, y0) to (x, y) as far as obstacles go."""
+    """Return True if no hull blocks vehicle k's straight flight from (x0, y0) to (x, y)."""
     a, b, bar = walls.a_m, walls.b_m, walls.bar_m
     for w in range(a.shape[0]):
         px, py = x0 - a[w, 0], y0 - a[w, 1]
@@ -348,10 +348,10 @@ def open_way(walls: Walls, k: int, x0: float, y0: float, x: float, y: float) -> 
 def way_round(
     walls: Walls, k: int, node_m: Floats, cost: Floats, parent: Ints, closed: NDArray[np.bool_], budget: int
 ) -> tuple[int, float, int]:
-    """Shortest way of vehicle k from node 0 to node 1 over any of the others, each leg an open way: A*.
+    """Find vehicle k's shortest way from node 0 to node 1 over the other nodes, each leg an open way, by A*.
 
-    Returns the node to fly to first, the length, and the tests of one leg against one obstacle; the node is -1
-    where there is no way, or none was found within the budget. `cost`, `parent` and `closed` are work space.
+    Returns the first node of the way, its length, and the number of tests of one leg against one hull; the node is -1
+    if there is no way, or if the budget ends first. `cost`, `parent` and `closed` are work space.
     """
     cost[:] = np.inf
     closed[:] = False
@@ -387,7 +387,7 @@ def conflict_at(
     rules: Rules, track: Floats, start_m: Floats, r_m: Floats, luck: Floats, imminent: Floats, gamma: Floats,
     head: NDArray[np.int32], link: NDArray[np.int32], k: int, t: int, x: float, y: float,
 ) -> float:  # fmt: skip
-    """Price of vehicle k being at (x, y) in slot t; the arrays are those of `World`."""
+    """Return the price of vehicle k at (x, y) in slot t; the arrays are those of `World`."""
     price = 0.0
     i, j = cell_of(rules, x, y)
     entry = head[t, i * rules.columns + j]
@@ -410,10 +410,10 @@ def step_conflict(
     rules: Rules, track: Floats, start_m: Floats, r_m: Floats, luck: Floats, imminent: Floats, gamma: Floats,
     head: NDArray[np.int32], link: NDArray[np.int32], k: int, t: int, x0: float, y0: float, x: float, y: float,
 ) -> float:  # fmt: skip
-    """Price of vehicle k's step from (x0, y0) in slot t - 1 to (x, y) in slot t.
+    """Return the price of vehicle k's step from (x0, y0) in slot t - 1 to (x, y) in slot t.
 
-    However unevenly two steps are flown, the difference of the positions stays in a parallelogram: the
-    slot QP lets both steps pass if and only if that keeps its distance from the origin.
+    In every uneven execution of two steps the difference of the positions stays in a parallelogram: the
+    slot QP grants both steps if and only if the parallelogram keeps its distance from the origin.
     """
     price = 0.0
     i, j = cell_of(rules, 0.5 * (x0 + x), 0.5 * (y0 + y))
@@ -436,7 +436,7 @@ def step_conflict(
 
 @compiled
 def first_conflict(world: World, k: int, track: Floats) -> int:
-    """First slot in which the track of vehicle k is in conflict, W + 1 if there is none."""
+    """Return the first slot with a conflict of vehicle k's track, W + 1 if there is none."""
     rules, tracks, start_m, r_m, luck = world.rules, world.track, world.start_m, world.r_m, world.luck
     imminent, gamma, head, link = world.imminent, world.gamma, world.head, world.link
     walled = world.walls.a_m.shape[0] > 0
@@ -451,7 +451,7 @@ def first_conflict(world: World, k: int, track: Floats) -> int:
 
 @compiled
 def towards(x: float, y: float, tx: float, ty: float, slots: int, u_max: float) -> tuple[float, float, float, bool]:
-    """Where one slot leads on the way to (tx, ty) in `slots` slots, how far that is, and whether it arrives."""
+    """Return the end of one slot's step towards (tx, ty) in `slots` slots, its length, and True if it arrives."""
     dx, dy = tx - x, ty - y
     distance = norm(dx, dy)
     step = min(distance / slots, u_max)
@@ -465,9 +465,9 @@ def towards(x: float, y: float, tx: float, ty: float, slots: int, u_max: float) 
 
 @compiled
 def fly(world: World, k: int, count: int, slot: Ints, point_m: Floats, track: Floats) -> None:
-    """Track of a plan: constant speed between way points, then straight to the goal at full speed.
+    """Compute the track of a plan: constant speed between way points, then straight to the goal at full speed.
 
-    A way point that cannot be reached in time is flown to at full speed all the same.
+    The vehicle flies at full speed to a way point that it cannot reach in time.
     """
     x, y = world.start_m[k, 0], world.start_m[k, 1]
     track[0, 0], track[0, 1] = x, y
@@ -484,7 +484,7 @@ def fly(world: World, k: int, count: int, slot: Ints, point_m: Floats, track: Fl
 
 @compiled
 def push(f: Floats, v: Ints, size: int, cost: float, node: int) -> int:
-    """Add to the binary heap (f costs, v nodes), ordered by (cost, node); returns the new size."""
+    """Add to the binary heap (f costs, v nodes), ordered by (cost, node); return the new size."""
     i = size
     while i > 0:
         up = (i - 1) // 2
@@ -498,7 +498,7 @@ def push(f: Floats, v: Ints, size: int, cost: float, node: int) -> int:
 
 @compiled
 def pop(f: Floats, v: Ints, size: int) -> int:
-    """Remove the least element, which the caller has read from place 0; returns the new size."""
+    """Remove the least element, which the caller has read from place 0; return the new size."""
     size -= 1
     cost, node = f[size], v[size]
     i = 0
@@ -521,10 +521,10 @@ def pop(f: Floats, v: Ints, size: int) -> int:
 def search(  # noqa: PLR0912, PLR0915 (one loop: splitting it costs a third of the speed)
     world: World, scratch: Scratch, limits: Limits, k: int, bound: float, slot: Ints, point_m: Floats
 ) -> tuple[int, int, float]:
-    """A* over the space-time lattice about vehicle k, pricing a node only when it is first taken.
+    """Search the space-time lattice about vehicle k by A*; price a node only when it leaves the heap first.
 
-    Writes the way points of the path found and returns their number, the expansions spent and the
-    path's lattice cost. Nodes that cannot lead to a path of at most `bound` are not entered. Nodes are
+    Writes the way points of the path and returns their number, the number of expansions and the
+    path's lattice cost. The search skips nodes that cannot lead to a path of at most `bound`. Nodes are
     (layer, a, b); the spacing makes the longest move two full steps.
     """
     layers, side, limit = limits.layers, limits.side, limits.expand
@@ -564,12 +564,12 @@ def search(  # noqa: PLR0912, PLR0915 (one loop: splitting it costs a third of t
         b = node % side - half
         ahead = per_cell * norm(a - ga, b - gb)
         if promised != cost[node] + ahead:
-            continue  # Entered at another cost since: a newer entry is in the heap.
+            continue  # The heap has a newer entry of this node, with another cost.
         if state == OPEN:
             x, y = sx + a * spacing, sy + b * spacing
             here = 0.0
             if layer == 1 and imminent[k] >= UNYIELDING:
-                # Only the start leads here, so the two steps are known; at the end of both alone they may look free.
+                # Only the start leads here, so both steps are known; their end may be free, but not the way.
                 x0, y0 = sx, sy
                 for t in (1, 2):
                     x1, y1 = sx + 0.5 * t * (x - sx), sy + 0.5 * t * (y - sy)
@@ -639,10 +639,10 @@ def search(  # noqa: PLR0912, PLR0915 (one loop: splitting it costs a third of t
 
 @compiled
 def refly(world: World, k: int, draft: Draft, count: int, n: int, shift: int) -> tuple[int, int, float]:
-    """Fly the slots that a change at way point n touches: first <= t < end, and their cost but for conflicts.
+    """Fly the slots that a change at way point n affects, first <= t < end, and add up their cost without conflicts.
 
-    The cost includes all slots before and after, as they are. The new track ends where it rejoins the
-    old one: at the same point, aiming at the same way point.
+    The cost includes all slots before and after, unchanged. The new track ends where it meets the
+    old one: at the same point, on the way to the same way point.
     """
     slot, point_m, track, aim = draft.slot, draft.point_m, draft.track, draft.aim
     effort, price = draft.effort, draft.price
@@ -669,7 +669,7 @@ def refly(world: World, k: int, draft: Draft, count: int, n: int, shift: int) ->
         x, y, step, arrived = towards(x, y, tx, ty, slots, u_max)
         if arrived and i < count and slot[i] <= t:
             i += 1
-        there = abs(x - gx) < ARRIVED_M and abs(y - gy) < ARRIVED_M
+        there = abs(x - gx) < AT_GOAL_M and abs(y - gy) < AT_GOAL_M
         new_track[t, 0], new_track[t, 1] = x, y
         new_effort[t] = wt * (step / u_max if there else 1.0) + wd * step / u_max
         total += new_effort[t]
@@ -679,7 +679,7 @@ def refly(world: World, k: int, draft: Draft, count: int, n: int, shift: int) ->
 
 @compiled
 def reprice(world: World, k: int, draft: Draft, first: int, end: int, total: float, limit: float) -> float:
-    """Add the conflicts of the slots flown anew to their cost; infinite as soon as that is above `limit`."""
+    """Add the conflicts of the newly flown slots to their cost; return infinity as soon as it exceeds `limit`."""
     rules, tracks, start_m, r_m, luck = world.rules, world.track, world.start_m, world.r_m, world.luck
     imminent, gamma, head, link = world.imminent, world.gamma, world.head, world.link
     track, price, walled = draft.new_track, draft.new_price, world.walls.a_m.shape[0] > 0
@@ -699,10 +699,10 @@ def reprice(world: World, k: int, draft: Draft, first: int, end: int, total: flo
 
 @compiled
 def attempt(world: World, k: int, draft: Draft, count: int, n: int, shift: int, limit: float) -> float:
-    """Cost of the draft with a change at way point n, or infinity if that is above `limit`.
+    """Return the cost of the draft with a change at way point n, or infinity if it exceeds `limit`.
 
-    Way point n has been MOVED, INSERTED or DROPPED, as `shift` says. Within the limit the draft
-    takes the change; otherwise the caller puts its way points back.
+    `shift` says if way point n was MOVED, INSERTED or DROPPED. Within the limit the draft
+    takes the change; otherwise the caller restores its way points.
     """
     first, end, total = refly(world, k, draft, count, n, shift)
     total = reprice(world, k, draft, first, end, total, limit)
@@ -721,7 +721,7 @@ def attempt(world: World, k: int, draft: Draft, count: int, n: int, shift: int, 
 
 @compiled
 def begin(world: World, k: int, draft: Draft, count: int) -> float:
-    """Fly and price the whole draft; its cost."""
+    """Fly and price the whole draft; return its cost."""
     draft.aim[:] = 0
     draft.price[-1] = 0.0
     draft.track[0, 0], draft.track[0, 1] = world.start_m[k, 0], world.start_m[k, 1]
@@ -764,7 +764,7 @@ def pull(world: World, k: int, draft: Draft, count: int, cost: float) -> tuple[i
 
 @compiled
 def chord(world: World, k: int, draft: Draft, count: int, n: int) -> tuple[float, float, float, float]:
-    """Where way point n would be without a detour, and the direction of flight there (a unit vector)."""
+    """Return the position of way point n without a detour, and the direction of flight there (a unit vector)."""
     slot, point_m = draft.slot, draft.point_m
     s, x, y = slot[n], point_m[n, 0], point_m[n, 1]
     s0, x0, y0 = 0, world.start_m[k, 0], world.start_m[k, 1]
@@ -784,7 +784,7 @@ def chord(world: World, k: int, draft: Draft, count: int, n: int) -> tuple[float
 
 @compiled
 def tighten(world: World, k: int, draft: Draft, count: int, n: int, cost: float) -> float:
-    """Move way point n towards its chord as far as the cost does not rise, by bisection."""
+    """Move way point n towards its chord, by bisection, as far as the cost does not rise."""
     point_m = draft.point_m
     cx, cy, _, _ = chord(world, k, draft, count, n)
     x, y = point_m[n, 0], point_m[n, 1]
@@ -804,7 +804,7 @@ def tighten(world: World, k: int, draft: Draft, count: int, n: int, cost: float)
 
 @compiled
 def nudge(world: World, k: int, draft: Draft, count: int, n: int, cost: float, step_m: float) -> float:
-    """Move way point n along and across its chord and in time, each while the cost falls."""
+    """Move way point n along its chord, across it and in time, each while the cost falls."""
     slot, point_m = draft.slot, draft.point_m
     _, _, ux, uy = chord(world, k, draft, count, n)
     for d in range(6):
@@ -834,7 +834,7 @@ def nudge(world: World, k: int, draft: Draft, count: int, n: int, cost: float, s
 def polish(
     world: World, k: int, draft: Draft, count: int, cost: float, rounds: int, step_m: float
 ) -> tuple[int, float]:
-    """Local search on the way points: drop, tighten and nudge them while that pays."""
+    """Improve the way points by local search: drop, tighten and nudge them while the cost falls."""
     for _ in range(rounds):
         before = cost
         count, cost = pull(world, k, draft, count, cost)
@@ -849,7 +849,7 @@ def polish(
 
 @compiled
 def opponent(world: World, k: int, t: int, x: float, y: float) -> int:
-    """The vehicle nearest to (x, y) in slot t among those that k can be in conflict with there, or -1."""
+    """Return the vehicle nearest to (x, y) in slot t that can be in conflict with k there, or -1."""
     rules, head, link, track = world.rules, world.head, world.link, world.track
     i, j = cell_of(rules, x, y)
     entry = head[t, i * rules.columns + j]
@@ -868,9 +868,9 @@ def opponent(world: World, k: int, t: int, x: float, y: float) -> int:
 
 @compiled
 def sidestep(world: World, k: int, turn: float, draft: Draft) -> tuple[int, float]:
-    """Pass each opponent in turn on one side (turn = 1 or -1); way points and cost of the plan.
+    """Plan to pass each opponent in turn on one side (turn = 1 or -1); return the plan's way points and cost.
 
-    While the track is in conflict, a way point is added at the conflict's deepest slot, beside the
+    While the track is in conflict, it adds a way point at the conflict's deepest slot, beside the
     opponent, across the relative motion, just out of reach.
     """
     count = 0
@@ -913,7 +913,7 @@ def sidestep(world: World, k: int, turn: float, draft: Draft) -> tuple[int, floa
 
 @compiled
 def load(plans: Plans, k: int, draft: Draft) -> int:
-    """Copy vehicle k's plan into the draft; its number of way points."""
+    """Copy vehicle k's plan into the draft; return its number of way points."""
     for n in range(plans.size[k]):
         draft.slot[n] = plans.slot[k, n]
         draft.point_m[n, 0], draft.point_m[n, 1] = plans.point_m[k, n, 0], plans.point_m[k, n, 1]
@@ -936,7 +936,7 @@ def install(world: World, plans: Plans, k: int, count: int, draft: Draft) -> Non
 
 @compiled
 def replan(world: World, plans: Plans, scratch: Scratch, draft: Draft, limits: Limits, k: int) -> None:
-    """Best response of UAV k to all other tracks."""
+    """Replace UAV k's plan by its best response to all other tracks."""
     step_m = 0.4 * world.rules.u_max_m
     straight = begin(world, k, draft, NONE)
     conflict = draft.price.sum()
@@ -987,7 +987,7 @@ def urgencies(world: World, uav: Ints, slot_now: int, seed: int, urgency: Floats
 def sweep(
     world: World, plans: Plans, scratch: Scratch, draft: Draft, limits: Limits, urgency: Floats, order: Ints
 ) -> None:
-    """One round of best responses in this order; `draft.work` counts the steps priced."""
+    """Run one round of best responses in this order; `draft.work` counts the priced steps."""
     draft.work[0] = 0
     for k in order:
         if urgency[k] < world.track.shape[1] or plans.size[k] > 0:
@@ -996,9 +996,9 @@ def sweep(
 
 @compiled
 def put_off(world: World, plans: Plans, k: int, most: int) -> None:
-    """Drop way points that are reached; put a plan off that can no longer be flown in time.
+    """Drop the way points that are reached; delay a plan that the vehicle can no longer fly in time.
 
-    A plan that was put off by more than `most` slots in all does not work out: it is dropped.
+    A plan with more than `most` slots of delay in all is dropped.
     """
     u_max = world.rules.u_max_m
     while plans.size[k] > 0:

@@ -1,8 +1,7 @@
-"""What a planner is given and what it returns: the one interface that every planner implements.
+"""Interface that every planner implements: `PlanRequest` in, `Plan` out.
 
-A user adds a planner by writing one file with a class that is made as `Class(mission, stopwatch)` and has
-`plan`, and naming it as `--planner package.module:Class` (docs/planner.md). Importing this module imports
-no numpy.
+To add a planner, a user writes one file with a class that has a constructor `Class(mission, stopwatch)` and a
+method `plan`, and passes `--planner package.module:Class` (docs/planner.md). This module imports no numpy.
 """
 
 from __future__ import annotations
@@ -27,13 +26,13 @@ PlanStatus = Literal["planned", "no-qp-needed", "failed"]
 
 
 def stopped() -> int:
-    """Read a stopwatch that never runs."""
+    """Return 0: a stopwatch that never runs."""
     return 0
 
 
 @dataclass(frozen=True, slots=True)
 class Hull:
-    """Where an unheard UAV can be: all points within `radius_m` of the segment a-b.
+    """Hull of an unheard UAV: all points within `radius_m` of the segment a-b, where the UAV can be.
 
     Attributes
     ----------
@@ -42,9 +41,9 @@ class Hull:
     ax_m, ay_m, bx_m, by_m
         End points of the segment in metres (equal: a ball, or a point).
     radius_m
-        Uncertainty about the segment in metres, 0 for a UAV known to be on it.
+        Distance from the segment in metres, 0 for a UAV on it.
     r_m
-        GPS error radius of that UAV, to be kept clear of in addition.
+        GPS error radius of that UAV, which a plan keeps in addition.
     """
 
     uav: int
@@ -58,22 +57,22 @@ class Hull:
 
 @dataclass(frozen=True, slots=True)
 class PlanRequest:
-    """One slot to be planned. The n commanded UAVs come in roster order.
+    """Request for the plan of one slot. The n commanded UAVs come in roster order.
 
     Attributes
     ----------
     slot
-        The slot that the steps are for.
+        The slot of the steps.
     uav
         (n,) indices in the roster; they identify a UAV from slot to slot.
     position_m
         (n, 2) centres of the tracked discs at the start of the slot.
     target_m
-        (n, 2) where each UAV must finally go.
+        (n, 2) target of each UAV.
     r_m
         (n,) GPS error radii.
     hulls
-        Where every other UAV of the roster can be.
+        Hulls of all other UAVs of the roster.
     previous_m
         (n, 2) centres one slot earlier when `lag_slots` is 1, else None.
     """
@@ -89,12 +88,12 @@ class PlanRequest:
 
 @dataclass(frozen=True, slots=True)
 class Plan:
-    """The next waypoints, parallel to `PlanRequest.uav`, exactly as they are to be published.
+    """The next waypoints, parallel to `PlanRequest.uav`, exactly as the head publishes them.
 
-    `status` is "no-qp-needed" when the guidance's steps were safe as they were, "failed" when the
-    solver gave nothing usable and all hold; `problem` then says why, if there is something to say.
+    `status` is "no-qp-needed" if the preferred steps were safe, "failed" if the
+    solver has no usable result and all hold; `problem` then has the reason, if one is known.
     `min_gap_m` is the least planned distance between two centres minus R. Times come from the injected
-    stopwatch, in milliseconds; a user's planner may leave them and `min_gap_m` at 0, to be filled in.
+    stopwatch, in milliseconds. A user's planner may leave times and `min_gap_m` at 0; the caller then fills them in.
     """
 
     waypoint_m: list[tuple[float, float]]
@@ -108,15 +107,15 @@ class Plan:
 
 
 def timeless(plan: Plan) -> Plan:
-    """Return the plan without its measured times, which no two runs have in common."""
+    """Return the plan without its measured times, which differ from run to run."""
     return replace(plan, guidance_ms=0.0, assemble_ms=0.0, solve_ms=0.0)
 
 
 class Planner(Protocol):
-    """Plans one slot at a time; may remember what it planned (tracks, duals), never needs to."""
+    """Planner of one slot at a time; it may keep state between slots (tracks, duals), but must not need it."""
 
     def plan(self, request: PlanRequest) -> Plan:
-        """Next waypoints of the UAVs of `request`."""
+        """Return the next waypoints of the UAVs of `request`."""
         ...
 
 

@@ -1,4 +1,4 @@
-"""Planner "paper": eq. 29-43 as printed, solved over the whole horizon.
+"""Planner "paper": eq. 29-43 as printed, over the whole horizon.
 
     minimise   sum_k sum_t |p_k(t) - p_k(t-1)|^2                                  (29)
     subject to p_k(t) = p_k(t-1) + v_k(t) dt                                      (30, 31)
@@ -8,16 +8,16 @@
                b_kl(t) <= y_k - y_l,  b_kl <= y_l - y_k                           (39, 40)
                -a_kl - b_kl >= R^2,   -a_kl >= 1,   -b_kl >= 1                    (41-43)
 
-Eq. 36 is a cone; OSQP takes linear rows, so it becomes the regular 16-gon inside the circle. The
+Eq. 36 is a cone; OSQP takes linear rows, so the regular 16-gon inside the circle replaces it. The
 horizon is F = 1.1 x longest straight flight / (v_max dt), rounded up; the 10 % leave every direction
 feasible inside the polygon.
 
-The model is vacuous: the dotted variables a, b are bounded above by eq. 37-43 and by nothing below,
+The model is vacuous: eq. 37-43 bound the dotted variables a, b above but not below,
 and they are not in the objective, so a, b -> -infinity satisfies eq. 37-43 whatever the positions.
 The optimum is the equally spaced straight line, and discs overlap exactly as without avoidance
 (a test proves it). Eq. 41 moreover compares metres with square metres, and eq. 6 would ask for twice
-the distance of eq. 16. For long sweeps `eliminate=True` (the default of the planner) leaves the
-dotted variables out, which a test shows to change nothing.
+the distance of eq. 16. For long sweeps `eliminate=True` (the default of the planner) leaves out the
+dotted variables; a test shows that this does not change the optimum.
 """
 
 from __future__ import annotations
@@ -52,12 +52,12 @@ SETTINGS: dict[str, Any] = {
     "polishing": False,
 }
 RHO = 2.0
-"""OSQP's step size times F^2: the objective's curvature along a chain of F equal steps falls as 1 / F^2."""
+"""OSQP's step size times F^2, since the objective's curvature along a chain of F equal steps falls as 1 / F^2."""
 _SOLVED = {1, 2}
 
 
 class Paper:
-    """The paper's optimisation: solved when taking office, and when a UAV is off its plan."""
+    """The paper's optimisation, solved when a head takes office and when a UAV is off its plan."""
 
     def __init__(self, mission: Mission, stopwatch: Stopwatch, *, eliminate: bool = True) -> None:
         self._u_max_m = mission.u_max_m
@@ -68,7 +68,7 @@ class Paper:
         self._first_slot = 0
 
     def plan(self, request: PlanRequest) -> Plan:
-        """Next waypoints of the UAVs of `request`."""
+        """Return the next waypoints of the UAVs of `request`."""
         ticks_ns = [self._stopwatch()]
         arrays = checked_arrays(request)
         status: PlanStatus = "no-qp-needed"
@@ -92,20 +92,20 @@ class Paper:
         )
 
     def _on_plan(self, arrays: Arrays) -> bool:
-        """Whether these UAVs have a plan and are where it wants them, or have arrived."""
+        """Return True if these UAVs have a plan, and each is at its planned position or has arrived."""
         if not self._uav or tuple(arrays.uav) != self._uav or arrays.slot < self._first_slot:
             return False
         off = length_m(arrays.position_m - self._place_m(arrays.slot)) > OFF_PLAN_M
         return not (off & (length_m(arrays.position_m - arrays.target_m) > ARRIVED_M)).any()
 
     def _adopt(self, arrays: Arrays, path_m: Floats | None) -> None:
-        """Remember a plan; without one everybody holds in this slot and it is tried again."""
+        """Keep a plan; without one all UAVs hold in this slot and the next request solves again."""
         self._uav = tuple(arrays.uav) if path_m is not None else ()
         self._path_m = path_m if path_m is not None else arrays.position_m[None]
         self._first_slot = arrays.slot
 
     def _place_m(self, slot: int) -> Floats:
-        """Planned positions (n, 2) at the start of a slot."""
+        """Return the planned positions (n, 2) at the start of a slot."""
         return np.asarray(self._path_m[min(slot - self._first_slot, len(self._path_m) - 1)])
 
 
@@ -130,7 +130,7 @@ class HorizonProgram:
 
 
 def horizon_slots(position_m: Floats, target_m: Floats, u_max_m: float) -> int:
-    """F, slots from here to the targets, at least 1."""
+    """Return F, the slots from here to the targets, at least 1."""
     longest_m = float(length_m(target_m - position_m).max(initial=0.0))
     return min(max(math.ceil(HORIZON_SHARE * longest_m / u_max_m), 1), MAX_HORIZON)
 
@@ -138,7 +138,7 @@ def horizon_slots(position_m: Floats, target_m: Floats, u_max_m: float) -> int:
 def horizon_program(
     position_m: Floats, target_m: Floats, r_m: Floats, u_max_m: float, *, eliminate: bool
 ) -> HorizonProgram:
-    """Eq. 30-43 as rows; `eliminate` leaves out the dotted variables with eq. 37-43."""
+    """Return eq. 30-43 as rows; `eliminate` leaves out the dotted variables with eq. 37-43."""
     count, horizon = len(position_m), horizon_slots(position_m, target_m, u_max_m)
     program = HorizonProgram(horizon, count)
     size = 2 * count * horizon
@@ -157,9 +157,9 @@ def horizon_program(
 
 
 def solve_horizon(program: HorizonProgram, position_m: Floats, target_m: Floats) -> tuple[Floats | None, int]:
-    """Positions (F + 1, n, 2) from now to the targets, or None; and OSQP's iterations.
+    """Return positions (F + 1, n, 2) from now to the targets, or None; and OSQP's iterations.
 
-    Lengths are measured in units of the longest flight for the solver's sake.
+    The unit of length is the longest flight, which suits the solver's tolerances.
     """
     count, horizon = program.count, program.horizon
     if not count:
@@ -190,7 +190,7 @@ def solve_horizon(program: HorizonProgram, position_m: Floats, target_m: Floats)
 
 
 def _polygon(vectors: int, radius_m: float) -> tuple[Any, Floats]:
-    """Rows |n.v| <= apothem over half the normals of the 16-gon inscribed in the circle (eq. 36)."""
+    """Return rows |n.v| <= apothem over half the normals of the 16-gon inscribed in the circle (eq. 36)."""
     angle = np.arange(SIDES // 2) * 2 * np.pi / SIDES
     normals = np.stack([by_libm(math.cos, angle), by_libm(math.sin, angle)], axis=-1)
     rows = scipy.sparse.kron(scipy.sparse.identity(vectors), normals, format="csc")
@@ -198,7 +198,7 @@ def _polygon(vectors: int, radius_m: float) -> tuple[Any, Floats]:
 
 
 def _add_dotted(program: HorizonProgram, r_m: Floats) -> None:
-    """Eq. 37-43 with a dotted pair of variables for every ordered pair of UAVs and every slot."""
+    """Add eq. 37-43 with a dotted pair of variables for every ordered pair of UAVs and every slot."""
     count, horizon = program.count, program.horizon
     pairs = list(itertools.permutations(range(count), 2))
     if not pairs:

@@ -1,4 +1,4 @@
-"""Planners by name. Nothing heavy is imported before a planner is made."""
+"""Planners by name. This module imports no numpy before it makes a planner."""
 
 from __future__ import annotations
 
@@ -18,34 +18,34 @@ BUILT_IN = {
 
 
 def make_planner(name: str, mission: Mission, stopwatch: Stopwatch = stopped) -> Planner:
-    """A planner for `mission`: "edc", "straight", "paper", or a user's `package.module:Class`.
+    """Return a planner for `mission`: "edc", "straight", "paper", or a user's `package.module:Class`.
 
     Raises
     ------
     MissionError
-        There is no such planner, or it cannot be made.
+        There is no such planner, or its construction fails.
     SwarmError
-        A planner of this package cannot be imported: that is no fault of the mission.
+        A planner of this package cannot be imported, which is no error of the mission.
     """
     factory, own = _factory(name), name in BUILT_IN or name.startswith("edc_swarm.")
     return factory(mission, stopwatch) if own else _guarded(name, factory, mission, stopwatch)
 
 
 def check_planner(mission: Mission) -> None:
-    """Raise `MissionError` unless the mission's planner is built in, or can be made and plans a tiny mission."""
+    """Raise `MissionError` unless the mission's planner is built in, or has a plan for a tiny mission."""
     if mission.planner not in BUILT_IN:
         warm_up(mission)
 
 
 def warm_up(mission: Mission) -> None:
-    """Import, compile or load, and run everything that planning needs, on a tiny mission of its own.
+    """Import, compile or load, and run all code that planning needs, on a tiny mission.
 
-    Afterwards the first slot of a new head costs no more than any other.
+    Afterwards the first slot of a new head takes no longer than any other.
 
     Raises
     ------
     MissionError
-        There is no such planner, it cannot be made, or it has no plan for two UAVs that pass each other.
+        There is no such planner, its construction fails, or it has no plan for two UAVs that pass each other.
     """
     tiny = _tiny(mission)
     planner = make_planner(mission.planner, tiny)
@@ -68,7 +68,7 @@ def warm_up(mission: Mission) -> None:
 
 
 def _tiny(mission: Mission) -> Mission:
-    """The mission with two UAVs that meet."""
+    """Return the mission with two UAVs that meet."""
     r_m, u_max_m = mission.r_m, mission.u_max_m
     apart_m = 2 * r_m + 0.5 * u_max_m
     ways_m = {"u001": (0.0, 4 * apart_m), "u002": (apart_m, -3 * apart_m)}
@@ -86,7 +86,7 @@ def _guarded(name: str, factory: PlannerFactory, mission: Mission, stopwatch: St
 
     try:
         planner = factory(mission, stopwatch)
-    except Exception as error:  # noqa: BLE001  (a stranger's code may raise anything)
+    except Exception as error:  # noqa: BLE001  (user code may raise anything)
         why = described(error, factory.__module__)
         raise MissionError("planner", name, f"made as Class(mission, stopwatch) ({why})") from None
     if not callable(getattr(planner, "plan", None)):

@@ -1,4 +1,4 @@
-"""A plan request as arrays, checked once for all planners."""
+"""Plan request as arrays, checked once for all planners."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from edc_swarm.solver.slot_qp import Obstacles
 
 @dataclass(frozen=True, slots=True)
 class Arrays:
-    """The fields of a `PlanRequest` as numpy arrays; hulls as obstacles."""
+    """Fields of a `PlanRequest` as numpy arrays; `obstacles` has the hulls."""
 
     slot: int
     uav: Indices
@@ -26,12 +26,12 @@ class Arrays:
 
 
 def checked_arrays(request: PlanRequest) -> Arrays:
-    """The request as arrays.
+    """Return the request as arrays.
 
     Raises
     ------
     InputError
-        Lengths that differ, numbers that are not finite, negative radii, or a UAV named twice.
+        Lengths differ, a number is not finite, a radius is negative, or a UAV occurs twice.
     """
     uav = np.asarray(request.uav, dtype=np.int64).reshape(-1)
     count = len(uav)

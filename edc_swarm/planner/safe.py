@@ -1,4 +1,4 @@
-"""Any preferred steps made safe: the slot QP, then the certificate. A user's guidance may use it as `edc` does."""
+"""Safe steps from any preferred steps: slot QP, then certificate. A user's guidance may use it as `edc` does."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from edc_swarm.solver import certificate, slot_qp, solution
 
 
 class SafeSteps:
-    """Plans the steps nearest to the preferred ones that keep all discs apart, however they are flown."""
+    """Planner of the steps nearest to the preferred ones that keep all discs apart in every execution."""
 
     def __init__(self, u_max_m: float, stopwatch: Stopwatch = stopped) -> None:
         self._u_max_m = u_max_m
@@ -22,7 +22,7 @@ class SafeSteps:
         self._duals = solution.Memory()
 
     def plan(self, arrays: Arrays, wish_m: Floats, guidance_ms: float = 0.0) -> Plan:
-        """Plan for the UAVs of `arrays`, who would like to be at `wish_m` (n, 2), at most u_max away."""
+        """Plan for the UAVs of `arrays` with preferred waypoints `wish_m` (n, 2), at most u_max away."""
         ticks_ns = [self._stopwatch()]
         problem = slot_qp.slot_problem(
             arrays.position_m, wish_m, arrays.r_m, self._u_max_m, arrays.obstacles, arrays.previous_m

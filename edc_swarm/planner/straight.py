@@ -1,4 +1,4 @@
-"""Planner "straight": collision avoidance disabled, as in the paper's Fig. 4."""
+"""Planner "straight": no collision avoidance, as in the paper's Fig. 4."""
 
 from __future__ import annotations
 
@@ -14,14 +14,14 @@ from edc_swarm.solver.certificate import limited_waypoints
 
 
 class Straight:
-    """Everyone flies straight to the target at full speed and stops exactly there."""
+    """Planner that sends every UAV straight to its target at full speed, to stop exactly there."""
 
     def __init__(self, mission: Mission, stopwatch: Stopwatch) -> None:
         self._u_max_m = mission.u_max_m
         self._stopwatch = stopwatch
 
     def plan(self, request: PlanRequest) -> Plan:
-        """Next waypoints of the UAVs of `request`."""
+        """Return the next waypoints of the UAVs of `request`."""
         started_ns = self._stopwatch()
         scene = checked_arrays(request)
         waypoint_m = limited_waypoints(scene.position_m, scene.target_m, self._u_max_m)
@@ -34,7 +34,7 @@ class Straight:
 
 
 def least_end_gap_m(waypoint_m: np.typing.NDArray[np.float64], r_m: np.typing.NDArray[np.float64]) -> float:
-    """Least centre distance minus R at the end of the slot, 0 for fewer than two UAVs."""
+    """Return the least centre distance minus R at the end of the slot, 0 for fewer than two UAVs."""
     least_m = math.inf
     for k in range(1, len(r_m)):
         gap_m = length_m(waypoint_m[:k] - waypoint_m[k]) - r_m[:k] - r_m[k]

@@ -1,7 +1,7 @@
-"""Ways round obstacles: where a UAV can get to, and the shortest way there if nobody else flew.
+"""Ways round hulls: the places that a UAV can reach, and the shortest way there without other UAVs.
 
-Obstacles are capsules: all points within a radius of a segment. Guidance looks ahead for a time only, and
-takes the rest of the way for straight; so it would wait for ever in a pocket that is deeper than that.
+A hull is all points within a radius of a segment. Guidance looks ahead for a limited time, and
+assumes a straight way after that; alone it would never leave a pocket that is deeper.
 """
 
 from __future__ import annotations
@@ -16,11 +16,11 @@ from edc_swarm.planner import guidance_kernel as kernel
 from edc_swarm.solver.slot_qp import DELTA_M, Obstacles, slot_problem
 
 SPARE_M = 1e-5
-"""How much farther than it must a goal is put, for rounding."""
+"""Distance added to a moved goal for rounding."""
 CORNERS = 12
-"""Corners of the polygon about each end of an obstacle's segment."""
+"""Corners of the polygon about each end of a hull's segment."""
 TESTS = 200_000
-"""Lines of sight looked for in one slot, times obstacles; whoever is left flies towards its goal."""
+"""Limit per slot on tests of a line of sight against a hull; the UAVs left fly towards their goals."""
 RING_M = 0.5
 RINGS, BEARINGS = 120, 24
 _BEARING = [(math.cos(math.tau * i / BEARINGS), math.sin(math.tau * i / BEARINGS)) for i in range(BEARINGS)]
@@ -28,20 +28,19 @@ _CORNER = [(math.cos(math.tau * (i + 0.5) / CORNERS), math.sin(math.tau * (i + 0
 
 
 def walls_of(position_m: Floats, r_m: Floats, obstacles: Obstacles) -> kernel.Walls:
-    """The obstacles with the distances that each UAV keeps from their segments."""
+    """Return the hulls with the distances that each UAV keeps from their segments."""
     keep_m = r_m[:, None] + obstacles.keep_m + obstacles.radius_m + DELTA_M
     away_m = point_segment_distance_m(position_m[:, None], obstacles.a_m[None], obstacles.b_m[None])
     bar_m = np.minimum(keep_m, 0.9995 * away_m) - kernel.ROUNDING_M
-    # One memory layout: the kernel is compiled anew for any other.
+    # One memory layout: numba compiles the kernel anew for any other.
     return kernel.Walls(np.ascontiguousarray(obstacles.a_m), np.ascontiguousarray(obstacles.b_m), keep_m, bar_m)
 
 
 def free_goals(target_m: Floats, r_m: Floats, obstacles: Obstacles) -> Floats:
-    """The targets (n, 2), but those nearer than R + delta to an obstacle moved to a place near by that is not.
+    """Return the targets (n, 2), with those nearer than R + delta to a hull moved to a free place near by.
 
-    A target at R or a little more, where the slot QP's buffer lets nobody get to, moves by less than the
-    distance that counts as arrived. One that is covered becomes a place to wait at, out of the way of those
-    who can get home.
+    The slot QP's buffer makes a target at R or a little more unreachable; it moves by less than the
+    distance that counts as arrived. A covered target becomes a place to wait, clear of the targets of other UAVs.
     """
     goal_m = target_m.copy()
     if not len(obstacles.keep_m):
@@ -51,7 +50,7 @@ def free_goals(target_m: Floats, r_m: Floats, obstacles: Obstacles) -> Floats:
     covered: NDArray[np.bool_] = np.any(away_m < keep_m, axis=1)
     taken = [k for k in range(len(target_m)) if not covered[k]]
     for k in np.flatnonzero(covered).tolist():
-        # Every disc at a goal is an obstacle too: a capsule about a point.
+        # Every disc at a goal acts as a hull too, about a point.
         a_m = np.concatenate([obstacles.a_m, goal_m[taken]])
         b_m = np.concatenate([obstacles.b_m, goal_m[taken]])
         apart_m = np.concatenate([keep_m[k], r_m[k] + r_m[taken] + DELTA_M])
@@ -61,7 +60,7 @@ def free_goals(target_m: Floats, r_m: Floats, obstacles: Obstacles) -> Floats:
 
 
 def _free_point(point_m: Floats, a_m: Floats, b_m: Floats, apart_m: Floats) -> Floats:
-    """A point near `point_m` that keeps `apart_m` (m,) from the segments a-b (m, 2), else the point itself."""
+    """Return a point near `point_m` that keeps `apart_m` (m,) from the segments a-b (m, 2), else the point itself."""
     moved_m = point_m
     for _ in range(8):
         nearest_m = nearest_on_segment(moved_m, a_m, b_m)
@@ -80,9 +79,9 @@ def _free_point(point_m: Floats, a_m: Floats, b_m: Floats, apart_m: Floats) -> F
 
 
 def routed(position_m: Floats, goal_m: Floats, walls: kernel.Walls, slot: int) -> tuple[Floats, Floats]:
-    """Where each UAV flies to first on its shortest way round the obstacles (n, 2), and that way's length (n,).
+    """Return the first point (n, 2) of each UAV's shortest way round the hulls, and that way's length (n,).
 
-    Where the straight way is free, or there is none at all, it is the goal itself.
+    The first point is the goal if the straight way is free, or if there is no way at all.
     """
     way_m = length_m(goal_m - position_m)
     if not walls.keep_m.size:
@@ -90,7 +89,7 @@ def routed(position_m: Floats, goal_m: Floats, walls: kernel.Walls, slot: int) -
     first_m, tests = goal_m.copy(), 0
     count = len(goal_m)
     corners: dict[bytes, Floats] = {}
-    # Another UAV comes first in each slot, so that nobody is always the one for whom no time is left.
+    # Another UAV comes first in each slot, so that the limit on tests does not always affect the same UAVs.
     for k in ((slot + i) % count for i in range(count)):
         if tests > TESTS or kernel.open_way(walls, k, *position_m[k].tolist(), *goal_m[k].tolist()):
             continue
@@ -110,10 +109,13 @@ def routed(position_m: Floats, goal_m: Floats, walls: kernel.Walls, slot: int) -
 
 
 def hindrance(position_m: Floats, target_m: Floats, r_m: float, obstacles: Obstacles) -> str:
-    """Why a UAV cannot fly from one point (2,) to the other as far as obstacles go, "" if it can.
+    """Return the reason why hulls keep a UAV from flying from one point (2,) to the other, "" if they do not.
 
-    "covered": the target is nearer than R to one. "held": no step leads away from all that are nearer than R, or the
-    UAV is within one. "closed in": there is no way round them.
+    ===========  ==============================================================================================
+    "covered"    the target is nearer than R to a hull
+    "held"       the UAV is inside a hull, or no step leads away from all hulls nearer than R
+    "closed in"  there is no way round the hulls
+    ===========  ==============================================================================================
     """
     keep_m = r_m + obstacles.keep_m
     if (capsule_distance_m(target_m, obstacles.a_m, obstacles.b_m, obstacles.radius_m) < keep_m).any():
@@ -131,9 +133,9 @@ def hindrance(position_m: Floats, target_m: Floats, r_m: float, obstacles: Obsta
 
 
 def clearest(normal: Floats) -> Floats:
-    """The direction (2,) whose least product with unit vectors (h, 2) is greatest; none if that is not above 0.
+    """Return the direction (2,) with the greatest least product with unit vectors (h, 2), zero if that is not above 0.
 
-    It is one of them, or half way between two.
+    It is one of the vectors, or the bisector of two.
     """
     i, j = np.triu_indices(len(normal))
     middle = normal[i] + normal[j]
@@ -144,7 +146,7 @@ def clearest(normal: Floats) -> Floats:
 
 
 def _corners(walls: kernel.Walls, k: int) -> Floats:
-    """Corners (c, 2) of polygons about all obstacles, those that UAV `k` may be at."""
+    """Return the corners (c, 2) of polygons about all hulls, those that UAV `k` may fly to."""
     along_m = walls.b_m - walls.a_m
     length = length_m(along_m)
     axis = np.where(length[:, None] > 0, along_m / np.where(length > 0, length, 1.0)[:, None], [1.0, 0.0])

@@ -1,8 +1,8 @@
-"""Which messages of a mission can be true: the rest is refused before anybody believes it.
+"""Admission of messages: rejection of every message of a mission that cannot be true.
 
-A message that decodes may still be nonsense: from nobody, about nobody, older than its slot, of a
-place that no UAV can have reached, a plan without a quorum. What is refused here is malformed, like
-bytes that do not decode. A certified UAV that tells a plausible lie about itself is outside the
+A message that decodes may still be nonsense: an unknown sender or subject, a time before its slot, a
+position that no UAV can have reached, a plan without a quorum. Receivers treat such a message as malformed, like
+bytes that do not decode. A certified UAV that sends a plausible false message about itself is outside the
 fault model.
 """
 
@@ -20,14 +20,14 @@ from edc_swarm.protocol.events import EventKind
 from edc_swarm.protocol.messages import NO_ONE, Command, Event, Fix, Message, MissionMessage, Report, Truth
 
 SLACK_SLOTS = 1000
-"""A clock may be so many slots ahead of the mission's last slot."""
+"""Most slots that a clock may be ahead of the mission's last slot."""
 TERMS_PER_SLOT = 2000
-"""More terms than this do not pass in a slot: whoever claims one is not believed, so terms cannot run out."""
+"""Most terms in a slot. Receivers reject a higher term, so terms cannot run out."""
 REACH_TOLERANCE = 1e-6
 
 
 class Admission:
-    """The judge of one mission."""
+    """Admission rules of one mission."""
 
     def __init__(self, mission: MissionMessage) -> None:
         self._mission = mission
@@ -36,11 +36,11 @@ class Admission:
         self._last_term = TERMS_PER_SLOT * (mission.max_slots + SLACK_SLOTS)
 
     def refusal(self, message: Message) -> str | None:
-        """Why `message` cannot be true, or None."""
+        """Return the reason why `message` cannot be true, or None."""
         return next(self._reasons(message), None)
 
     def check(self, key: str, message: Message) -> None:
-        """Raise `MessageError` where `refusal` has a reason."""
+        """Raise `MessageError` if `refusal` has a reason."""
         reason = self.refusal(message)
         if reason is not None:
             raise MessageError(key, reason)
@@ -67,7 +67,7 @@ class Admission:
                 return
 
     def _of_sender(self, uav: str, slot: int, sent_ns: int) -> Iterator[str]:
-        """Whoever says something of a slot is in the roster, and that slot has begun by its clock."""
+        """Yield reasons against the sender: not in the roster, or its clock says that the slot has not begun."""
         yield from self._unknown([uav])
         if slot > self._last_slot:
             yield f"slot {slot} is after the end of the mission"

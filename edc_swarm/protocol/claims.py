@@ -1,14 +1,19 @@
-"""Who flies which UAV: the operator's book of the ids that it issues.
+"""Register of UAV ids: the operator issues each id to one claimant.
 
 A *claimant* is one start of `edc-swarm join` with its folder of state; its token, 16 hexadecimal
-digits, outlives its process there. An id is issued to one claimant. Once the mission has begun that is
-final, since the UAV's promise is in that folder and nowhere else: a claimant that comes back gets
-its ids back, everybody else gets nothing. Before, nothing has been promised, so the ids of a
-claimant that has gone are free again; should it come back after all, the mission message, which
-names the claimant of every UAV, tells its UAVs to leave.
+digits, outlives its process in that folder.
 
-The book is written from liveliness tokens as well as from requests, so that of an operator that was
-started again is soon whole: every UAV's instance ends with its claimant.
+==============  ================================================================================
+the mission     an id whose claimant is gone
+==============  ================================================================================
+has not begun   is free: the claimant has promised nothing yet. If it returns, the mission
+                message, which names the claimant of every UAV, tells its UAVs to leave.
+has begun       stays with the claimant: only its folder has the UAV's promise. A claimant that
+                returns gets its ids again, and no other claimant gets an id.
+==============  ================================================================================
+
+The operator fills the register from requests and from liveliness tokens, since the name of every UAV's instance
+ends with its claimant. So the register of a restarted operator is soon complete.
 """
 
 from __future__ import annotations
@@ -23,18 +28,18 @@ from edc_swarm.mission.configuration import MAX_UAVS, Mission
 from edc_swarm.protocol.messages import UavIds
 
 LAUNCHED = ""
-"""Stands for the claimant of the UAVs that the operator's own command has started."""
+"""Claimant of the UAVs that the operator's own command starts."""
 
 MAX_CLAIMANTS = 10_000
-"""Claimants whose presence is remembered, more than can hold an id: a flood of tokens fills no memory."""
+"""Most claimants whose presence the register remembers, more than can hold an id: a limit on a flood of tokens."""
 
 Claimant = Annotated[str, Meta(pattern=r"^[0-9a-f]{16}$(?!\n)")]
 
 
-class Claim(Struct, frozen=True, kw_only=True):
-    """The request for `uavs` ids, or for those that this claimant has already.
+class IdClaim(Struct, frozen=True, kw_only=True):
+    """Request for `uavs` ids, or for the ids that this claimant already has.
 
-    `among`: the ids that it can fly, any where there are none.
+    `among` has the ids that it can fly; empty stands for all.
     """
 
     claimant: Claimant
@@ -43,9 +48,9 @@ class Claim(Struct, frozen=True, kw_only=True):
 
 
 class Issued(Struct, frozen=True, kw_only=True):
-    """The answer: the ids, all that were asked for or none, and how many there were left.
+    """Answer to a request: as many ids as it asks for, or none, and the number of free ids.
 
-    `begun`: the mission is being flown, and so is what these UAVs have promised.
+    `begun` is true if the mission runs, so that the claimant must have these UAVs' promises.
     """
 
     mission: Mission
@@ -55,12 +60,12 @@ class Issued(Struct, frozen=True, kw_only=True):
 
 
 class Claims:
-    """The book of one mission; `remote` are the ids to be issued, in the order in which they are.
+    """Register of one mission; `remote` has the ids to issue, in order.
 
     Attributes
     ----------
     begun
-        Nothing is issued any more: the mission has begun.
+        The mission has begun: the register issues no further id.
     """
 
     def __init__(self, remote: Sequence[str]) -> None:
@@ -69,22 +74,22 @@ class Claims:
         self.begun = False
 
     def see_claimant(self, claimant: str, there: bool) -> None:
-        """Take in that a claimant is there, or has gone."""
+        """Note that a claimant is present, or gone."""
         if not there:
             self._there.discard(claimant)
         elif len(self._there) < MAX_CLAIMANTS:
             self._there.add(claimant)
 
     def see_uav(self, uav: str, instance: str) -> None:
-        """Take in that a UAV is there: its claimant holds the id, unless another one does."""
+        """Note that a UAV is present: its claimant holds the id, unless another claimant does."""
         claimant = claimant_of(instance)
         if claimant != LAUNCHED and uav in self._holder and self._holder[uav] is None:
             self._holder[uav] = claimant
 
-    def issue(self, claim: Claim) -> list[str]:
-        """The ids that the claimant holds now: as many as it asks for, or none.
+    def issue(self, claim: IdClaim) -> list[str]:
+        """Return the ids that the claimant now holds: as many as it asks for, or none.
 
-        A claim may overtake the claimant's token, and shows as well that it is there.
+        A claim may overtake the claimant's token, and also shows that the claimant is present.
         """
         self.see_claimant(claim.claimant, True)
         held = self.held_by(claim.claimant)
@@ -97,43 +102,43 @@ class Claims:
         return free[: claim.uavs]
 
     def held_by(self, claimant: str) -> list[str]:
-        """The ids of a claimant."""
+        """Return the ids of a claimant."""
         return [uav for uav, holder in self._holder.items() if holder == claimant]
 
     @property
     def held(self) -> set[str]:
-        """The ids of claimants that are there."""
+        """Ids of the claimants that are present."""
         return {uav for uav, holder in self._holder.items() if holder in self._there}
 
     def free(self, among: Sequence[str] = ()) -> list[str]:
-        """The ids that can be issued, of those in `among` if there are any.
+        """Return the ids that the register can issue, of those in `among` if there are any.
 
-        Last those of claimants that have gone, who may be back in a moment.
+        The ids of claimants that are gone come last: these may be back in a moment.
         """
         wanted = self._holder.keys() & among if among else self._holder.keys()
         free = [uav for uav, holder in self._holder.items() if holder not in self._there and uav in wanted]
         return [] if self.begun else sorted(free, key=lambda uav: self._holder[uav] is not None)
 
     def begin(self) -> None:
-        """Issue nothing from now on: the mission begins."""
+        """Issue no further id: the mission begins."""
         self.begun = True
 
     def resume(self, holders: dict[str, str]) -> None:
-        """Go on with the book of a mission that has begun."""
+        """Continue the register of a mission that has begun."""
         self._holder = dict(holders)
         self.begun = True
 
     def claimants(self, roster: Sequence[str]) -> tuple[str, ...]:
-        """The claimant of every UAV of `roster`; empty where none is remote."""
+        """Return the claimant of every UAV of `roster`; empty if no UAV is remote."""
         return tuple(self._holder.get(uav) or LAUNCHED for uav in roster) if self._holder else ()
 
 
 def instance_name(process: str, claimant: str) -> str:
-    """Name of one life of a UAV process, by which its claimant is known."""
+    """Return the name of an instance of a UAV process, which ends with its claimant."""
     return f"{process}-{claimant}" if claimant else process
 
 
 def claimant_of(instance: str) -> str:
-    """The claimant in the name of an instance."""
+    """Return the claimant in the name of an instance."""
     end = instance.rpartition("-")[2]
     return end if re.fullmatch("[0-9a-f]{16}", end) else LAUNCHED

@@ -1,4 +1,4 @@
-"""Messages to bytes and back: JSON, with a door that no malformed message passes."""
+"""Codec of messages: JSON bytes, with a decoder that rejects every malformed message."""
 
 from __future__ import annotations
 
@@ -14,6 +14,8 @@ from edc_swarm.protocol.keys import PREFIX, Keys, kind_of
 from edc_swarm.protocol.messages import Message, MissionMessage
 
 MAX_MESSAGE_BYTES = 1 << 20
+MISPLACED = "sender or receiver is not the one in the key"
+"""Reason why a message on the key of another is rejected."""
 _DECODERS: dict[type[Struct], msgspec.json.Decoder[Any]] = {
     kind: msgspec.json.Decoder(kind) for kind in get_args(Message)
 }
@@ -21,18 +23,18 @@ _ENCODER = msgspec.json.Encoder()
 
 
 def encode(message: Message) -> bytes:
-    """The bytes of a message (JSON, shortest round-trip floats)."""
+    """Return the bytes of a message (JSON, shortest round-trip floats)."""
     return _ENCODER.encode(message)
 
 
 def decode(key: str, payload: bytes) -> Message:
-    """The message in `payload`, checked against the type, the limits and the sender in its key.
+    """Return the message in `payload`, checked against the type, the limits and the sender in its key.
 
     Raises
     ------
     MessageError
-        Unknown key, too large, malformed, a number beyond its limits (which no infinity is within), a
-        sender or receiver that is not the one in the key, or a mission that no file could describe.
+        The key is unknown, the payload is too large or malformed, a number is beyond its (finite) limits, a
+        sender or receiver differs from the one in the key, or no mission file could describe the mission.
     """
     kind = kind_of(key)
     if kind is None:
@@ -54,13 +56,13 @@ def _check_key(key: str, message: Message) -> None:
     if parts[0] != PREFIX:
         return
     if Keys(parts[1]).of(message) != key:
-        raise MessageError(key, "sender or receiver is not the one in the key")
+        raise MessageError(key, MISPLACED)
     if isinstance(message, MissionMessage) and message.name != parts[1]:
         raise MessageError(key, "another mission's")
 
 
 def _check_mission(key: str, mission: MissionMessage) -> None:
-    """What is refused as a file is refused from the bus."""
+    """Raise `MessageError` for a mission that would be rejected as a file, or that lacks a field to fly."""
     try:
         validate_mission(mission)
         check_links(mission)

@@ -1,4 +1,4 @@
-"""When a mission is over: the same judge for real and simulated missions."""
+"""Completion: the rule that ends a mission, the same for real and simulated missions."""
 
 from __future__ import annotations
 
@@ -11,19 +11,19 @@ from edc_swarm.mission.prospect import prospect_of, settled_slot
 from edc_swarm.protocol.messages import Command, Fix, Report
 
 STALL_SLOTS = 100
-"""Plans in which nobody is to move, one after the other, after which nobody ever will.
+"""Consecutive plans without a move after which no plan will have one.
 
-Guidance has rules of its own for UAVs that stand still, the longest of 32 slots.
+Guidance has its own rules for UAVs that stand still, the longest of 32 slots.
 """
-STILL_SHARE = 1e-4
-"""A step shorter than this share of the longest one is none: a jam may hand out ever shorter steps."""
+NO_STEP_SHARE = 1e-4
+"""Share of the longest step below which a step counts as none: in a jam steps may get shorter without end."""
 
 
 class MissionMonitor:
-    """Follows fixes, commands and reports, and says when a mission is over.
+    """Monitor of fixes, commands and reports that decides when a mission is over.
 
-    It is over when every UAV that still flies is at its target (`complete`; a target that lies under a UAV which
-    moves no more is not waited for), or when nothing can change any more (`stalled`).
+    A mission is over when every UAV that still flies is at its target (`complete`; a UAV whose target is covered by a
+    grounded UAV does not count), or when nothing can change any more (`stalled`).
     """
 
     def __init__(self, mission: Mission) -> None:
@@ -33,14 +33,14 @@ class MissionMonitor:
         self._ended: set[str] = set()
         faults = parse_faults(mission)
         self._settled_slot, self._side = settled_slot(mission, faults), prospect_of(mission, faults).side
-        self._still_m = STILL_SHARE * mission.u_max_m
+        self._still_m = NO_STEP_SHARE * mission.u_max_m
         self._still_plans = 0
         self._planned = (-1, -1)
         self._changed_slot = 0
         self.report: Report | None = None
 
     def hear_fix(self, fix: Fix) -> None:
-        """Take in a fix."""
+        """Process a fix."""
         known = self._newest.get(fix.uav)
         if known is None or fix.slot >= known.slot:
             self._newest[fix.uav] = fix
@@ -48,12 +48,12 @@ class MissionMonitor:
             self._change()
 
     def hear_command(self, command: Command) -> None:
-        """Take in a command."""
+        """Process a command."""
         if self._is_step((command.start_x_m, command.start_y_m), (command.target_x_m, command.target_y_m)):
             self._change()
 
     def hear_report(self, report: Report) -> None:
-        """Take in a report; the newest of the highest term tells who leads."""
+        """Process a report; the newest one of the highest term names the head."""
         known = self.report
         if not report.is_backed(self._roster, self._mission.quorum):
             return
@@ -64,20 +64,20 @@ class MissionMonitor:
             self._planned = (report.term, report.slot)
 
     def end(self, uav: str) -> None:
-        """Stop waiting for a UAV that is gone for good."""
+        """Stop waiting for a UAV that is gone and will not restart."""
         if uav not in self._ended:
             self._ended.add(uav)
             self._change()
 
     def revive(self, uav: str) -> None:
-        """Wait for a UAV again that was started anew."""
+        """Wait again for a UAV that has restarted."""
         if uav in self._ended:
             self._ended.discard(uav)
             self._change()
 
     @property
     def head(self) -> str:
-        """Id of the head, "" while there is none."""
+        """Id of the head, "" if there is none."""
         return self.report.head if self.report is not None else ""
 
     @property
@@ -87,7 +87,7 @@ class MissionMonitor:
 
     @property
     def slot(self) -> int:
-        """Newest slot of which a fix was heard."""
+        """Newest slot with a fix."""
         return max((fix.slot for fix in self._newest.values()), default=-1)
 
     @property
@@ -96,18 +96,20 @@ class MissionMonitor:
         return sum(fix.arrived for fix in self._newest.values())
 
     def complete(self, slot: int) -> bool:
-        """Whether the fixes of `slot` show every UAV that still flies where it can get."""
+        """Return True if the fixes of `slot` show every flying UAV at its target, or at a target that is covered."""
         flying = [entry for entry in self._mission.roster if not self._grounded(entry.uav)]
         return bool(flying) and all(self._there(entry, slot) for entry in flying)
 
     def stalled(self, slot: int) -> bool:
-        """Return whether nothing can change any more, as the fixes, commands and reports until `slot` show.
+        """Return True if the fixes, commands and reports until `slot` show that nothing can change any more.
 
-        Every fault that ends is over, every restart done, and then either a head has made `STALL_SLOTS` plans in
-        one term in which nobody is to move, while nobody moved; or for as many slots there are too few UAVs left for
-        a quorum, or on every side of a partition. Slots without a plan prove nothing: a planner may be slow, a
-        network may have no head for long. A plan that moves somebody is no standstill, whether or not its commands
-        come in time.
+        The mission has stalled if every fault that ends is over and every restart done, and since then
+
+        - a head has made `STALL_SLOTS` consecutive plans of one term without a move, while no UAV moved; or
+        - for `STALL_SLOTS` slots too few UAVs were left for a quorum (on one side, if a partition lasts).
+
+        Slots without a plan prove nothing: a planner may be slow, or a network may have no head for long. A plan with
+        a move is no standstill, even if its commands come late.
         """
         if sum(not self._grounded(uav) for uav in self._side) < self._mission.quorum:
             return slot - max(self._changed_slot, self._settled_slot) >= STALL_SLOTS
@@ -117,12 +119,12 @@ class MissionMonitor:
         return math.dist(from_m, to_m) > self._still_m
 
     def _change(self) -> None:
-        """Start to count anew: something has happened."""
+        """Restart the count after a change."""
         self._still_plans = 0
         self._changed_slot = max(self.slot, 0)
 
     def _grounded(self, uav: str) -> bool:
-        """Whether a UAV moves no more: it is gone, or lost its memory and grants nobody."""
+        """Return True if a UAV moves no more: it is gone, or it lost its promise and grants no head."""
         fix = self._newest.get(uav)
         return uav in self._ended or (fix is not None and not fix.voter)
 
@@ -131,7 +133,7 @@ class MissionMonitor:
         return fix is not None and fix.slot >= slot and (fix.arrived or self._covered(entry))
 
     def _covered(self, entry: RosterEntry) -> bool:
-        """Whether a UAV that moves no more covers this one's target, or may: it is kept clear of."""
+        """Return True if a grounded UAV is or may be nearer than R to this UAV's target."""
         target_m = (entry.target_x_m, entry.target_y_m)
         return any(
             self._distance_m(target_m, other) < entry.r_m + other.r_m
@@ -140,7 +142,7 @@ class MissionMonitor:
         )
 
     def _distance_m(self, point_m: tuple[float, float], other: RosterEntry) -> float:
-        """From a point to where a grounded UAV can be: its hull in the newest report, else its waypoint."""
+        """Return the distance to a grounded UAV: to its hull in the newest report, else to its waypoint."""
         report, fix = self.report, self._newest.get(other.uav)
         if report is not None and other.uav in report.hull_uav:
             k = report.hull_uav.index(other.uav)

@@ -1,6 +1,6 @@
-"""The events of the bus: every kind once, with its publishers and the form of its detail.
+"""Events of the bus: every kind once, with its publishers and the form of its detail.
 
-Nodes, operator, recorder, viewers and readers take the kinds from here; `docs/metrics.md` has the same table.
+Nodes, operator, recorder, viewers and readers import the kinds from here; `docs/metrics.md` has the same table.
 """
 
 from __future__ import annotations
@@ -31,7 +31,7 @@ class EventKind(StrEnum):
 
 @dataclass(frozen=True, slots=True)
 class EventForm:
-    """Form of one kind of event: who publishes it, what its detail says, and whether viewers show it as a warning."""
+    """Form of one kind of event: its publisher, the content of its detail, and True if viewers show it as a warning."""
 
     sender: str
     detail: str

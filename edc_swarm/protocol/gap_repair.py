@@ -1,10 +1,10 @@
-"""Holes in what the recorder has heard, and what to ask whom for: a state machine that reads no clock.
+"""Repair of sequence gaps in the recorder's input: a state machine that reads no clock.
 
-A hole is seen when the next message on its key comes, or when the event `closed` tells of a tail. Its
-publisher is asked once the other holes of the same moment are known too; each answer leads to the next
-ask, silence to fewer and fewer. After `MAX_TRIES` in vain the publisher is left alone until it shows
-another hole, and what is missing stays missing: a gap. Nothing here is trusted: a stranger who makes up
-numbers makes bounded holes, and what nobody asked for is not taken.
+The recorder finds a gap (a hole) when the next message on its key arrives, or when the event `closed` names a later
+last number. It gathers the gaps of one moment, then asks their publisher to retransmit. After an answer it asks at
+once for the rest; without an answer it backs off (`WAITS_S`). After `MAX_TRIES` failed attempts it asks again only
+when the publisher shows another gap; the missing messages stay a gap. The recorder trusts no number: an unknown
+sender that invents numbers opens a bounded number of gaps, and the recorder ignores messages that it did not ask for.
 """
 
 from __future__ import annotations
@@ -19,28 +19,28 @@ from edc_swarm.protocol.keys import PREFIX, source_of
 from edc_swarm.protocol.retransmission import Answer, Ask, Kept, Span
 
 GATHER_S = 0.05
-"""From the first hole of a publisher to the ask: what was lost at once is asked for at once."""
+"""Time from a publisher's first gap to the request, so that one request covers messages lost together."""
 WAITS_S = (0.25, 0.5, 1.0, 2.0, 2.0, 2.0, 2.0, 2.0)
-"""How long each ask is waited for before the next."""
+"""Time to wait for the answer to each request before the next request."""
 MAX_TRIES = len(WAITS_S)
 MAX_AT_ONCE = 32
-"""Publishers that are asked at the same time."""
+"""Most publishers with a request under way."""
 MAX_SPANS = 100
-"""Spans in one ask."""
+"""Most spans in one request."""
 MAX_HOLE = 20_000
-"""Of a longer hole only the end is asked for: no publisher keeps more."""
+"""Longest gap to repair; of a longer one only the end, since no publisher keeps more."""
 MAX_HOLES = 50_000
-"""Holes that are open at the same time; what more are made stay gaps."""
+"""Most gaps under repair; any further ones stay gaps."""
 MAX_STREAMS = 200_000
 
 Publisher = tuple[str, str]
-"""Who it is, and the instance of its process."""
+"""Id of a publisher, and the instance of its process."""
 _is_instance = re.compile(r"[A-Za-z0-9_-]{1,64}").fullmatch
 
 
 @dataclass(slots=True)
 class _Stream:
-    """What has come of one instance on one key."""
+    """Messages of one instance on one key: the next number, the gaps, the hashes of the fetched ones."""
 
     publisher: _Asked
     expected: int = 0
@@ -48,7 +48,7 @@ class _Stream:
     fetched: dict[int, int] = field(default_factory=dict)
 
     def fill(self, seq: int) -> bool:
-        """Take `seq` out of the holes; whether it was in one."""
+        """Remove `seq` from the gaps; return True if it was in one."""
         for i, (first, last) in enumerate(self.holes):
             if first <= seq <= last:
                 self.holes[i : i + 1] = [s for s in ((first, seq - 1), (seq + 1, last)) if s[0] <= s[1]]
@@ -58,7 +58,7 @@ class _Stream:
 
 @dataclass(slots=True)
 class _Asked:
-    """A publisher, and how the asking goes."""
+    """A publisher, and the state of the requests to it."""
 
     name: Publisher
     streams: dict[str, _Stream] = field(default_factory=dict)
@@ -67,13 +67,13 @@ class _Asked:
     closed: bool = False
 
     def spans(self) -> list[Span]:
-        """The first holes."""
+        """Return the first gaps."""
         holes = (Span(key, *hole) for key, stream in self.streams.items() for hole in stream.holes)
         return list(islice(holes, MAX_SPANS))
 
 
 class Holes:
-    """Follows the streams of one mission. Times are seconds of one clock; only who is `known` is asked."""
+    """Gaps in the streams of one mission. Times are seconds of one clock; requests go to `known` publishers only."""
 
     def __init__(self, mission: str, known: Container[str]) -> None:
         self._root = f"{PREFIX}/{mission}/"
@@ -84,7 +84,7 @@ class Holes:
         self._count = 0
 
     def heard(self, key: str, instance: str, seq: int, payload: bytes, now_s: float) -> bool:
-        """Take in a message that has come by itself; False when this very message was fetched before."""
+        """Process a message that came without a request; return False if it is a copy of one fetched before."""
         stream = self._stream(key, instance)
         if stream is None:
             return True
@@ -98,7 +98,7 @@ class Holes:
         return True
 
     def closed(self, source: str, instance: str, tails: Mapping[str, int], now_s: float) -> None:
-        """Take in the last word of a publisher: the last number of each of its keys."""
+        """Process the event `closed` of a publisher: the last number on each of its keys."""
         for tail, last in tails.items():
             key = tail if tail.startswith(self._root) else self._root + tail
             stream = self._stream(key, instance) if source_of(key) == source else None
@@ -111,7 +111,7 @@ class Holes:
             self._want(publisher, now_s)
 
     def due(self, now_s: float) -> list[tuple[Publisher, Ask]]:
-        """Who is to be asked now, and for what; a publisher that has closed and lacks nothing is told so."""
+        """Return the requests to send now; a closed publisher without gaps gets an empty one, so that it may end."""
         asks = []
         waited_for = sum(each.tries > 0 and each.due_s > now_s for each in self._wanting.values())
         for publisher in [each for each in self._wanting.values() if each.due_s <= now_s]:
@@ -133,7 +133,7 @@ class Holes:
         return asks
 
     def answered(self, name: Publisher, answer: Answer, now_s: float) -> list[Kept]:
-        """Take in an answer; what of it was missing, and is to be recorded now."""
+        """Process an answer; return its messages that were missing, to be recorded now."""
         publisher = self._publishers.get(name)
         if publisher is None:
             return []
@@ -148,12 +148,12 @@ class Holes:
 
     @property
     def next_s(self) -> float | None:
-        """When the next ask is due."""
+        """Time at which the next request is due, or None."""
         return min((each.due_s for each in self._wanting.values() if each.name[0] in self._known), default=None)
 
     @property
     def outstanding(self) -> bool:
-        """Whether anything is still hoped for."""
+        """True if a known publisher may still fill a gap."""
         return any(each.name[0] in self._known and each.spans() for each in self._wanting.values())
 
     def _fill(self, stream: _Stream, seq: int) -> bool:
@@ -163,14 +163,14 @@ class Holes:
         return was_missing
 
     def _open(self, stream: _Stream, last: int, now_s: float) -> None:
-        """Note that stream.expected..last have not come."""
+        """Open the gap stream.expected..last."""
         if self._count < MAX_HOLES:
             self._count += 1
             stream.holes.append((max(stream.expected, last - MAX_HOLE + 1), last))
             self._want(stream.publisher, now_s)
 
     def _want(self, publisher: _Asked, now_s: float) -> None:
-        """Have the publisher asked anew; an ask under way is waited for, and one for nothing cannot wait."""
+        """Schedule a request to the publisher: after the answer to one under way, at once if it is empty."""
         waiting = publisher.name in self._wanting and publisher.due_s > now_s
         publisher.tries = min(publisher.tries, 1) if waiting else 0
         if not waiting or not publisher.spans():
@@ -178,7 +178,7 @@ class Holes:
         self._wanting[publisher.name] = publisher
 
     def _stream(self, key: str, instance: str) -> _Stream | None:
-        """The stream, None for what no publisher of a mission counts."""
+        """Return the stream, or None for a key or an instance that no publisher of a mission counts."""
         stream = self._streams.get((key, instance))
         if stream is None and len(self._streams) < MAX_STREAMS and _is_instance(instance):
             source = source_of(key)

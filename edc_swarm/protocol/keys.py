@@ -1,4 +1,4 @@
-"""The keys of the bus, all below `swarm/{mission}`: which message is published on which key."""
+"""Keys of the bus, all below `swarm/{mission}`, with the message and the publisher of each."""
 
 from __future__ import annotations
 
@@ -42,15 +42,15 @@ KEY_FORMS: dict[type[Struct], KeyForm] = {
     Event: KeyForm("event/{}", ("source",), sender="source"),
     MissionMessage: KeyForm("mission", ("name",), sender=OPERATOR),
 }
-"""The keys of messages; whatever builds or parses one derives from this table."""
+"""Forms of the keys of messages; all code that builds or parses a key derives from this table."""
 SCENES = "viz"
-"""First part of the keys of scenes, which the visualiser publishes and which are no messages of the swarm."""
+"""First part of the keys of scenes: the visualiser publishes them, and they are no messages of the swarm."""
 ALL_ALIVE = f"{PREFIX}/*/alive/**"
 """Liveliness tokens of every process of every mission at a router."""
 
 
 def _shape(parts: Sequence[str]) -> tuple[int, str, str]:
-    """Return what tells the keys of one kind from those of all others: the number of parts, the first and the third."""
+    """Return the signature of a kind's keys, unique to that kind: the number of parts, the first and the third."""
     return len(parts), parts[0], parts[2] if len(parts) > 2 else ""
 
 
@@ -60,7 +60,7 @@ _SENDER_AT = {
     for form in KEY_FORMS.values()
     for words in [form.form.split("/")]
 }
-"""Position of the publisher in a key, by the key's first part; 0 where it is the operator's alone."""
+"""Position of the publisher in a key, by the key's first part; 0 if only the operator publishes on it."""
 _STREAMS = {kind: form.stream for kind, form in KEY_FORMS.items()}
 _is_mission_id = re.compile(get_args(MissionId)[1].pattern).search
 
@@ -81,27 +81,27 @@ class Keys:
         return f"{self.root}/{KEY_FORMS[kind].form.format(*values)}"
 
     def fix(self, uav: str) -> str:
-        """Key of a UAV's fixes."""
+        """Return the key of a UAV's fixes."""
         return self._of(Fix, uav)
 
     def truth(self, uav: str) -> str:
-        """Key of the emulator's ground truth of a UAV."""
+        """Return the key of the emulator's ground truth of a UAV."""
         return self._of(Truth, uav)
 
     def command(self, head: str, uav: str) -> str:
-        """Key of `head`'s commands to `uav`."""
+        """Return the key of `head`'s commands to `uav`."""
         return self._of(Command, head, uav)
 
     def commands_to(self, uav: str) -> str:
-        """Key expression of every head's commands to `uav`."""
+        """Return the key expression of every head's commands to `uav`."""
         return self._of(Command, "*", uav)
 
     def report(self, head: str) -> str:
-        """Key of a head's slot reports."""
+        """Return the key of a head's slot reports."""
         return self._of(Report, head)
 
     def event(self, source: str) -> str:
-        """Key of a publisher's events."""
+        """Return the key of a publisher's events."""
         return self._of(Event, source)
 
     @property
@@ -110,27 +110,27 @@ class Keys:
         return f"{self.root}/claims"
 
     def orders(self, name: str) -> str:
-        """Key on which a part that nobody launched, such as the recorder, is told what to do."""
+        """Return the key of the operator's orders to a service that it did not launch, such as a remote recorder."""
         return f"{self.root}/orders/{name}"
 
     def again(self, source: str, instance: str) -> str:
-        """Key on which a publisher is asked for messages that have not arrived."""
+        """Return the key on which a publisher answers requests to retransmit."""
         return f"{self.root}/again/{source}/{instance}"
 
     def alive(self, uav: str, instance: str) -> str:
-        """Key of a process's liveliness token."""
+        """Return the key of a process's liveliness token."""
         return f"{self.root}/alive/{uav}/{instance}"
 
     def of(self, message: Message) -> str:
-        """Key on which `message` is published."""
+        """Return the key of `message`."""
         kind = type(message)
         return self._of(kind, *_STREAMS[kind](message)[1:])
 
 
 def kind_of(key: str) -> type[Struct] | None:
-    """Type of the messages on `key` (with or without the `swarm/{mission}` prefix), or None.
+    """Return the type of the messages on `key` (with or without the `swarm/{mission}` prefix), or None.
 
-    A key that stands for many, such as `swarm/*/mission`, is no mission's.
+    A key expression for several missions, such as `swarm/*/mission`, has no type.
     """
     parts = key.split("/")
     if parts[0] == PREFIX:
@@ -141,7 +141,7 @@ def kind_of(key: str) -> type[Struct] | None:
 
 
 def source_of(key: str) -> str:
-    """Return who publishes on a key of the bus, or on one below it; "" where nobody does."""
+    """Return the publisher on a key of the bus, or on a key below it; "" if there is none."""
     first, *rest = key.split("/")[2:] or [""]
     if first == SCENES and rest:
         return VISUALISER

@@ -1,14 +1,14 @@
-"""The messages of the bus, as structs; `keys` has their keys, `codec` their bytes.
+"""Messages of the bus, as structs; `keys` has their keys, `codec` their bytes.
 
 Messages are JSON. Field names are fixed, since recordings outlive code; new fields get defaults,
-unknown fields are ignored. `seq` counts from 0 without holes per publisher `instance` and key;
+readers ignore unknown fields. `seq` counts from 0 without gaps per publisher `instance` and key;
 `sent_ns` is wall time in nanoseconds since 1970 (beyond 2^53: readers in JavaScript round it).
 """
 
 from __future__ import annotations
 
 from collections.abc import Set
-from typing import Annotated, Literal
+from typing import Annotated, Literal, get_args
 
 from msgspec import Meta, Struct
 
@@ -26,7 +26,7 @@ from edc_swarm.mission.configuration import (
 
 NO_ONE = ""
 EPOCH_NS = 1_700_000_000 * NS_PER_S
-"""Virtual missions begin at this wall time, whatever the day."""
+"""Wall time at which every simulated mission begins."""
 
 Instance = Annotated[str, Meta(max_length=64)]
 Seq = Annotated[int, Meta(ge=0, lt=1 << 53)]
@@ -41,18 +41,22 @@ Claimants = Annotated[tuple[Annotated[str, Meta(pattern=r"^([0-9a-f]{16})?$(?!\n
 Coordinates = Annotated[list[Metres], Meta(max_length=MAX_UAVS)]
 Radii = Annotated[list[NonNegative], Meta(max_length=MAX_UAVS)]
 Quantity = Annotated[float, Meta(ge=-MOST, le=MOST)]
-"""A number of any sign; like all others it is finite, which is what its limits are for."""
+"""A number of any sign. Its limits keep it finite, as for all numbers of messages."""
 Count = Annotated[int, Meta(ge=0, lt=1 << 53)]
 CountOrNone = Annotated[int, Meta(ge=-1, lt=1 << 53)]
-Status = Literal["planned", "no-qp-needed", "failed", "no-quorum", "claim"]
+PlanStatus = Literal["planned", "no-qp-needed", "failed"]
+"""Status of a report that carries a plan, as the planner gave it (`planner.interface.PlanStatus`)."""
+Status = Literal[PlanStatus, "no-quorum", "claim"]
+PLANNED: frozenset[Status] = frozenset(get_args(PlanStatus))
+"""Every status of a report that carries a plan."""
 
 
 class Fix(Struct, frozen=True, kw_only=True, gc=False):
-    """A UAV's report for one slot: GPS position, heartbeat and grant at once.
+    """A UAV's message for one slot: GPS position, heartbeat and grant.
 
-    `x_m y_m` is the noisy position as the slot begins, `waypoint_*` the centre of the tracked disc once
-    the current command is done, `from_*` that centre before it. `term, head` is the grant; `suspects` says
-    that the head is no longer heard; `voter` is false when the promise on disk was lost.
+    `x_m y_m` is the noisy position at the start of the slot, `waypoint_*` the centre of the tracked disc after
+    the current command, `from_*` that centre before it. `term, head` is the grant; `suspects` is true if
+    the UAV suspects that head; `voter` is false if the promise on disk was lost.
     """
 
     uav: UavId
@@ -85,7 +89,7 @@ class Fix(Struct, frozen=True, kw_only=True, gc=False):
 
 
 class Truth(Struct, frozen=True, kw_only=True, gc=False):
-    """The emulator's ground truth of a slot: the true motion, equal points when held."""
+    """The emulator's ground truth of a slot: the true motion, with equal points for a hold."""
 
     uav: UavId
     instance: Instance = ""
@@ -103,7 +107,7 @@ class Command(Struct, frozen=True, kw_only=True, gc=False):
 
     `speed_mps` is V_k, `heading_rad` theta_k (direction of the velocity), `deviation_rad` alpha_k,
     its deviation from the bearing to the target. `fix_seq` is the number of the UAV's fix of the slot before
-    that the head planned with, -1 where it is not told (older recordings).
+    from which the head planned, -1 if unknown (older recordings).
     """
 
     head: UavId
@@ -126,11 +130,11 @@ class Command(Struct, frozen=True, kw_only=True, gc=False):
 
 
 class Report(Struct, frozen=True, kw_only=True, gc=False):
-    """The head's account of slot `slot` (its commands carry slot + 1).
+    """The head's report of slot `slot` (its commands carry slot + 1).
 
-    `hull_*` are parallel lists over the unheard UAVs and, last, the head itself: the segment a-b and the
-    radius about it that contain the UAV through slot + 1. `min_gap_m` is the least planned centre
-    distance minus R. `status` "claim" is a standby's claim of a new term, `grants` then listing the UAVs
+    `hull_*` are parallel lists over the unheard UAVs and, last, the head itself: each UAV stays within
+    the radius of the segment a-b through slot + 1. `min_gap_m` is the least planned centre
+    distance minus R. `status` "claim" is a standby's claim of a new term; `grants` then has the UAVs
     that suspect the old head.
     """
 
@@ -164,24 +168,24 @@ class Report(Struct, frozen=True, kw_only=True, gc=False):
 
     @property
     def has_quorum(self) -> bool:
-        """Whether this report proves that a quorum granted (term, head) in its slot."""
-        return self.status in {"planned", "no-qp-needed", "failed"} and len(self.grants) >= self.quorum
+        """True if this report proves that a quorum granted (term, head) in its slot."""
+        return self.status in PLANNED and len(self.grants) >= self.quorum
 
     @property
     def hull_columns(self) -> tuple[list[float], ...]:
-        """The lists beside `hull_uav`: both ends of the segment, then the radius."""
+        """The lists parallel to `hull_uav`: both ends of the segment, then the radius."""
         return (self.hull_ax_m, self.hull_ay_m, self.hull_bx_m, self.hull_by_m, self.hull_r_m)
 
     def is_backed(self, roster: Set[str], quorum: int) -> bool:
-        """Whether the UAVs that it names as its support are enough; a head's own word is not.
+        """Return True if the UAVs that grant it, with the head, are a quorum of the mission.
 
-        `roster` and `quorum` are the mission's: nobody believes a report about how many it takes.
+        `roster` and `quorum` are the mission's: no receiver believes the quorum that a report states.
         """
         return self.quorum == quorum and self.head in self.grants and len(roster & set(self.grants)) >= quorum
 
 
 class Event(Struct, frozen=True, kw_only=True, gc=False):
-    """Something worth telling: a fault injected, a transition, a warning, the end of a publisher."""
+    """Notable occurrence: an injected fault, a transition, a warning, the end of a publisher."""
 
     source: Annotated[str, Meta(pattern=r"^[A-Za-z0-9_-]{1,32}$(?!\n)")]
     instance: Instance = ""
@@ -195,8 +199,8 @@ class Event(Struct, frozen=True, kw_only=True, gc=False):
 class MissionMessage(Mission, frozen=True, kw_only=True):
     """The mission as run: the mission file's fields with the roster filled in, plus the epoch.
 
-    `claimants`, in the order of the roster, say who may fly each UAV ("": whoever launched the
-    mission); a process of another claimant leaves. Empty when nobody but the launcher flies.
+    `claimants` has, in roster order, the claimant that may fly each UAV ("": the launcher of the mission);
+    a process of another claimant leaves. It is empty if the launcher flies all UAVs.
     """
 
     epoch_ns: Ns
@@ -206,7 +210,7 @@ class MissionMessage(Mission, frozen=True, kw_only=True):
     sent_ns: Ns = 0
 
     def claimant_of(self, uav: str) -> str:
-        """Who may fly `uav`: a claimant, or "" for whoever launched the mission."""
+        """Return the claimant that may fly `uav`, or "" for the launcher of the mission."""
         claimants = zip(self.roster, self.claimants, strict=False)
         return next((claimant for entry, claimant in claimants if entry.uav == uav), "")
 
@@ -215,12 +219,12 @@ Message = Fix | Truth | Command | Report | Event | MissionMessage
 
 
 def roster_index(roster: list[RosterEntry]) -> dict[str, int]:
-    """Position of every UAV in the roster, by id."""
+    """Return the position of every UAV in the roster, by id."""
     return {entry.uav: index for index, entry in enumerate(roster)}
 
 
 def mission_message(mission: Mission, epoch_ns: int = EPOCH_NS, name: str | None = None) -> MissionMessage:
-    """The message that puts a completed mission on the bus."""
+    """Return the message that publishes a completed mission on the bus."""
     fields = {field: getattr(mission, field) for field in mission.__struct_fields__}
     return MissionMessage(**{**fields, "name": name or mission.name}, epoch_ns=epoch_ns)
 

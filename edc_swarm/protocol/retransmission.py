@@ -1,8 +1,8 @@
-"""What was published and has not arrived, asked for again: the words for it, and what a publisher keeps.
+"""Retransmission: request and answer on the bus, and the ring of messages that a publisher keeps.
 
-Whoever lacks messages sends their publisher an `Ask` and gets an `Answer`, both msgpack. What an answer
-holds is bounded, so that a publisher with more urgent work gives a little at a time; who wants more asks
-again. An ask for nothing says that nothing is wanted any more.
+A receiver with sequence gaps sends the publisher an `Ask` and gets an `Answer`, both msgpack. An answer
+is bounded, so that a publisher with more urgent work answers in small parts; the receiver sends a further request
+for the rest. An empty request says that the receiver needs nothing more.
 """
 
 from __future__ import annotations
@@ -15,15 +15,15 @@ import msgspec
 from msgspec import Struct
 
 KEPT_BYTES = 5 << 20
-"""What a publisher keeps, overhead included: a minute of a head of 50 UAVs that commands twice a second."""
+"""Memory for kept messages, with overhead: a minute of a head of 50 UAVs that commands twice a second."""
 OVERHEAD_BYTES = 300
-"""What Python takes to keep a message, beside its bytes."""
+"""Python's memory for a kept message, in addition to its payload."""
 TURN_NUMBERS = 256
 TURN_BYTES = 1 << 16
-"""At most so many messages are looked for in one answer, and so much is given, but for a single one."""
+"""Limits of one answer: the numbers that it looks up, and the bytes that it holds (but for a single message)."""
 
 Number = tuple[str, int]
-"""Key and sequence number: one message of a publisher's life."""
+"""Key and sequence number, which identify a message of one instance."""
 
 
 class Span(Struct, frozen=True, array_like=True):
@@ -35,7 +35,7 @@ class Span(Struct, frozen=True, array_like=True):
 
 
 class Kept(Struct, frozen=True, array_like=True):
-    """A message as it was published; `stamp` came with one that does not carry its number itself."""
+    """A message as published; `stamp` is its attachment if the payload does not carry the number."""
 
     key: str
     seq: int
@@ -44,20 +44,20 @@ class Kept(Struct, frozen=True, array_like=True):
 
 
 class Ask(Struct, frozen=True):
-    """What is missing of one publisher."""
+    """Request for the missing messages of one publisher."""
 
     wanted: list[Span]
 
 
 class Answer(Struct, frozen=True):
-    """What there was of it, and what cannot be had any more; the rest is to be asked for again."""
+    """Answer: the messages found, and the numbers no longer kept; a further request may ask for the rest."""
 
     found: list[Kept]
     gone: list[Number]
 
 
 class Ring:
-    """A publisher's last messages, as many as fit into `limit_bytes`."""
+    """Ring of a publisher's last messages, as many as fit into `limit_bytes`."""
 
     def __init__(self, limit_bytes: int = KEPT_BYTES) -> None:
         self._limit_bytes = limit_bytes
@@ -66,7 +66,7 @@ class Ring:
         self._held_bytes = 0
 
     def keep(self, kept: Kept) -> None:
-        """Keep a message and forget the oldest that no longer fit; a publisher never uses a number twice."""
+        """Keep a message and drop the oldest ones that no longer fit; a publisher never uses a number twice."""
         self._order.append(kept)
         self._kept[kept.key, kept.seq] = kept
         self._held_bytes += _held_bytes(kept)
@@ -76,7 +76,7 @@ class Ring:
             self._held_bytes -= _held_bytes(oldest)
 
     def answer(self, ask: Ask) -> Answer:
-        """What there is of the first messages asked for: no more than one turn may give."""
+        """Return an answer to the first part of the request, within the limits of one answer."""
         answer, size = Answer([], []), 0
         for number in islice(_numbers(ask.wanted), TURN_NUMBERS):
             kept = self._kept.get(number)

@@ -1,33 +1,30 @@
-"""How each publisher ended: by its last word, by a fault, or, as far as the record tells, not at all."""
+"""The end of each publisher: with a `closed` event, by a fault, or unknown to the recording."""
 
 from __future__ import annotations
 
 from dataclasses import dataclass
 from operator import attrgetter
 
-from edc_swarm.errors import MissionError
 from edc_swarm.mission.configuration import OPERATOR
-from edc_swarm.mission.faults import parse_fault
+from edc_swarm.mission.faults import Freeze, Kill, read_fault
 from edc_swarm.protocol.events import EventKind
 from edc_swarm.protocol.keys import KEY_FORMS
 from edc_swarm.recording.model import Recording
 
-FATAL = ("kill", "freeze")
-
 
 @dataclass(frozen=True, slots=True)
 class Ends:
-    """Publishers by how they ended.
+    """Publishers, grouped by how they ended.
 
     Attributes
     ----------
     without_last_word
-        Ids of which some process never said its last numbers, killed ones among them.
+        Ids with at least one process that published no `closed` event, including killed processes.
     ended_by_fault
-        Ids that a recorded fault, or the death that the operator saw, has ended.
+        Ids whose newest process was ended by a recorded fault, or was reported dead by the operator.
     unended
-        Ids whose newest process never said its last numbers, though nothing recorded ended it, and UAVs of
-        the mission of which nothing at all is recorded.
+        Ids whose newest process published no `closed` event although no recorded fault or death ended it, and
+        UAVs of the mission without any recorded message.
     """
 
     without_last_word: frozenset[str]
@@ -36,9 +33,9 @@ class Ends:
 
 
 def ends_of(recording: Recording) -> Ends:
-    """Tell for every UAV, and everybody else who spoke, how it ended.
+    """Return how every UAV and every other publisher ended.
 
-    A process that was followed by another of the same id has ended, whatever it was that ended it.
+    A process has certainly ended if a later process with the same id has published.
     """
     first_ns: dict[tuple[str, str], int] = {}
     for kind, form in KEY_FORMS.items():
@@ -60,17 +57,15 @@ def ends_of(recording: Recording) -> Ends:
 
 
 def _deaths(recording: Recording) -> dict[str, int]:
-    """When each id was last told to be killed or frozen, or was seen dead."""
+    """Return, by id, the time of the last recorded kill, freeze or observed death in nanoseconds."""
     deaths: dict[str, int] = {}
     for event in recording.events:
         if event.source != OPERATOR:
             continue
         who = ""
-        if event.kind == EventKind.FAULT and event.detail.startswith(FATAL):
-            try:
-                who = parse_fault(event.detail, recording.mission.dt_s).target
-            except MissionError:
-                continue
+        if event.kind == EventKind.FAULT:
+            fault = read_fault(event.detail, recording.mission.dt_s)
+            who = fault.target if isinstance(fault, (Kill, Freeze)) else ""
         elif event.kind == EventKind.EXITED:
             who = event.detail.split(" ", 1)[0]
         deaths[who] = max(event.sent_ns, deaths.get(who, 0))

@@ -1,9 +1,9 @@
-"""The MCAP container, read straight from its bytes.
+"""A fast reader of MCAP files.
 
-The `mcap` package's reader makes several Python objects per message; metrics read a million
-messages, so records are unpacked here (format: https://mcap.dev/spec) and chunks are walked in the
-order of the file. Whatever is whole before the first torn record is delivered. One record at a time is in
-memory, never the whole file. Summary and index are not needed, nor are chunks or checksums.
+The `mcap` package's reader makes several Python objects per message, which is too slow for the million messages
+that a metric may need. So this module unpacks the records itself (format: https://mcap.dev/spec), in the order of
+the file. It delivers every complete record before the first torn one. It holds one record in memory at a time,
+never the whole file. It needs neither summary nor index; chunks and checksums are optional.
 """
 
 from __future__ import annotations
@@ -29,11 +29,11 @@ _CHUNK_HEAD = struct.Struct("<QQQI")
 CODECS = ("", "zstd", "lz4")
 """Compressions of chunks that MCAP defines."""
 MAX_CHUNK_BYTES = 1 << 28
-"""Of a chunk once it is decompressed, and of any other record that is read."""
+"""Largest size of a decompressed chunk, and of any other record."""
 
 
 class _Op:
-    """Record types that are read; all others are skipped."""
+    """Record types that this module reads; it skips all others."""
 
     FOOTER = 2
     SCHEMA = 3
@@ -49,7 +49,7 @@ _READ = frozenset({_Op.FOOTER, _Op.SCHEMA, _Op.CHANNEL, _Op.MESSAGE, _Op.CHUNK, 
 
 @dataclass(frozen=True, slots=True)
 class Channel:
-    """A topic and what its payloads are."""
+    """A topic with the encoding and the schema of its payloads."""
 
     topic: str
     encoding: str
@@ -64,12 +64,12 @@ Raw = tuple[Channel, int, int, int, bytes]
 
 @dataclass(slots=True)
 class McapFile:
-    """Reads one file. `messages()` is to be exhausted first: the rest fills up on the way.
+    """One MCAP file. Exhaust `messages()` first: it fills the other attributes as it reads.
 
     Attributes
     ----------
     problems
-        What could not be read, one line each; a whole file has none.
+        One line for each part that could not be read; empty for an intact file.
     """
 
     path: Path
@@ -80,7 +80,7 @@ class McapFile:
     _channels: dict[int, Channel] = field(default_factory=dict)
 
     def messages(self) -> Iterator[Raw]:
-        """Every message in the order of the file.
+        """Yield every message in the order of the file.
 
         Raises
         ------
@@ -95,7 +95,7 @@ class McapFile:
             raise RecordingError(self.path, f"cannot be read ({error.strerror})") from None
 
     def _walked(self, stream: BinaryIO) -> Iterator[Raw]:
-        """Messages of all whole records up to the footer."""
+        """Yield the messages of all complete records up to the footer."""
         size = os.fstat(stream.fileno()).st_size
         end = len(MAGIC)
         finished = False
@@ -119,7 +119,7 @@ class McapFile:
             self.problems.append(_torn(size, end))
 
     def _record(self, opcode: int, data: bytes, at: int) -> Iterator[Raw]:
-        """Messages of the record with content `data` whose first byte is byte `at` of the file."""
+        """Yield the messages of the record with content `data` that starts at byte `at` of the file."""
         if opcode == _Op.CHUNK:
             yield from self._chunk(data, at)
         elif opcode == _Op.MESSAGE:
@@ -148,7 +148,7 @@ class McapFile:
         yield from self._messages(plain)
 
     def _messages(self, data: bytes) -> Iterator[Raw]:
-        """Messages of a chunk. Unrolled, not `_records`: this loop decides the read rate."""
+        """Yield the messages of a decompressed chunk. The loop is unrolled, because it decides the read rate."""
         unpack, unpack_head, channels = _RECORD.unpack_from, _MESSAGE_HEAD.unpack_from, self._channels
         offset, size, message = 0, len(data), _Op.MESSAGE
         while offset + 9 <= size:
@@ -191,7 +191,7 @@ class McapFile:
 
 
 class _Fields:
-    """Reads the fields of a small record one after the other."""
+    """A cursor over the fields of a small record."""
 
     def __init__(self, data: bytes) -> None:
         self._data = data
@@ -233,7 +233,7 @@ class _Fields:
 
 
 def _torn(size: int, end: int) -> str:
-    """What is missing of a file of `size` bytes whose last whole record ends at byte `end`."""
+    """Return one line on what is missing from a file of `size` bytes whose last complete record ends at byte `end`."""
     unread = f"{size - end} bytes after byte {end} are unreadable" if size > end else f"it stops after byte {end}"
     return f"torn: no end of file; {unread}"
 
@@ -243,7 +243,7 @@ class _UnknownCodecError(Exception):
 
 
 def _decompressed(data: bytes) -> bytes:
-    """Content of the chunk record `data`, its checksum verified."""
+    """Return the content of the chunk record `data` after its checksum has been verified."""
     _, _, size, crc = _CHUNK_HEAD.unpack_from(data)
     fields = _Fields(data[_CHUNK_HEAD.size :])
     compression, packed = fields.text(), fields.sized_u64()

@@ -1,4 +1,4 @@
-"""A recording in memory: what was said in one run, by kind and in the order of the record."""
+"""The messages of one run in memory, in one list per type."""
 
 from __future__ import annotations
 
@@ -7,41 +7,42 @@ from dataclasses import dataclass, field, replace
 from typing import Any
 
 from edc_swarm.protocol.messages import Command, Event, Fix, Message, MissionMessage, Report, Truth
+from edc_swarm.recording.ordering import put_in_order
 
 MAX_GARBAGE = 10_000
-"""Kinds of garbage (topic and reason) that are told apart; all others count as of one kind."""
+"""Most pairs of topic and reason that are counted separately; all further garbage is counted together."""
 OTHERS = "(others)"
 
 
 @dataclass(frozen=True, slots=True)
 class Garbage:
-    """A payload on a swarm topic that is no message of its kind."""
+    """A payload that is not a valid message of its topic, or comes from no process of this run."""
 
     topic: str
     log_time_ns: int
     reason: str
     count: int = 1
-    """How many there are on the topic, for the same reason; the first by time is the one described."""
+    """Number of payloads with this topic and reason; the other fields describe the earliest one."""
 
 
 @dataclass(slots=True)
 class Recording:
-    """One run.
+    """All messages of one run, with the facts that the recorder wrote about it.
 
     Attributes
     ----------
     run, run_end
-        Facts about the run; `run_end` is None when the recorder did not finish.
+        Facts about the run; `run_end` is None if the recorder did not finish.
     missions
-        Every mission message; the first one is the mission.
+        Every mission message; the first one is the mission of the run.
     garbage
         Payloads on swarm topics that could not be decoded, one entry per topic and reason.
     duplicates
-        How many messages, of any topic, were dropped because the file holds equal ones.
+        Number of messages that were dropped because the file holds an equal one, over all topics.
     unknown
-        Number of messages on other topics, by topic (viewers' topics among them).
+        Number of messages on other topics, by topic (for example the topics of viewers).
     problems
-        What could not be read of a torn file, one line each.
+        One line for each part of a torn file that could not be read.
     """
 
     run: dict[str, str] = field(default_factory=dict)
@@ -59,21 +60,21 @@ class Recording:
 
     @property
     def mission(self) -> MissionMessage:
-        """The mission as run."""
+        """The mission of this run."""
         return self.missions[0]
 
     @property
     def message_count(self) -> int:
-        """Number of swarm messages."""
+        """Number of messages of the swarm."""
         return sum(map(len, self.lists().values()))
 
     @property
     def garbage_count(self) -> int:
-        """Number of payloads on swarm topics that are no messages, or nobody's in the mission."""
+        """Number of payloads on the swarm's topics that are not messages, or come from no process of this run."""
         return sum(garbage.count for garbage in self.garbage)
 
     def lists(self) -> dict[type, list[Any]]:
-        """The list that holds the messages of each type."""
+        """Return, by message type, the list that holds its messages."""
         return {
             Fix: self.fixes,
             Truth: self.truths,
@@ -91,9 +92,9 @@ class Recording:
         run: Mapping[str, str] | None = None,
         run_end: Mapping[str, str] | None = None,
     ) -> Recording:
-        """Make a recording of messages in the order of their publication.
+        """Return a recording of `messages`, in the order in which the reader of a file with them returns them.
 
-        `mission` is needed only where none of the messages is the mission.
+        `mission` is needed only if none of the messages is the mission.
         """
         recording = cls(run=dict(run or {}), run_end=dict(run_end or {}))
         lists = recording.lists()
@@ -101,11 +102,12 @@ class Recording:
             lists[type(message)].append(message)
         if mission is not None and not recording.missions:
             recording.missions.append(mission)
+        put_in_order(recording)
         return recording
 
 
 class Bin:
-    """Gathers garbage in bounded memory: how many of each kind, and the first of each."""
+    """A counter of garbage in bounded memory: the number and the earliest payload of each topic and reason."""
 
     def __init__(self, garbage: Iterable[Garbage] = ()) -> None:
         self._kinds: dict[tuple[str, str], Garbage] = {}
@@ -113,10 +115,10 @@ class Bin:
             self.add(each)
 
     def add(self, garbage: Garbage) -> None:
-        """Count `garbage`."""
+        """Add `garbage` to the counts."""
         kind = garbage.topic, garbage.reason
         if kind not in self._kinds and len(self._kinds) >= MAX_GARBAGE:
-            kind = OTHERS, "more kinds of garbage than are told apart"
+            kind = OTHERS, "more topics and reasons than are counted separately"
             garbage = replace(garbage, topic=kind[0], reason=kind[1])
         known = self._kinds.get(kind)
         if known is not None:
@@ -125,5 +127,5 @@ class Bin:
         self._kinds[kind] = garbage
 
     def contents(self) -> list[Garbage]:
-        """Return one entry per kind, by topic and reason."""
+        """Return one entry per topic and reason, sorted by both."""
         return [self._kinds[kind] for kind in sorted(self._kinds)]

@@ -1,42 +1,50 @@
-"""The order of a recording: by what messages say, never by where they stand in the file.
+"""The order of a recording: by the content of the messages, never by their place in the file.
 
-Tools for MCAP files merge, sort and cut recordings, and the recorder itself writes late what it had to
-fetch. So each kind of message is put into one total order, which any permutation of the file gives again:
+Tools for MCAP files merge, sort and cut recordings, and the recorder writes retransmitted messages late. So this
+module puts each kind of message into one total order, which is the same for every permutation of the file:
 
-1. by time: the slot (of fixes, truths, commands and reports), then `sent_ns`;
-2. at one time, by the ids in the key, then the publisher's instance, then its `seq`;
-3. with all of that equal, by the rest of the content.
+====  ==============================================================================
+Rank  Key of the order
+====  ==============================================================================
+1     time: the slot (of fixes, truths, commands and reports), then `sent_ns`
+2     the ids in the message's key, then the publisher's instance, then its `seq`
+3     the rest of the content
+====  ==============================================================================
 
-A publisher's own messages never leave the order of `seq`. Where its slots or its clock go back, each of its
-messages counts at the latest time that the publisher had told up to there. An exact duplicate (two equal
-messages of one publisher) is dropped and counted; messages that share a `seq` and differ both stay.
+The messages of one publisher stay in the order of `seq`. If its slots or its clock go back, each of its messages
+counts with the greatest time among its messages up to that one. An exact duplicate (two equal messages of one
+publisher) is dropped and counted; two different messages with the same `seq` both stay.
 """
 
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Sequence
-from itertools import groupby, pairwise
-from operator import attrgetter
-from typing import Any
+from itertools import groupby, islice, pairwise
+from operator import attrgetter, lt
+from typing import TYPE_CHECKING, Any
 
 import msgspec
 
 from edc_swarm.protocol.keys import KEY_FORMS
 from edc_swarm.protocol.messages import Event, MissionMessage
-from edc_swarm.recording.model import Recording
+
+if TYPE_CHECKING:
+    from edc_swarm.recording.model import Recording
 
 FETCHED = "fetched"
 """Fact of `run_end`: how many messages were asked for again, and had."""
+MAX_DIGITS = 18
+"""Digits of a count in `run_end`."""
 
 
-def fetched_count(recording: Recording) -> int:
-    """How many messages came late, since they had to be asked for again."""
+def fetched_count(recording: Recording) -> int | None:
+    """Return how many messages came late, since they had to be asked for again; None where `run_end` does not say."""
     told = (recording.run_end or {}).get(FETCHED, "")
-    return int(told) if told.isdecimal() else 0
+    return int(told) if told.isdecimal() and len(told) <= MAX_DIGITS else None
 
 
 def put_in_order(recording: Recording) -> None:
-    """Order every kind of message by content; drop exact duplicates and count them in `recording.duplicates`."""
+    """Sort every kind of message by content; drop exact duplicates and count them in `recording.duplicates`."""
     for kind, messages in recording.lists().items():
         count = len(messages)
         messages[:] = _ordered(messages, kind, KEY_FORMS[kind].fields)
@@ -47,14 +55,18 @@ def _ordered(messages: Sequence[Any], kind: type, names: tuple[str, ...]) -> lis
     time_names = ("sent_ns",) if kind in {Event, MissionMessage} else ("slot", "sent_ns")
     stream = attrgetter(*names, "instance")
     place = attrgetter(*time_names, *names, "instance", "seq")
-    ordered = _without_duplicates(sorted(messages, key=place), place)
+    places = list(map(place, messages))
+    if all(map(lt, places, islice(places, 1, None))):
+        ordered = list(messages)  # the common case: a file in order, with nothing twice
+    else:
+        ordered = _without_duplicates(sorted(messages, key=place), place)
     if _follows_numbers(ordered, stream):
         return ordered
     return _by_latest_time(ordered, attrgetter("seq", *time_names), stream)
 
 
 def _without_duplicates(ordered: list[Any], place: Callable[[Any], Any]) -> list[Any]:
-    """Each of several equal messages once; those of one place that differ, in the order of their bytes."""
+    """Return `ordered` with each of several equal messages once, and different ones of one place by their bytes."""
     if all(one.seq != other.seq or place(one) != place(other) for one, other in pairwise(ordered)):
         return ordered
     distinct: list[Any] = []
@@ -69,7 +81,7 @@ def _without_duplicates(ordered: list[Any], place: Callable[[Any], Any]) -> list
 
 
 def _follows_numbers(messages: Sequence[Any], stream: Callable[[Any], Any]) -> bool:
-    """Whether the numbers of no stream go back."""
+    """Return True if the sequence numbers of every stream only grow."""
     newest: dict[Any, int] = {}
     for source, seq in zip(map(stream, messages), map(attrgetter("seq"), messages), strict=True):
         if newest.get(source, -1) > seq:
@@ -79,7 +91,7 @@ def _follows_numbers(messages: Sequence[Any], stream: Callable[[Any], Any]) -> b
 
 
 def _by_latest_time(ordered: Sequence[Any], number: Callable[[Any], Any], stream: Callable[[Any], Any]) -> list[Any]:
-    """All messages by the latest time that their publisher had told, each publisher's by their numbers."""
+    """Sort messages by the greatest time of their stream so far; one stream's messages stay in the order of `seq`."""
     streams: dict[Any, list[Any]] = {}
     for message in ordered:
         streams.setdefault(stream(message), []).append(message)
@@ -89,7 +101,7 @@ def _by_latest_time(ordered: Sequence[Any], number: Callable[[Any], Any], stream
 
 
 def _placed(source: Any, messages: list[Any], number: Callable[[Any], Any]) -> Iterator[tuple[Any, Any, int, Any]]:
-    """Latest time so far, stream, place in the stream, message."""
+    """Yield (greatest time so far, stream, place in the stream, message) for each message of one stream."""
     latest: tuple[Any, ...] = ()
     for place, message in enumerate(sorted(messages, key=number)):
         latest = tuple(map(max, latest, number(message)[1:])) if latest else number(message)[1:]

@@ -1,4 +1,7 @@
-"""Reading a recording: one decoder per topic, one clear line for a file that cannot be read."""
+"""Reading and recovering recordings.
+
+The reader makes one decoder per topic, and reports a file that it cannot read in one line.
+"""
 
 from __future__ import annotations
 
@@ -13,8 +16,8 @@ import msgspec
 from msgspec import Struct
 
 from edc_swarm.errors import MessageError, RecordingError
-from edc_swarm.protocol.codec import MAX_MESSAGE_BYTES, decode
-from edc_swarm.protocol.keys import kind_of
+from edc_swarm.protocol.codec import MAX_MESSAGE_BYTES, MISPLACED, decode
+from edc_swarm.protocol.keys import KEY_FORMS, PREFIX, kind_of
 from edc_swarm.protocol.messages import Command, Fix, Message, MissionMessage, Truth
 from edc_swarm.recording.mcap_file import Channel, McapFile
 from edc_swarm.recording.model import Bin, Garbage, Recording
@@ -23,11 +26,11 @@ from edc_swarm.recording.sifting import sift
 from edc_swarm.recording.writer import FORMAT, MISSION_ATTACHMENT, TOO_LARGE, RecordingWriter, TooLarge, is_mission
 
 Decode = Callable[[bytes], Message]
-"""Raises MessageError."""
+"""Decoder of one topic's payloads; it raises MessageError."""
 MAX_SEEN = 1_000_000
-"""Payloads of garbage and of unknown topics among which duplicates are looked for."""
+"""Most payloads of garbage and of unknown topics that are remembered to find duplicates."""
 Sink = tuple[Decode | None, Callable[[Any], None]]
-"""How the payloads of a topic are decoded (None: not at all) and where they go."""
+"""Decoder of a topic's payloads (None: they stay bytes) and the consumer of the result."""
 
 
 def read_recording(path: str | Path, *, salvage: bool = False) -> Recording:
@@ -38,19 +41,19 @@ def read_recording(path: str | Path, *, salvage: bool = False) -> Recording:
     path
         The file.
     salvage
-        Read whatever is whole of a torn file; `Recording.problems` then says what is missing.
+        Read the complete part of a torn file; `Recording.problems` then lists what is missing.
 
     Raises
     ------
     RecordingError
-        Missing, empty, not MCAP, not one of our recordings, of another version, without a mission,
-        or (without `salvage`) torn.
+        The file is missing, empty, not MCAP, not a recording of edc-swarm, of another version, without a
+        mission, or (without `salvage`) torn.
     """
     file = McapFile(Path(path))
     recording = Recording()
     _read_messages(file, recording)
     if file.problems and not salvage:
-        raise RecordingError(path, f"{file.problems[0]}; `edc-swarm recover` makes what is there readable")
+        raise RecordingError(path, f"{file.problems[0]}; `edc-swarm recover` makes the complete part readable")
     recording.problems = file.problems
     _read_metadata(file, recording)
     put_in_order(recording)
@@ -60,9 +63,9 @@ def read_recording(path: str | Path, *, salvage: bool = False) -> Recording:
 
 
 def recover(source: str | Path, stream: BinaryIO) -> list[str]:
-    """Write all that can be read of a torn recording to `stream` as a whole one.
+    """Write the readable part of a torn recording to `stream` as an intact recording.
 
-    Returns what is missing, one line each. Raises `RecordingError` as `read_recording` does.
+    Return one line for each part that is missing. Raise `RecordingError` as `read_recording` does.
     """
     file = McapFile(Path(source))
     missions = _missions(file)
@@ -83,7 +86,7 @@ def recover(source: str | Path, stream: BinaryIO) -> list[str]:
 
 
 def _missions(file: McapFile) -> Iterator[bytes]:
-    """The payload of every mission that can be flown."""
+    """Yield the payload of every valid mission message."""
     for channel, _, _, _, payload in file.messages():
         if is_mission(channel.topic, payload):
             yield payload
@@ -110,25 +113,37 @@ def _read_messages(file: McapFile, recording: Recording) -> None:
             garbage.add(refused)
         elif channel.topic == TOO_LARGE:
             garbage.add(_too_large(payload, log_ns))
+        elif channel.topic.startswith(f"{PREFIX}/") and _is_of_the_swarm(payload):
+            garbage.add(Garbage(channel.topic, log_ns, MISPLACED))
         else:
             recording.unknown[channel.topic] = recording.unknown.get(channel.topic, 0) + 1
     recording.garbage = garbage.contents()
 
 
 class Seen:
-    """Remembers, by hash and in bounded memory, what of garbage and unknown topics has been read."""
+    """A bounded set of hashes of the payloads that were read as garbage or from unknown topics."""
 
     def __init__(self) -> None:
         self._hashes: set[int] = set()
 
     def before(self, entry: tuple[Hashable, ...]) -> bool:
-        """Return whether an equal entry was read before; beyond `MAX_SEEN` entries new ones are not remembered."""
+        """Return True if an equal entry was read before; a new entry is forgotten once `MAX_SEEN` are remembered."""
         number = hash(entry)
         if number in self._hashes:
             return True
         if len(self._hashes) < MAX_SEEN:
             self._hashes.add(number)
         return False
+
+
+def _is_of_the_swarm(payload: bytes) -> bool:
+    """Return True if `payload`, recorded under a key that no message has, is a numbered message of the swarm."""
+    for kind in KEY_FORMS:
+        try:
+            return bool(_json_decoder(kind)(payload).instance)
+        except (msgspec.DecodeError, UnicodeDecodeError, RecursionError):
+            continue
+    return False
 
 
 def _too_large(payload: bytes, log_ns: int) -> Garbage:
@@ -147,9 +162,9 @@ def _sink(channel: Channel, lists: dict[type, list[Any]]) -> Sink:
 
 
 def _decoder(topic: str, kind: type[Struct]) -> Decode:
-    """`codec.decode` for one topic, without what it looks up and lists anew for every message.
+    """Return a decoder equal to `codec.decode` for one topic that does the work per topic only once.
 
-    The messages of which there are many have a way of their own here; a test holds the two equal.
+    The frequent kinds of message have a fast path here; a test shows that both give the same results.
     """
     if kind not in {Fix, Truth, Command}:
         return lambda payload: decode(topic, payload)
@@ -173,7 +188,7 @@ def _decoder(topic: str, kind: type[Struct]) -> Decode:
 
 @cache
 def _json_decoder(kind: type[Struct]) -> Callable[[bytes], Any]:
-    """Made once, since a recording has hundreds of topics."""
+    """Return the JSON decoder of a message type. It is cached, because a recording has hundreds of topics."""
     return msgspec.json.Decoder(kind).decode
 
 
@@ -193,7 +208,7 @@ def _check_version(file: McapFile) -> None:
 
 
 def _choose_mission(file: McapFile, recording: Recording) -> None:
-    """Put the mission of the run first: the attached one, which is the first that the recorder heard."""
+    """Put the mission of the run first: the attached one, which is the first one that the recorder received."""
     if not recording.missions:
         recording.missions.append(_attached_mission(file))
     elif len(recording.missions) > 1 and MISSION_ATTACHMENT in file.attachments:

@@ -1,7 +1,7 @@
-"""JSON schemas of the messages, inside the subset that viewers accept.
+"""JSON schemas of the messages, in the subset that viewers accept.
 
-Foxglove and Lichtblick drop a whole topic over `$ref`, `anyOf`, an array of arrays, or a field
-without a type, so references are inlined and only types are kept.
+Foxglove and Lichtblick reject a whole topic if its schema has `$ref`, `anyOf`, an array of arrays, or a field
+without a type. So this module inlines references and keeps only types.
 """
 
 from __future__ import annotations
@@ -13,7 +13,7 @@ from msgspec import Struct
 
 
 def json_schema(kind: type[Struct]) -> dict[str, Any]:
-    """Schema of a message type: titles, types, properties, items and enumerations only."""
+    """Return the schema of a message type, reduced to titles, types, properties, items and enumerations."""
     whole: dict[str, Any] = msgspec.json.schema(kind)
     return _plain(whole, whole["$defs"])
 

@@ -1,4 +1,4 @@
-"""Sequence numbers: proof that nothing is missing from a recording, or what is."""
+"""Sequence gaps: the messages that are missing from a recording, or that it holds twice."""
 
 from __future__ import annotations
 
@@ -15,14 +15,14 @@ from edc_swarm.protocol.messages import Event
 from edc_swarm.recording.model import Recording
 
 Stream = tuple[str, str]
-"""Key without its `swarm/{mission}/`, and instance of the publisher."""
+"""Key without its prefix `swarm/{mission}/`, and instance of the publisher."""
 
 _decode_tails = msgspec.json.Decoder(dict[str, int]).decode
 
 
 @dataclass(frozen=True, slots=True)
 class Gap:
-    """Sequence numbers first..last of a stream that are not in the recording, or are twice."""
+    """Sequence numbers first..last of a stream that the recording lacks, or holds twice."""
 
     key: str
     instance: str
@@ -32,12 +32,12 @@ class Gap:
 
     @property
     def count(self) -> int:
-        """How many messages."""
+        """Number of messages."""
         return self.last - self.first + 1
 
 
 def find_gaps(recording: Recording) -> list[Gap]:
-    """Every hole and every duplicate in the sequence numbers, in the order of streams."""
+    """Return every gap and every duplicate in the sequence numbers, sorted by stream."""
     tails = _tails(recording)
     silent = {stream: _counted(recording, stream[0]) for stream in tails}
     seen: dict[Stream, list[int]] = silent | sequence_numbers(recording)
@@ -50,12 +50,12 @@ def find_gaps(recording: Recording) -> list[Gap]:
 
 
 def unknown_tails(recording: Recording) -> list[Stream]:
-    """Streams whose publisher never said what its last message was: their end is not proved."""
+    """Return the streams whose last sequence number is unknown, because no `closed` event states it."""
     return sorted(sequence_numbers(recording).keys() - _tails(recording).keys() - _closing(recording))
 
 
 def sequence_numbers(recording: Recording) -> dict[Stream, list[int]]:
-    """Sequence numbers of every stream in the order of the record."""
+    """Return the sequence numbers of every stream in the order of the recording."""
     numbers: dict[Stream, list[int]] = {}
     for kind, messages in recording.lists().items():
         form = KEY_FORMS[kind]
@@ -67,12 +67,12 @@ def sequence_numbers(recording: Recording) -> dict[Stream, list[int]]:
 
 
 def _counted(recording: Recording, key: str) -> list[int]:
-    """Numbers of what carries none, by counting: the visualiser's messages; a stream that is missing has none."""
+    """Return 0..n-1 for the n scenes recorded on `key`, since scenes carry no sequence number; else nothing."""
     return list(range(recording.unknown.get(f"/{key}", 0))) if key.startswith(f"{SCENES}/") else []
 
 
 def _tails(recording: Recording) -> dict[Stream, int]:
-    """Last sequence number of every stream whose publisher has said it."""
+    """Return the last sequence number of every stream that a `closed` event lists."""
     tails: dict[Stream, int] = {}
     for event in recording.events:
         if event.kind == EventKind.CLOSED:
@@ -81,12 +81,12 @@ def _tails(recording: Recording) -> dict[Stream, int]:
 
 
 def _closing(recording: Recording) -> set[Stream]:
-    """Event streams that end with their own `closed`."""
+    """Return the event streams that end with a `closed` event of their own."""
     return {(f"event/{event.source}", event.instance) for event in recording.events if event.kind == EventKind.CLOSED}
 
 
 def tails_in(event: Event) -> dict[str, int]:
-    """What an event `closed` tells: the last number of each key; nothing where it is no such thing."""
+    """Return the last sequence number of each key that a `closed` event lists; empty if its detail is invalid."""
     try:
         return _decode_tails(event.detail)
     except msgspec.DecodeError:
@@ -98,7 +98,7 @@ def _relative(key: str) -> str:
 
 
 def _holes(numbers: list[int], end: int) -> Iterator[tuple[int, int]]:
-    """Missing spans in 0..max(numbers, end - 1)."""
+    """Yield the missing spans (first, last) of 0..max(numbers, end - 1)."""
     expected = 0
     for number in sorted(set(numbers)):
         if number > expected:

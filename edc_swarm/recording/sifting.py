@@ -1,7 +1,7 @@
-"""What is in a record though nobody in the mission said it: strangers' messages, and replays of older runs.
+"""Removal of foreign messages from a recording: those of unknown publishers, and replays of older runs.
 
-They are recorded like everything else, and kept out of what is computed from the record. What a UAV
-of the mission said stays, however wrong it is: to judge that is what the guarantees are for.
+The recorder writes foreign messages too; readers keep them out of every computation. A message of a UAV of the
+mission stays, even if it is wrong: the guarantees judge it.
 """
 
 from __future__ import annotations
@@ -15,11 +15,11 @@ from edc_swarm.protocol.keys import KEY_FORMS
 from edc_swarm.protocol.messages import Event, MissionMessage
 from edc_swarm.recording.model import Bin, Garbage, Recording
 
-OLDER, STRANGE = "of an older run", "of nobody in the mission"
+OLDER, FOREIGN = "from an older run", "from no process of the mission"
 
 
 def sift(recording: Recording) -> None:
-    """Move what is not of this run from the lists of `recording` to its garbage."""
+    """Move the messages that are not of this run from the lists of `recording` to its garbage."""
     running = _running(recording)
     roster = {entry.uav for entry in recording.mission.roster}
     known: dict[type, set[str]] = dict.fromkeys(KEY_FORMS, roster)
@@ -29,7 +29,7 @@ def sift(recording: Recording) -> None:
         messages = recording.lists()[kind]
         source = form.stream
         foreign = {
-            said: OLDER if known[kind].issuperset(said[1:]) else STRANGE
+            said: OLDER if known[kind].issuperset(said[1:]) else FOREIGN
             for said in set(map(source, messages))
             if said[:2] not in running or not known[kind].issuperset(said[1:])
         }
@@ -42,9 +42,10 @@ def sift(recording: Recording) -> None:
 
 
 def _running(recording: Recording) -> set[tuple[str, str]]:
-    """Instance and id of all that said anything since the epoch (a clock may be set back now and then).
+    """Return (instance, id) of every publisher with a message since the epoch.
 
-    By id: what a stranger says in the name of an old instance brings none back to life.
+    One such message is enough, because a clock may be set back later in the run. The id is part of the pair, so
+    that a foreign message under another id does not make an old instance count.
     """
     mission = recording.mission
     running = {(mission.instance, mission.name)}

@@ -1,6 +1,6 @@
-"""Writing a recording: MCAP, zstd, one JSON channel per topic.
+"""Writing recordings: MCAP files with zstd chunks and one JSON channel per topic.
 
-Nothing here reads a clock, so the same calls write the same bytes.
+This module reads no clock, so the same calls write the same bytes.
 """
 
 from __future__ import annotations
@@ -21,7 +21,7 @@ from edc_swarm.recording.mcap_file import Channel
 from edc_swarm.recording.schemas import json_schema
 
 FORMAT = "1"
-"""Version of what a recording holds; written as `format` into the `run` metadata."""
+"""Version of the recording format; the writer puts it as `format` into the `run` metadata."""
 MISSION_ATTACHMENT = "mission.json"
 CHUNK_BYTES = 1 << 20
 MAX_CHANNELS = 65_000
@@ -33,7 +33,7 @@ _MAX_U32 = 0xFFFF_FFFF
 
 
 class TooLarge(Struct, frozen=True, kw_only=True):
-    """A payload that was too large to be recorded: its size, its SHA-256 as hex, its first bytes (base64 in JSON)."""
+    """Record of a payload above the size limit: its size, its SHA-256 as hex, its first bytes (base64 in JSON)."""
 
     key: str
     size_bytes: int
@@ -42,25 +42,25 @@ class TooLarge(Struct, frozen=True, kw_only=True):
 
     @property
     def reason(self) -> str:
-        """One line on what was refused."""
+        """One line that describes the rejected payload."""
         return f"too large: {self.size_bytes} bytes, sha256 {self.sha256[:64]}, first {len(self.first)} bytes kept"
 
     @classmethod
     def of(cls, key: str, payload: bytes) -> TooLarge:
-        """Keep so much of `payload` that it can be recognised."""
+        """Return the size, the digest and the first bytes of `payload`."""
         digest = hashlib.sha256(payload).hexdigest()
         return cls(key=key, size_bytes=len(payload), sha256=digest, first=payload[:KEPT_OF_TOO_LARGE_BYTES])
 
 
 class RecordingWriter:
-    """Writes a recording to a binary stream that the caller opens and closes.
+    """Writer of one recording to a binary stream that the caller opens and closes.
 
     Parameters
     ----------
     stream
-        Where the bytes go; it must support `tell`.
+        Destination of the bytes; it must support `tell`.
     run
-        Facts about the run (versions, commit, command line, machine, clock): metadata `run`.
+        Facts about the run (versions, commit, command line, machine, clock), written as metadata `run`.
 
     Errors of the stream (such as a full disk) pass through as `OSError`.
     """
@@ -77,13 +77,13 @@ class RecordingWriter:
         self._mcap.add_metadata("run", {**run, "format": FORMAT})
 
     def has_room_for(self, key: str) -> bool:
-        """Whether `key` can be recorded: a file holds so many topics and no more."""
+        """Return True if `key` can be recorded: a file holds at most `MAX_CHANNELS` topics."""
         return key in self._channels or len(self._channels) < MAX_CHANNELS
 
     def write(self, key: str, payload: bytes, log_time_ns: int) -> None:
-        """Record `payload`, verbatim, whether or not it is a message.
+        """Record `payload` byte for byte, even if it is not a message.
 
-        `log_time_ns` is the time of receipt; times that go back are recorded as the latest so far.
+        `log_time_ns` is the time of receipt; a time that goes back is recorded as the latest one so far.
         """
         stamp = stamp_of(payload)
         if not self._has_mission and is_mission(key, payload):
@@ -95,7 +95,7 @@ class RecordingWriter:
     def write_as(
         self, channel: Channel, payload: bytes, log_time_ns: int, publish_time_ns: int | None = None, seq: int = 0
     ) -> None:
-        """Record what is no message of the swarm, such as a `foxglove.SceneUpdate`, as `channel` describes it."""
+        """Record a payload that is not a swarm message, such as a `foxglove.SceneUpdate`, on `channel`."""
         number = self._channels.get(channel.topic)
         if number is None:
             schema = self._schema(channel.schema_name, channel.schema_encoding, channel.schema_data)
@@ -103,7 +103,7 @@ class RecordingWriter:
         self._add(number, payload, log_time_ns, publish_time_ns, seq)
 
     def copy(self, channel: Channel, payload: bytes, log_time_ns: int, publish_time_ns: int, seq: int) -> None:
-        """Record a message of another recording as it stands there, whatever its place."""
+        """Record a message of another recording with all its times and numbers unchanged."""
         known = self._copied.get(channel)
         if known is None:
             schema = self._schema(channel.schema_name, channel.schema_encoding, channel.schema_data)
@@ -112,7 +112,7 @@ class RecordingWriter:
         self._count += 1
 
     def write_too_large(self, found: TooLarge, log_time_ns: int) -> None:
-        """Record what is kept of a payload that was too large."""
+        """Record the description of a payload above the size limit."""
         schema = msgspec.json.encode(json_schema(TooLarge))
         channel = Channel(TOO_LARGE, "json", "edc_swarm.TooLarge", "jsonschema", schema)
         self.write_as(channel, msgspec.json.encode(found), log_time_ns)
@@ -122,13 +122,13 @@ class RecordingWriter:
         self._mcap.add_attachment(0, log_time_ns, name, media_type, data)
 
     def flush(self) -> None:
-        """Close the current chunk: all that was written so far survives the end of the process."""
+        """Close the current chunk, so that everything written so far survives the end of the process."""
         self._mcap.flush()
 
     def finish(self, run_end: Mapping[str, str]) -> None:
         """Write the metadata `run_end`, the summary and the footer; the stream stays open.
 
-        `messages` is the number of messages written, unless `run_end` says it.
+        `messages` is the number of messages written, unless `run_end` contains it.
         """
         self._mcap.flush()
         self._mcap.add_metadata("run_end", {"messages": str(self._count), **run_end})
@@ -161,7 +161,7 @@ class RecordingWriter:
 
 
 def is_mission(key: str, payload: bytes) -> bool:
-    """Whether `payload` is a mission that can be flown, on the key for it."""
+    """Return True if `payload` is a valid mission message and `key` is the key of missions."""
     try:
         return kind_of(key) is MissionMessage and decode(key, payload) is not None
     except MessageError:
@@ -169,7 +169,7 @@ def is_mission(key: str, payload: bytes) -> bool:
 
 
 class Stamp(Struct, gc=False):
-    """What of every message says which one it is, and when it was sent."""
+    """The fields of every message that identify it and give its time of sending."""
 
     instance: Instance = ""
     seq: Seq = 0
@@ -180,7 +180,8 @@ _decode_stamp = msgspec.json.Decoder(Stamp).decode
 
 
 def stamp_of(payload: bytes) -> Stamp:
-    """The stamp of a message, or an empty one where the bytes are no message."""
+    """Return the stamp of a message, or an empty stamp if `payload` is not a message."""
+
     try:
         return _decode_stamp(payload)
     except (msgspec.DecodeError, UnicodeDecodeError, RecursionError):

@@ -1,4 +1,4 @@
-"""What the script of the report page draws: arrays as base64, the rest as JSON."""
+"""The data of the report page's script: arrays as base64, the rest as JSON."""
 
 from __future__ import annotations
 
@@ -12,13 +12,14 @@ from numpy.typing import NDArray
 
 from edc_swarm.analysis.metrics import Columns, HeadTerm, Timing, columns_of
 from edc_swarm.analysis.separation import least_gaps_m
+from edc_swarm.foreign_text import MAX_LINE, shown
 from edc_swarm.protocol.events import EventKind
 from edc_swarm.protocol.messages import MissionMessage
 from edc_swarm.recording.model import Recording
 
-MAX_CELLS = 1_000_000
-"""Most UAV-slots that are animated; of a longer mission only every so many slots are."""
-MAX_FAULTS = 200
+MAX_ANIMATED = 1_000_000
+"""Most UAV-slots that are animated; the animation of a longer mission skips slots evenly."""
+MAX_FAULT_MARKS = 200
 
 
 class Series(Struct, frozen=True):
@@ -30,7 +31,7 @@ class Series(Struct, frozen=True):
 
 
 class Plot(Struct, frozen=True):
-    """A plot over mission time. `limit` is drawn as a line where it is in sight."""
+    """A plot over mission time. `limit` is drawn as a line if it is within the range of the plot."""
 
     title: str
     unit: str
@@ -47,7 +48,7 @@ class FaultMark(Struct, frozen=True):
 
 
 class Page(Struct, frozen=True, kw_only=True):
-    """One mission. `centres` is float32 (F, K, 2), `heard` uint8 (F, K), `leader` an index or -1 (F)."""
+    """The data of one mission. `centres` is float32 (F, K, 2), `heard` uint8 (F, K), `leader` an index or -1 (F)."""
 
     name: str
     uavs: list[str]
@@ -67,14 +68,14 @@ class Page(Struct, frozen=True, kw_only=True):
 
     @classmethod
     def of(cls, recording: Recording, heads: list[HeadTerm], timings: Sequence[Timing] = ()) -> Page:
-        """Gather what the page shows of a recording."""
+        """Return the data that the page shows of a recording."""
         mission, columns = recording.mission, columns_of(recording, timings)
         slots, count = columns.step_m.shape
-        every = max(1, -(-slots * count // MAX_CELLS))
+        every = max(1, -(-slots * count // MAX_ANIMATED))
         heard = ~np.isnan(columns.energy_j[::every])
         leader = _leader(recording, columns)[::every]
         return cls(
-            name=mission.name,
+            name=shown(mission.name),
             uavs=columns.uavs,
             r_m=[entry.r_m for entry in mission.roster],
             target_m=[(entry.target_x_m, entry.target_y_m) for entry in mission.roster],
@@ -93,7 +94,7 @@ class Page(Struct, frozen=True, kw_only=True):
 
 
 def _extent_m(mission: MissionMessage, columns: Columns) -> tuple[float, float, float, float]:
-    """Left, low, right, high of all discs and targets."""
+    """Return (left, low, right, high), the bounding box of all discs and targets."""
     r_m = max((entry.r_m for entry in mission.roster), default=0.0)
     targets_m = np.array([(e.target_x_m, e.target_y_m) for e in mission.roster]).reshape(-1, 2)
     points_m = np.concatenate([columns.centre_m.reshape(-1, 2), targets_m])
@@ -104,7 +105,7 @@ def _extent_m(mission: MissionMessage, columns: Columns) -> tuple[float, float, 
 
 
 def _leader(recording: Recording, columns: Columns) -> NDArray[np.int64]:
-    """(S,) roster index of the head that planned with the fixes of each slot, -1 where nobody did."""
+    """Return (S,) roster indices of the head that planned with the fixes of each slot, -1 for none."""
     index = {uav: k for k, uav in enumerate(columns.uavs)}
     leader = np.full(len(columns.time_s), -1, np.int64)
     for report in sorted(recording.reports, key=lambda report: report.term):
@@ -120,7 +121,9 @@ def _leader(recording: Recording, columns: Columns) -> NDArray[np.int64]:
 def _faults(recording: Recording) -> list[FaultMark]:
     mission, said = recording.mission, [event for event in recording.events if event.kind == EventKind.FAULT]
     per_s = mission.time_scale / 1e9
-    return [FaultMark((e.sent_ns - mission.epoch_ns) * per_s, e.detail) for e in said[:MAX_FAULTS]]
+    return [
+        FaultMark((e.sent_ns - mission.epoch_ns) * per_s, shown(e.detail, MAX_LINE)) for e in said[:MAX_FAULT_MARKS]
+    ]
 
 
 def _plots(mission: MissionMessage, columns: Columns) -> list[Plot]:
@@ -140,7 +143,7 @@ def _plots(mission: MissionMessage, columns: Columns) -> list[Plot]:
 
 
 def _latencies(mission: MissionMessage, columns: Columns) -> list[Series]:
-    """Greatest and middle latency of each slot's commands."""
+    """Return the greatest and the median latency of each slot's commands."""
     order = np.argsort(columns.command_slot, kind="stable")
     slots, first = np.unique(columns.command_slot[order], return_index=True)
     groups = np.split(columns.fix_to_command_ms[order], first[1:]) if len(slots) else []
@@ -150,7 +153,10 @@ def _latencies(mission: MissionMessage, columns: Columns) -> list[Series]:
 
 
 def _used_j(columns: Columns) -> NDArray[np.float64]:
-    """(S,) energy taken from all batteries since each was first heard of; silence holds the last value."""
+    """(S,) energy taken from all batteries since each was first heard of; silence holds the last value.
+
+    NaN in slots in which nobody was heard of yet, and in those of which the record lacks something.
+    """
     energy_j = columns.energy_j.copy()
     for now, before in zip(energy_j[1:], energy_j[:-1], strict=True):
         unknown = np.isnan(now)
@@ -160,6 +166,7 @@ def _used_j(columns: Columns) -> NDArray[np.float64]:
         energy_j[np.argmax(heard, axis=0), np.arange(energy_j.shape[1])] if len(energy_j) else energy_j.sum(axis=0)
     )
     used_j: NDArray[np.float64] = np.nansum(first_j - energy_j, axis=1)
+    used_j[~heard.any(axis=1) | columns.lost.any(axis=1)] = np.nan
     return used_j
 
 
@@ -169,6 +176,6 @@ def _series(name: str, x: Iterable[float], y: Iterable[float]) -> Series:
 
 
 def _packed(values: NDArray[Any], kind: type[np.generic]) -> str:
-    """Little-endian bytes, as base64."""
+    """Return values as little-endian bytes in base64."""
     little = np.ascontiguousarray(values, np.dtype(kind).newbyteorder("<"))
     return base64.b64encode(little.tobytes()).decode()

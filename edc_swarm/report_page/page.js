@@ -14,7 +14,7 @@
   let playing = false;
   let colours = {};
 
-  // ---- where things are ----
+  // ---- positions ----
 
   const frameAt = (t) => Math.max(0, Math.min(page.frames - 1, Math.floor(t / page.frame_s + 1e-9)));
   const centre = (k, t) => {
@@ -174,7 +174,7 @@
   const drawPlot = (host, plot) => {
     const box = frame(host, 150, `${plot.title} (${plot.unit})`), { svg, x, width, height } = box;
     const values = plot.series.flatMap((series) => series.y);
-    if (!values.length) { make("text", { x: width / 2, y: height / 2, "text-anchor": "middle" }, svg, "nothing recorded"); finish(box); return; }
+    if (!values.length) { make("text", { x: width / 2, y: height / 2, "text-anchor": "middle" }, svg, "no data recorded"); finish(box); return; }
     let low = values.reduce((a, b) => Math.min(a, b), 0), high = values.reduce((a, b) => Math.max(a, b), 0);
     const inSight = plot.limit !== null && plot.limit <= high * 3 && plot.limit >= low;
     if (inSight) high = Math.max(high, plot.limit);
@@ -202,7 +202,7 @@
       make("line", { x1: right - 18, x2: right, y1: 11, y2: 11, class: kind }, svg);
       right -= 30;
     };
-    if (plot.limit !== null) add(inSight ? `${plot.limit_name} (${tidy(plot.limit)} ${plot.unit})` : `${plot.limit_name} ${tidy(plot.limit)} ${plot.unit}, out of sight`, "limit");
+    if (plot.limit !== null) add(inSight ? `${plot.limit_name} (${tidy(plot.limit)} ${plot.unit})` : `${plot.limit_name} ${tidy(plot.limit)} ${plot.unit}, outside the range`, "limit");
     if (plot.series.length > 1) plot.series.forEach((series, n) => add(series.name, `series series${n}`));
     return right;
   };
@@ -219,7 +219,7 @@
   };
   const drawHeads = (host) => {
     const names = [...new Set(page.terms.map((term) => term.head))], row = 16;
-    const box = frame(host, BOX.top + BOX.bottom + row * Math.max(1, Math.min(names.length, 12)), "Who led (term in the bar)"), { svg, x } = box;
+    const box = frame(host, BOX.top + BOX.bottom + row * Math.max(1, Math.min(names.length, 12)), "Head over time (term in the bar)"), { svg, x } = box;
     const rowOf = (name) => Math.min(names.indexOf(name), 11);
     names.slice(0, 12).forEach((name, n) => {
       const words = n === 11 && names.length > 12 ? "others" : name.length > 7 ? name.slice(0, 6) + "…" : name;
@@ -233,7 +233,7 @@
         make("text", { x: (from + to) / 2, y: top + 12, "text-anchor": "middle", style: "fill: var(--paper); font-weight: 600" }, svg, term.term);
       }
     });
-    if (!names.length) make("text", { x: box.width / 2, y: BOX.top + 12, "text-anchor": "middle" }, svg, "nobody led");
+    if (!names.length) make("text", { x: box.width / 2, y: BOX.top + 12, "text-anchor": "middle" }, svg, "no head recorded");
     finish(box);
   };
   const drawMarks = () => {

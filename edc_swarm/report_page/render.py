@@ -1,4 +1,4 @@
-"""The report page's document: tables in HTML, data and script inside it."""
+"""The report page as one HTML document, with tables, data and script."""
 
 from __future__ import annotations
 
@@ -7,6 +7,7 @@ from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from html import escape
 from string import Template
+from typing import Any
 
 import msgspec
 
@@ -23,7 +24,7 @@ FACTS = ("command", "commit", "clock", "machine")
 
 @dataclass(frozen=True, slots=True)
 class Assets:
-    """The files that the page is made of: `page.html`, `page.css` and `page.js`."""
+    """The source files of the page: `page.html`, `page.css` and `page.js`."""
 
     template: str
     style: str
@@ -33,7 +34,7 @@ class Assets:
 def render(
     page: Page, metrics: Metrics, guarantees: Sequence[GuaranteeResult], run: dict[str, str], assets: Assets
 ) -> str:
-    """The whole document."""
+    """Return the whole document."""
     return Template(assets.template).substitute(
         title=escape(page.name),
         subtitle=escape(_subtitle(metrics, guarantees)),
@@ -43,7 +44,7 @@ def render(
         guarantees="".join(_guarantee(result) for result in guarantees),
         faults=_rows((f"{fault.time_s:.2f} s", fault.text) for fault in page.faults) or _rows([("none", "")]),
         facts=_rows((name, run[name][:MAX_FACT]) for name in FACTS if run.get(name)),
-        metrics_json=_embedded(metrics),
+        metrics_json=_embedded(_printable(msgspec.to_builtins(metrics))),
         data=_embedded(page),
     )
 
@@ -58,12 +59,12 @@ def _rows(rows: Iterable[tuple[str, str]]) -> str:
 
 
 def _broken(text: str) -> str:
-    """Escaped; a list may be broken after any comma, since one of a whole roster has no space in it."""
+    """Return text escaped for HTML, with a possible line break after each comma, since long lists have no space."""
     return re.sub(r",(?=\S)", ",<wbr>", escape(shown(text, MAX_LINE)))
 
 
 def _guarantee(result: GuaranteeResult) -> str:
-    where = [escape(line) for line in (*result.where[:MAX_WHERE], *result.notes[:MAX_WHERE])]
+    where = [escape(shown(line, MAX_LINE)) for line in (*result.where[:MAX_WHERE], *result.notes[:MAX_WHERE])]
     if len(result.where) > MAX_WHERE:
         where.append(f"... {len(result.where)} in all")
     items = f"<ul>{''.join(f'<li>{line}</li>' for line in where)}</ul>" if where else ""
@@ -72,5 +73,19 @@ def _guarantee(result: GuaranteeResult) -> str:
 
 
 def _embedded(value: object) -> str:
-    """JSON that cannot end the script element it stands in."""
+    """Return JSON without the characters that could end its script element."""
+
     return msgspec.json.encode(value).decode().replace("<", "\\u003c")
+
+
+def _printable(value: Any) -> Any:
+    """Return plain data with each text in it cut and escaped as `shown` does."""
+    match value:
+        case str():
+            return shown(value, MAX_LINE)
+        case list():
+            return [_printable(each) for each in value]
+        case dict():
+            return {name: _printable(each) for name, each in value.items()}
+        case _:
+            return value

@@ -1,4 +1,4 @@
-"""A planner in closed loop without agents: everybody flies what was planned, every slot.
+"""A planner in closed loop without agents: every UAV flies its planned step, in every slot.
 
 With a good network and one head this is the path that the simulated swarm flies, to the last bit,
 at the cost of planning alone; a test holds the two together.
@@ -8,13 +8,15 @@ from __future__ import annotations
 
 from itertools import pairwise
 
+import msgspec
 import numpy as np
 
 from edc_swarm.geometry import Floats, length_m
 from edc_swarm.mission.configuration import ARRIVED_M, Mission
 from edc_swarm.planner.interface import Plan, Planner, PlanRequest, Stopwatch
 from edc_swarm.planner.paper import Paper
-from edc_swarm.protocol.messages import Command, Fix, Message, MissionMessage
+from edc_swarm.protocol.events import EventKind
+from edc_swarm.protocol.messages import Command, Event, Fix, Message, MissionMessage
 from edc_swarm.recording.model import Recording
 
 
@@ -24,14 +26,21 @@ def as_printed(mission: Mission, stopwatch: Stopwatch) -> Paper:
 
 
 def recording_of(mission: MissionMessage, path_m: Floats) -> Recording:
-    """A recording of nothing but such a path, for the same metrics: each slot's fixes and commands."""
+    """Return a recording of such a path alone, for the same metrics: each slot's fixes and commands."""
     uavs, said = [entry.uav for entry in mission.roster], list[Message]([mission])
     for slot, (here_m, there_m) in enumerate(pairwise(path_m.tolist())):
         for entry, (x_m, y_m), (to_x_m, to_y_m) in zip(mission.roster, here_m, there_m, strict=True):
             start = {"start_x_m": x_m, "start_y_m": y_m, "target_x_m": to_x_m, "target_y_m": to_y_m}
             waypoint = {"x_m": to_x_m, "y_m": to_y_m, "waypoint_x_m": to_x_m, "waypoint_y_m": to_y_m}
-            said.append(Command(head=uavs[0], uav=entry.uav, slot=slot, term=1, **start))
-            said.append(Fix(uav=entry.uav, slot=slot, r_m=entry.r_m, executing=True, **waypoint))
+            said.append(Command(head=uavs[0], uav=entry.uav, slot=slot, seq=slot, term=1, **start))
+            said.append(Fix(uav=entry.uav, slot=slot, seq=slot, r_m=entry.r_m, executing=True, **waypoint))
+    last = len(path_m) - 2
+    for uav in uavs:
+        tails = {f"uav/{uav}/fix": last}
+        if uav == uavs[0]:
+            tails |= {f"head/{uav}/command/{other}": last for other in uavs}
+        detail = msgspec.json.encode(tails).decode()
+        said.append(Event(source=uav, slot=last, kind=EventKind.CLOSED, detail=detail))
     return Recording.from_messages(said)
 
 
@@ -39,7 +48,7 @@ AS_PRINTED = "edc_swarm.simulation.closed_loop:as_printed"
 
 
 def closed_loop(mission: Mission, planner: Planner, first_slot: int = 1) -> tuple[Floats, list[Plan]]:
-    """Positions (S + 1, K, 2) of a completed mission's UAVs, and the plan of every slot.
+    """Return the positions (S + 1, K, 2) of a completed mission's UAVs, and the plan of every slot.
 
     `first_slot` is the first slot that has commands.
     """

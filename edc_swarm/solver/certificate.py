@@ -1,19 +1,22 @@
-"""The certificate: whatever a solver returned, only steps that keep every pair apart get through.
+"""Certificate: it turns any steps of a solver into steps that keep every pair apart.
 
 For each pair with normal n and true room g = n.(p_k - p_l) - R let a = max(-n.u_k, 0) and
-b = max(n.u_l, 0) be what each one closes in. Scaling both steps by any factors <= f with
+b = max(n.u_l, 0) be the distances by which each one closes in. Scaling both steps by any factors <= f with
 f (a + b) <= g keeps the discs apart however the steps are flown, so each step is scaled by the least
-f of its pairs. The checks are made again on the floats that are published, waypoint - position.
+f of its pairs. The last check repeats this on the published floats, waypoint - position.
 
-Where a row has no room, f is 0 as soon as a solver's residual of 1e-13 closes in. So before that, a step
-that breaks its rows by no more than a solver may is replaced by the nearest one that keeps them all, and by
-`_inward_m` to spare. That proves nothing and needs no proof: what follows takes any steps. The proof is the
-last check alone. Let u be a published step, computed in floats, and e a bound on the rounding of waypoint -
-position and of the product with n, which `_rounding_m` is, many times over. Whoever moves keeps
--n.u + e <= max(g - MARGIN_M / 2, 0) by every row of its own, and whoever moves and closes in on another
-that does so too keeps a + b + e <= that. So the exact step, of the very floats that are published, has
--n.u <= max(g - MARGIN_M / 2, 0) without any tolerance; rows without room are kept strictly, and nothing is
-left to add up from slot to slot. Holding keeps every row, so a step that is refused for one row opens no other.
+In a row without room, f is 0 as soon as a solver's residual of 1e-13 closes in. So a first pass replaces a step
+that breaks its rows by no more than a solver's error with the nearest step that keeps them all with `_inward_m` to
+spare. That pass needs no proof: the passes after it accept any steps. The proof is the last check alone. Let u be a
+published step, computed in floats, and e a bound on the rounding of waypoint - position and of the product with n;
+`_rounding_m` is many times larger. The check keeps
+
+    -n.u + e  <= max(g - MARGIN_M / 2, 0)     in every row of a UAV that moves
+    a + b + e <= max(g - MARGIN_M / 2, 0)     if both UAVs of a pair move and close in
+
+So the exact step between the published floats has -n.u <= max(g - MARGIN_M / 2, 0) without any tolerance. Rows
+without room are kept strictly, and no error accumulates from slot to slot. A hold keeps every row, so a step
+rejected for one row breaks no other.
 """
 
 from __future__ import annotations
@@ -28,24 +31,24 @@ from edc_swarm.geometry import Floats, Indices, dot, length_m
 from edc_swarm.solver.slot_qp import Problem
 
 MARGIN_M = 1e-9
-"""Room that is never used, for rounding."""
+"""Room kept free for rounding."""
 SNAP_M = 1e-10
-"""A step this near to the preferred one ends exactly there."""
+"""Distance from the preferred waypoint within which a step ends exactly there."""
 RESIDUAL_M = 1e-3
-"""A row that is broken by more than this was not broken by a solver's inaccuracy, a tenth of it; with more room than
-this, scaling takes little of a step for that."""
+"""Largest violation that the first pass repairs, ten times a solver's error; in a row with more room than this,
+scaling shortens a step only slightly."""
 
 
 @dataclass(frozen=True, slots=True)
 class Certified:
-    """Waypoints (n, 2) that may be published, and who had to be slowed down (n,)."""
+    """Waypoints (n, 2) safe to publish, and a mask (n,) of the UAVs that the certificate slowed down."""
 
     waypoint_m: Floats
     scaled: NDArray[np.bool_]
 
 
 def certify(problem: Problem, step_m: Floats) -> Certified:
-    """Make any steps (n, 2), NaN and infinities included, safe; see the module's docstring."""
+    """Make any steps (n, 2) safe, with NaN and infinities among them; see the module's docstring."""
     step_m = _limited(problem, step_m)
     if (slips := _slips(problem, step_m)).any():
         step_m = _limited(problem, _onto_rows(problem, step_m, slips))
@@ -56,7 +59,7 @@ def certify(problem: Problem, step_m: Floats) -> Certified:
 
 
 def least_gap_m(problem: Problem, waypoint_m: Floats) -> float:
-    """Least room n.(x_k - x_l) - R left in any execution of the steps; infinite without pairs."""
+    """Return the least room n.(x_k - x_l) - R in any execution of the steps; infinite without pairs."""
     step_m = waypoint_m - problem.position_m
     closing_first_m, closing_second_m = problem.closing_m(step_m)
     pairs_m = problem.room_m - closing_first_m - closing_second_m
@@ -65,8 +68,8 @@ def least_gap_m(problem: Problem, waypoint_m: Floats) -> float:
 
 
 def _limited(problem: Problem, step_m: Floats) -> Floats:
-    """Finite steps no longer than u_max; a step that is no number, or from inside a hull, is none."""
-    # Far beyond any speed limit lengths overflow: such a step is no step either. NaN fails too.
+    """Return finite steps no longer than u_max; a NaN step, or one from inside a hull, becomes a hold."""
+    # Lengths overflow far beyond any speed limit: such a step becomes a hold too. NaN fails the comparison.
     small: NDArray[np.bool_] = np.abs(step_m) < 1e150
     usable = small.all(axis=1) & ~problem.frozen
     step_m = np.where(np.reshape(usable, (-1, 1)), step_m, 0.0)
@@ -79,14 +82,14 @@ def _limited(problem: Problem, step_m: Floats) -> Floats:
 
 
 def _limit_m(problem: Problem) -> Floats:
-    """u_max less what the rounding of position + step can add, (n,)."""
+    """Return u_max minus the largest rounding error of position + step, (n,)."""
     ulp_m = np.spacing(np.abs(problem.position_m).max(axis=1, initial=0.0) + problem.u_max_m)
     limit_m: Floats = np.maximum(problem.u_max_m - 4 * ulp_m, 0.0)
     return limit_m
 
 
 def _shares(problem: Problem, step_m: Floats) -> Floats:
-    """Largest certified share of each step, (n,)."""
+    """Return the largest certified share of each step, (n,)."""
     share = np.ones(len(step_m))
     closing_first_m, closing_second_m = problem.closing_m(step_m)
     pair_share = _share(closing_first_m + closing_second_m, problem.room_m)
@@ -105,7 +108,7 @@ def _share(closing_m: Floats, room_m: Floats) -> Floats:
 
 
 def _rounded(problem: Problem, step_m: Floats) -> Floats:
-    """Waypoints as published: exactly the preferred ones where the step is the preferred one."""
+    """Return the waypoints to publish: exactly the preferred ones for preferred steps."""
     waypoint_m = problem.position_m + step_m
     near = length_m(waypoint_m - problem.wish_m) <= SNAP_M
     near &= length_m(problem.wish_step_m) <= _limit_m(problem)
@@ -113,9 +116,9 @@ def _rounded(problem: Problem, step_m: Floats) -> Floats:
 
 
 def _refused(problem: Problem, waypoint_m: Floats) -> NDArray[np.bool_]:
-    """UAVs (n,) whose published floats break a row or the speed limit: they hold instead.
+    """Return a mask (n,) of the UAVs whose published floats break a row or the speed limit: they hold instead.
 
-    Holding is safe whatever the others do (it is a corner of every row), so one pass is enough.
+    A hold is safe with any steps of the others (it is a corner of every row), so one pass is enough.
     """
     step_m = waypoint_m - problem.position_m
     over = _rows_over_m(problem, step_m, MARGIN_M / 2)
@@ -127,10 +130,10 @@ def _refused(problem: Problem, waypoint_m: Floats) -> NDArray[np.bool_]:
 
 
 def _rows_over_m(problem: Problem, step_m: Floats, margin_m: float) -> list[tuple[Indices, Floats, Floats]]:
-    """(uav, over, usable): by how much each UAV that moves closes in beyond what its rows let it, in metres.
+    """Return (uav, over, usable) of each row of a UAV that moves: over = closing - usable, in metres.
 
-    They let it as far as their room less `margin_m`. Below 0 it keeps the row. A pair has a row for either of
-    its UAVs, and one for both where both close in.
+    usable = max(room - `margin_m`, 0). The UAV keeps the row if over <= 0. A pair has a row for each of its UAVs,
+    and a row for both if both close in.
     """
     moves: NDArray[np.bool_] = np.any(step_m != 0, axis=1)
     usable_m, row_usable_m = (np.maximum(room_m - margin_m, 0.0) for room_m in (problem.room_m, problem.row_room_m))
@@ -151,18 +154,18 @@ def _rows_over_m(problem: Problem, step_m: Floats, margin_m: float) -> list[tupl
 
 
 def _rounding_m(problem: Problem) -> float:
-    """More than all rounding of a row: of waypoint - position, of the normal, and of their product."""
+    """Return a bound above all rounding errors of a row: waypoint - position, the normal, and their product."""
     largest_m = np.abs(problem.position_m).max(initial=0.0) + problem.u_max_m
     return float(8 * np.spacing(largest_m + np.abs(problem.room_m).max(initial=0.0)))
 
 
 def _inward_m(problem: Problem) -> float:
-    """How far inside its rows a step is put: more than what rounding, snapping and the last check take."""
+    """Return the distance by which a repaired step stays inside its rows: above rounding, snapping and last check."""
     return 2 * MARGIN_M + 8 * _rounding_m(problem)
 
 
 def _slips(problem: Problem, step_m: Floats) -> NDArray[np.bool_]:
-    """UAVs (n,) that break rows, or come near to that, by no more than a solver may."""
+    """Return a mask (n,) of the UAVs that break rows, or nearly do, by no more than a solver's error."""
     slips = np.zeros(len(step_m), dtype=bool)
     least_m = -_inward_m(problem) / 2
     for uav, over_m, usable_m in _rows_over_m(problem, step_m, MARGIN_M):
@@ -171,7 +174,7 @@ def _slips(problem: Problem, step_m: Floats) -> NDArray[np.bool_]:
 
 
 def _onto_rows(problem: Problem, step_m: Floats, slips: NDArray[np.bool_]) -> Floats:
-    """The steps, with those of `slips` put on the nearest point inside all rows of their UAVs, one after another."""
+    """Return the steps, with each step in `slips` moved, one after another, to the nearest point inside its rows."""
     step_m, inward_m = step_m.copy(), _inward_m(problem)
     usable_m, row_usable_m = (np.maximum(room_m - MARGIN_M, 0.0) for room_m in (problem.room_m, problem.row_room_m))
     for uav in np.flatnonzero(slips):
@@ -188,7 +191,7 @@ def _onto_rows(problem: Problem, step_m: Floats, slips: NDArray[np.bool_]) -> Fl
 
 
 def nearest_step_m(wish_m: Floats, normal: Floats, least_m: Floats) -> Floats:
-    """The step u (2,) nearest to `wish_m` with normal.u >= least_m in all rows (h, 2), (h,); no step if there is none.
+    """Return the step u (2,) nearest to `wish_m` with normal.u >= least_m in all rows (h, 2), (h,); else a zero step.
 
     The optimum is the wish, its projection on one row's line, or the corner of two of them.
     """
@@ -212,7 +215,7 @@ def nearest_step_m(wish_m: Floats, normal: Floats, least_m: Floats) -> Floats:
 
 
 def limited_waypoints(position_m: Floats, wish_m: Floats, u_max_m: float) -> Floats:
-    """The wishes themselves where they are within one step, else one full step towards them."""
+    """Return the preferred waypoints within one step, else the points one full step towards them."""
     none = np.empty(0, np.int64)
     problem = Problem(
         position_m, wish_m, u_max_m, none, none, np.empty((0, 2)), np.empty(0),
@@ -222,7 +225,7 @@ def limited_waypoints(position_m: Floats, wish_m: Floats, u_max_m: float) -> Flo
 
 
 def _too_long(step_m: Floats, u_max_m: float) -> NDArray[np.bool_]:
-    """Whether a UAV would refuse the step: the very test that it makes, where it is a close call."""
+    """Return a mask of the steps that a UAV would reject as too long; close cases use the UAV's own test."""
     too_long: NDArray[np.bool_] = ~(length_m(step_m) <= u_max_m * (1 - 1e-12))
     for uav in np.flatnonzero(too_long):
         too_long[uav] = not math.hypot(step_m[uav, 0], step_m[uav, 1]) <= u_max_m

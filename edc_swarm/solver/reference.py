@@ -1,4 +1,4 @@
-"""A fixed slot QP whose solution time tells how fast a machine plans (the paper's response time)."""
+"""Reference slot QP: its solution time measures the speed of a machine (the paper's response time)."""
 
 from __future__ import annotations
 
@@ -15,9 +15,9 @@ U_MAX_M = 2.5
 
 
 def solve_reference_qp() -> Solution:
-    """Assemble, solve and certify the slot QP of 49 UAVs in a square that all want to the middle.
+    """Assemble, solve and certify the slot QP of 49 UAVs in a square that all fly towards the middle.
 
-    Always the same problem from the same cold start: only the time differs between machines.
+    The problem and its cold start are always the same: only the time differs between machines.
     """
     grid = np.arange(COLUMNS) * SPACING_M
     position_m = np.stack(np.meshgrid(grid, grid, indexing="ij"), axis=-1).reshape(-1, 2)

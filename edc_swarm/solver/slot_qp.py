@@ -1,4 +1,4 @@
-"""The slot QP: the steps of one slot that are nearest to the preferred ones and safe however flown.
+"""Slot QP: the steps of one slot nearest to the preferred ones that are safe in every execution.
 
 With known disc centres p_k, R_kl = r_k + r_l and preferred steps v_k, |v_k| <= u_max:
 
@@ -8,7 +8,7 @@ With known disc centres p_k, R_kl = r_k + r_l and preferred steps v_k, |v_k| <= 
                 n.u_l         <= g      (l moves, k holds)
                -n.u_k + n.u_l <= g      (both move)
 
-The rows are the corners of the box "which fraction of its step has each one done", so every
+The rows are the corners of the box [0, 1]^2 of the fractions of their steps that k and l have flown, so every
 asynchronous, partial or missing execution keeps n.(x_k - x_l) >= R: the discs are disjoint at every
 instant, not only at the ends of slots. This is weaker, hence better, than keeping each UAV in its
 buffered Voronoi cell (D. Zhou et al., IEEE RA-L 2(2), 2017), and u = 0 is always feasible. At the
@@ -39,14 +39,14 @@ from edc_swarm.geometry import (
 )
 
 DELTA_M = 0.02
-"""Buffer of the rows, so that the solver's inaccuracy does not eat into the separation."""
+"""Buffer of the rows for the solver's error, so that the separation stays above R."""
 
 
 @dataclass(frozen=True, slots=True)
 class Obstacles:
-    """m convex sets in which nobody may fly: all points within `radius_m` of the segments a-b.
+    """The m hulls as arrays: all points within `radius_m` (m,) of the segments a-b (m, 2), where no UAV may fly.
 
-    `radius_m` (m,) is the set's own radius, `keep_m` (m,) the GPS radius of the UAV inside it.
+    `keep_m` (m,) is the GPS radius of the UAV inside each hull.
     """
 
     a_m: Floats
@@ -56,7 +56,7 @@ class Obstacles:
 
     @staticmethod
     def none() -> Obstacles:
-        """No obstacle at all."""
+        """Return no hull."""
         return Obstacles(np.empty((0, 2)), np.empty((0, 2)), np.empty(0), np.empty(0))
 
 
@@ -71,15 +71,15 @@ class Problem:
     u_max_m
         Longest step.
     first, second
-        (p,) UAVs of each pair that could touch in this slot, first < second.
+        (p,) UAVs of each pair that could touch in this slot; first < second.
     normal
         (p, 2) unit vectors, from second to first.
     room_m
         (p,) n.(p_k - p_l) - R, without buffer.
     row_uav, row_normal, row_room_m
-        (h,), (h, 2), (h,): the same for UAVs against obstacles, where only the UAV moves.
+        (h,), (h, 2), (h,): the same for UAVs against hulls, where only the UAV moves.
     frozen
-        (n,) UAVs inside an obstacle, which must hold.
+        (n,) UAVs inside a hull, which must hold.
     """
 
     position_m: Floats
@@ -100,14 +100,14 @@ class Problem:
         return self.wish_m - self.position_m
 
     def closing_m(self, step_m: Floats) -> tuple[Floats, Floats]:
-        """How much each pair's two UAVs close in along the normal, each >= 0, (p,) and (p,)."""
+        """Return the distances by which each pair's two UAVs close in along the normal, each >= 0, (p,) and (p,)."""
         return (
             np.maximum(-dot(self.normal, step_m[self.first]), 0.0),
             np.maximum(dot(self.normal, step_m[self.second]), 0.0),
         )
 
     def row_closing_m(self, step_m: Floats) -> Floats:
-        """How much each obstacle row's UAV closes in, (h,)."""
+        """Return the distance by which each hull row's UAV closes in, (h,)."""
         return np.maximum(-dot(self.row_normal, step_m[self.row_uav]), 0.0)
 
 
@@ -135,7 +135,7 @@ def slot_problem(
 
 
 def _point_pairs(position_m: Floats, r_m: Floats, u_max_m: float) -> tuple[Indices, Indices, Floats]:
-    """Pairs that could touch, with the vector (p, 2) from second to first."""
+    """Return the pairs that could touch, with the vector (p, 2) from second to first."""
     widest_m = 2 * float(r_m.max(initial=0.0)) + 2 * u_max_m + DELTA_M
     first, second = near_pairs(position_m, widest_m)
     apart_m = position_m[first] - position_m[second]
@@ -146,7 +146,7 @@ def _point_pairs(position_m: Floats, r_m: Floats, u_max_m: float) -> tuple[Indic
 def _segment_pairs(
     previous_m: Floats, position_m: Floats, r_m: Floats, u_max_m: float
 ) -> tuple[Indices, Indices, Floats]:
-    """The same for UAVs that are anywhere on their previous step: vectors of closest points."""
+    """Return the same for UAVs anywhere on their previous step, with the vectors of closest points."""
     longest_m = float(length_m(position_m - previous_m).max(initial=0.0))
     widest_m = 2 * float(r_m.max(initial=0.0)) + 2 * (u_max_m + longest_m) + DELTA_M
     first, second = near_pairs(position_m, widest_m)
@@ -165,11 +165,11 @@ def _normals(
     second: Indices,
     apart_m: Floats,
 ) -> tuple[Floats, Floats]:
-    """Unit normals (p, 2) and room (p,) without buffer, of the best of the candidates.
+    """Return unit normals (p, 2) and room (p,) without buffer, of the best candidate of each pair.
 
-    Any n in the cone cos(angle to d) >= (R + delta) / |d| gives g >= 0; seven of them are candidates,
-    and the one along which the preferred steps are farthest from touching. The best leaves the most
-    room when both do as they prefer, max n.d - max(-n.v_k, 0) - max(n.v_l, 0).
+    Any n in the cone cos(angle to d) >= (R + delta) / |d| gives g >= 0. Seven of these are candidates,
+    and so is the direction along which the preferred steps are farthest from touching. The best leaves the most
+    room after both preferred steps, max n.d - max(-n.v_k, 0) - max(n.v_l, 0).
     """
     distance_m = length_m(apart_m)
     sum_m = r_m[first] + r_m[second]
@@ -185,7 +185,7 @@ def _normals(
     closing_m = np.maximum(-dot(candidate, step_m[first][None]), 0.0) + np.maximum(
         dot(candidate, step_m[second][None]), 0.0
     )
-    # Seen from the end points of a previous step a candidate may separate nothing at all: not eligible.
+    # From the end points of a previous step a candidate may not separate at all: it is not eligible.
     left_m = np.where(room_m >= 0, room_m - closing_m, -np.inf)
     # A candidate must win by more than rounding, so that symmetric situations keep the centre line.
     left_m[0] += 1e-9
@@ -195,7 +195,7 @@ def _normals(
 
 
 def _fan(centre: Floats, half_angle: Floats) -> Floats:
-    """Unit vectors (7, p, 2): the centre, which wins ties, then right and left of it at thirds of the half angle."""
+    """Return unit vectors (7, p, 2): the centre, which wins ties, and thirds of the half angle right and left of it."""
     third = half_angle / 3
     cos, sin = by_libm(math.cos, third), by_libm(math.sin, third)
     cos2, sin2 = cos * cos - sin * sin, 2 * sin * cos
@@ -209,7 +209,7 @@ def _fan(centre: Floats, half_angle: Floats) -> Floats:
 
 
 def _towards_wishes(apart_m: Floats, first_m: Floats, second_m: Floats, centre: Floats) -> Floats:
-    """Direction (p, 2) of the point nearest to the origin of all d + s v_k - t v_l, 0 <= s, t <= 1.
+    """Return the direction (p, 2) of the point nearest to the origin of all d + s v_k - t v_l, 0 <= s, t <= 1.
 
     If the preferred steps v_k, v_l (p, 2) are safe at all, they are along this normal.
     """
@@ -219,12 +219,12 @@ def _towards_wishes(apart_m: Floats, first_m: Floats, second_m: Floats, centre: 
     away_m = length_m(point)
     side, pair = np.argmin(away_m, axis=0), np.arange(len(apart_m))
     nearest, least_m = point[side, pair], away_m[side, pair][:, None]
-    # Within reach of the origin there is nothing to separate: any direction in the cone is as good.
+    # Within reach of the origin the steps cannot be separated: every direction in the cone is equally good.
     return np.where(least_m > DELTA_M, nearest / np.maximum(least_m, DELTA_M), centre)
 
 
 def _least_room_m(normal: Floats, previous_m: Floats, position_m: Floats, first: Indices, second: Indices) -> Floats:
-    """Least n.(x_k - x_l) over the end points of both previous steps, (candidates, p)."""
+    """Return the least n.(x_k - x_l) over the end points of both previous steps, (candidates, p)."""
     nearest = np.minimum(dot(normal, previous_m[first][None]), dot(normal, position_m[first][None]))
     farthest = np.maximum(dot(normal, previous_m[second][None]), dot(normal, position_m[second][None]))
     return np.asarray(nearest - farthest)
@@ -233,12 +233,18 @@ def _least_room_m(normal: Floats, previous_m: Floats, position_m: Floats, first:
 def _obstacle_rows(
     position_m: Floats, wish_m: Floats, r_m: Floats, u_max_m: float, obstacles: Obstacles
 ) -> tuple[Indices, Floats, Floats, NDArray[np.bool_]]:
-    """Rows of the UAVs within reach of an obstacle, and who is inside one.
+    """Return the rows of the UAVs within reach of a hull, and a mask of the UAVs inside one.
 
-    At least R away, any n with n.(p - x) >= R for all x of the set will do, and -n.u <= min n.(p - x) - R
-    keeps the separation from all of them: see `_outer_rows`. Nearer, the hidden UAV is still somewhere in
-    the set at R or more; a step u with u.(p - x) >= 0 for all x of the set comes no nearer to any of
-    them. These u form the polar cone of the tangents seen from p: two rows without room.
+    ==================  ==========================================================================================
+    distance of p       rows
+    ==================  ==========================================================================================
+    at least R          -n.u <= min n.(p - x) - R, with any n such that n.(p - x) >= R for all x of the hull; it keeps
+                        the separation from every x: see `_outer_rows`
+    less than R         u.(p - x) >= 0 for all x of the hull, so the UAV comes no nearer to any x. The unheard UAV is
+                        still at some x at R or more. These u form the polar cone of the tangents seen from p:
+                        two rows without room
+    inside the hull     none; the UAV holds
+    ==================  ==========================================================================================
     """
     frozen = np.zeros(len(position_m), dtype=bool)
     if not len(obstacles.radius_m) or not len(position_m):
@@ -273,10 +279,10 @@ def _outer_rows(
     obstacles: Obstacles,
     which: Indices,
 ) -> tuple[Floats, Floats]:
-    """Normals (h, 2) and room (h,) of points that are R or more from obstacles: the better of two.
+    """Return normals (h, 2) and room (h,) of points at R or more from hulls: the better of two candidates.
 
-    `centre` points from the obstacle's nearest point to the UAV; the other one from where the preferred step
-    comes nearest. If that step keeps R, it does so along this normal: one past an obstacle is granted whole.
+    `centre` points from the hull's nearest point to the UAV; the other normal starts where the preferred step
+    is nearest to the hull. If that step keeps R, it keeps R along this normal, so the QP grants a step past a hull.
     """
     a_m, b_m = obstacles.a_m[which], obstacles.b_m[which]
     on_step, on_axis = closest_points_of_segments(point_m, wish_m, a_m, b_m)
@@ -292,9 +298,9 @@ def _outer_rows(
 
 
 def _tangent_normals(point_m: Floats, obstacles: Obstacles, which: Indices) -> tuple[Floats, Floats]:
-    """Inward normals (m, 2), (m, 2) of the cone of steps that come no nearer to any obstacle point.
+    """Return the inward normals (m, 2), (m, 2) of the cone of steps that come no nearer to any point of the hull.
 
-    The set's tangents seen from p are those of the balls about its two ends. With e the direction
+    The hull's tangents seen from p are those of the balls about its two ends. With e the direction
     from an end to p and beta = asin(radius / distance), they are e turned by +-beta; of the two ends
     the outermost counts, angles being taken from the first end's direction.
     """

@@ -1,4 +1,4 @@
-"""Solving the slot QP with OSQP: only what can be active, warm started, residuals handed out."""
+"""Solution of the slot QP with OSQP: rows that can be active, a warm start, residuals in the result."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ SETTINGS: dict[str, Any] = {
     "check_termination": 10,
     "max_iter": 4000,
     "time_limit": 1e10,
-    # By iterations, never by the clock: the same problem must give the same bytes.
+    # OSQP adapts rho by iterations, never by the clock: the same problem must give the same bytes.
     "adaptive_rho": 1,
     "adaptive_rho_interval": 50,
     "check_dualgap": False,
@@ -33,15 +33,15 @@ _SOLVED = {1, 2}
 _OUT_OF_ITERATIONS = 7
 _FIRST, _SECOND, _BOTH = 0, 1, 2
 _SPAN = 1 << 20
-"""More than any roster index: pairs of indices become one key."""
+"""Bound above every roster index, so that a pair of indices becomes one key."""
 
 
 @dataclass(frozen=True, slots=True)
 class Program:
-    """The rows that can be active, in matrix form: min |u - v|^2 subject to A u <= b.
+    """Rows that can be active, in matrix form: min |u - v|^2 subject to A u <= b.
 
-    `uav` (m,) are the UAVs that occur, in the order of the variables (x0, y0, x1, y1, ...). `matrix`
-    is (rows, 2 m), `key` (rows,) names each row across slots (-1: not worth remembering).
+    `uav` (m,) has the UAVs of these rows, in the order of the variables (x0, y0, x1, y1, ...). `matrix`
+    is (rows, 2 m), `key` (rows,) identifies each row from slot to slot (-1: no warm start).
     """
 
     uav: Indices
@@ -53,11 +53,10 @@ class Program:
 
 @dataclass(frozen=True, slots=True)
 class Solution:
-    """Steps (n, 2) and how good they are.
+    """Steps (n, 2) and their quality.
 
-    `status` is "no-qp-needed" when the preferred steps kept every row, "failed" when the solver
-    gave nothing usable (the steps are then zero). Residuals are those of the rows handed to the
-    solver, in metres.
+    `status` is "no-qp-needed" if the preferred steps keep every row, "failed" if the solver
+    has no usable result (the steps are then zero). Residuals are those of the solver's rows, in metres.
     """
 
     step_m: Floats
@@ -69,27 +68,27 @@ class Solution:
 
 @dataclass
 class Memory:
-    """Duals of the last slot's rows, by key in increasing order."""
+    """Duals of the last slot's rows for the warm start, by key in increasing order."""
 
     key: Indices = field(default_factory=lambda: np.empty(0, np.int64))
     dual: Floats = field(default_factory=lambda: np.empty(0))
 
     def recall(self, key: Indices) -> Floats:
-        """Duals of the rows `key`, zero for rows not seen in the last slot."""
+        """Return the duals of the rows `key`, zero for rows that the last slot did not have."""
         if not len(self.key):
             return np.zeros(len(key))
         place = np.minimum(np.searchsorted(self.key, key), len(self.key) - 1)
         return np.where((self.key[place] == key) & (key >= 0), self.dual[place], 0.0)
 
     def keep(self, key: Indices, dual: Floats) -> None:
-        """Remember the rows that have a key."""
+        """Keep the duals of the rows that have a key."""
         order = np.argsort(key, kind="stable")
         order = order[key[order] >= 0]
         self.key, self.dual = key[order], dual[order]
 
 
 def keeps_every_row(problem: Problem) -> bool:
-    """Whether the preferred steps themselves are the optimum."""
+    """Return True if the preferred steps are the optimum."""
     closing_first_m, closing_second_m = problem.closing_m(problem.wish_step_m)
     pairs = closing_first_m + closing_second_m <= np.maximum(problem.room_m - DELTA_M, 0.0)
     rows = problem.row_closing_m(problem.wish_step_m) <= np.maximum(problem.row_room_m - DELTA_M, 0.0)
@@ -97,7 +96,7 @@ def keeps_every_row(problem: Problem) -> bool:
 
 
 def active_program(problem: Problem, uav_id: Indices) -> Program:
-    """Rows that can be active at the optimum, where |u_k| <= |v_k|; nothing else is dropped."""
+    """Return all rows that can be active at the optimum, where |u_k| <= |v_k|."""
     step_m = np.where(problem.frozen[:, None], 0.0, problem.wish_step_m)
     length = length_m(step_m)
     gap_m = np.maximum(problem.room_m - DELTA_M, 0.0)
@@ -108,7 +107,7 @@ def active_program(problem: Problem, uav_id: Indices) -> Program:
     hull = np.flatnonzero(length[problem.row_uav] > row_gap_m)
     pair = np.concatenate([single[0], single[1], both])
     kind = np.repeat([_FIRST, _SECOND, _BOTH], [len(single[0]), len(single[1]), len(both)])
-    # The second UAV holds where it is alone: its coefficient is then left out.
+    # A row of one UAV has no coefficient of the other, which holds.
     uav, matrix = _matrix(problem, pair, kind, hull)
     pair_key = (uav_id[problem.first[pair]] * _SPAN + uav_id[problem.second[pair]]) * 3 + kind
     return Program(
@@ -121,7 +120,7 @@ def active_program(problem: Problem, uav_id: Indices) -> Program:
 
 
 def _matrix(problem: Problem, pair: Indices, kind: Indices, hull: Indices) -> tuple[Indices, scipy.sparse.csc_matrix]:
-    """UAVs that occur, and the rows as a sparse matrix (rows, 2 m)."""
+    """Return the UAVs of the rows, and the rows as a sparse matrix (rows, 2 m)."""
     with_first, with_second = np.flatnonzero(kind != _SECOND), np.flatnonzero(kind != _FIRST)
     row = np.concatenate([with_first, with_second, np.arange(len(hull)) + len(pair)])
     column = np.concatenate([problem.first[pair[with_first]], problem.second[pair[with_second]], problem.row_uav[hull]])
@@ -144,7 +143,7 @@ def _matrix(problem: Problem, pair: Indices, kind: Indices, hull: Indices) -> tu
 
 
 def solve(problem: Problem, program: Program, memory: Memory) -> Solution:
-    """Solve with OSQP, starting from the preferred steps and the last slot's duals."""
+    """Solve with OSQP from a warm start: the preferred steps and the last slot's duals."""
     if not len(program.bound_m):
         return Solution(np.where(problem.frozen[:, None], 0.0, problem.wish_step_m), "planned")
     result = _run_osqp(program, memory.recall(program.key))
@@ -169,10 +168,10 @@ def _run_osqp(program: Program, dual: Floats) -> Any:
         (np.full(size, 2.0), np.arange(size, dtype=np.int32), np.arange(size + 1, dtype=np.int32)),
         shape=(size, size),
     )
-    solver = osqp.OSQP(algebra="builtin")  # Looking for others reads the disk each time.
+    solver = osqp.OSQP(algebra="builtin")  # A search for other algebras reads the disk each time.
     lower = np.full(len(program.bound_m), -np.inf)
     solver.setup(cost, -2 * wish, program.matrix, lower, program.bound_m, **SETTINGS)
-    # The steps that belong to these duals: 2 (u - v) + A'y = 0. Without duals, the preferred ones.
+    # The primal point of these duals: 2 (u - v) + A'y = 0. Without duals it is the preferred steps.
     solver.warm_start(x=wish - program.matrix.T @ dual / 2, y=dual)
     return solver.solve(raise_error=False)
 

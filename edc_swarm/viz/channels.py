@@ -1,7 +1,7 @@
-"""The topics of the visualisation and the schemas that viewers know them by.
+"""The topics of the visualisation with their schemas.
 
-On the bus they are `swarm/{mission}/viz/NAME`; in recordings `/viz/NAME`, so that one layout fits
-every mission.
+A topic is `swarm/{mission}/viz/NAME` on the bus, and `/viz/NAME` in recordings, so that one layout fits every
+mission.
 """
 
 from __future__ import annotations
@@ -27,9 +27,9 @@ LOCATION, LOG, STATUS = "location", "log", "status"
 
 
 class Status(Struct, frozen=True, kw_only=True):
-    """Figures for plots, once per slot report; the `*_limit_*` are constant, to be drawn beside.
+    """Values for plots, one set per report of a slot; each constant `*_limit_*` is plotted beside its value.
 
-    What is not known (the plan time in a simulation, the gap of a lone UAV) is absent.
+    An unknown value (the plan time in a simulation, the gap of a lone UAV) is absent.
     """
 
     slot: int
@@ -58,7 +58,7 @@ TOPICS = frozenset(_SCHEMAS)
 
 
 def topic_of(key: str) -> str | None:
-    """Topic of the visualisation on `key` of the bus, None for all other keys."""
+    """Return the topic of the visualisation for a key of the bus, None for all other keys."""
     parts = key.split("/", 3)
     if len(parts) == 4 and parts[0] == PREFIX and parts[2] == SCENES:
         return ROOT + parts[3]
@@ -67,7 +67,7 @@ def topic_of(key: str) -> str | None:
 
 @cache
 def channel_of(topic: str) -> Channel | None:
-    """How a recording describes a topic of the visualisation, None for one that is not known."""
+    """Return a recording's description of a topic of the visualisation, None for an unknown topic."""
     schema = _SCHEMAS.get(topic.removeprefix(ROOT).partition("/")[0])
     if schema is None or not topic.startswith(ROOT):
         return None
@@ -78,7 +78,7 @@ def channel_of(topic: str) -> Channel | None:
 
 
 def _descriptors(schema: type[Protobuf]) -> bytes:
-    """The schema with everything it needs, as a FileDescriptorSet."""
+    """Return the schema and its dependencies as a FileDescriptorSet."""
     files: dict[str, Any] = {}
     _collect(schema.DESCRIPTOR.file, files)
     whole = FileDescriptorSet()
@@ -88,7 +88,7 @@ def _descriptors(schema: type[Protobuf]) -> bytes:
 
 
 def _collect(file: Any, files: dict[str, Any]) -> None:
-    """A file's dependencies, then the file (protobuf has no one type for a file descriptor)."""
+    """Add the dependencies of a file to `files`, then the file (protobuf has no common type for file descriptors)."""
     for needed in file.dependencies:
         _collect(needed, files)
     files.setdefault(file.name, file)

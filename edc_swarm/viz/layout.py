@@ -1,4 +1,4 @@
-"""The layout of a viewer: the swarm from above, plan time and gaps, who leads, the log."""
+"""The layout of a viewer: the swarm from above, plan time, gaps, head and term, a map, the log."""
 
 from __future__ import annotations
 
@@ -16,9 +16,9 @@ GRID_M = 20.0
 MAX_DIVISIONS = 50
 SCENE, PLAN, GAP, HEAD, LOG, MAP = "3D!swarm", "Plot!plan", "Plot!gap", "StateTransitions!head", "RosOut!log", "map!gps"
 HEIGHTS = {PLAN: 19, GAP: 19, HEAD: 21, MAP: 19, LOG: 22}
-"""Panels of the right-hand column and their shares of its height; two rows of transitions need 21 %."""
+"""Panels of the right-hand column with their shares of its height in per cent; two rows of transitions need 21."""
 MAP_PX = 110
-"""Height of the map at these shares."""
+"""Height of the map panel at these shares, in pixels."""
 TILE_MPP = 156_543.034
 """Metres per pixel of web map tiles at zoom 0 on the equator."""
 BLUE, ORANGE, RED = "#4e98e2", "#f5a04e", "#ff4d4d"
@@ -26,9 +26,9 @@ _SHOWN = (channels.AREA, channels.TRAILS, channels.HULLS, channels.COMMANDS, cha
 
 
 def layout(mission: MissionMessage) -> dict[str, Any]:
-    """A layout for Foxglove and for Lichtblick, whose camera looks at the whole area of `mission`.
+    """Return a layout for Foxglove and for Lichtblick whose camera shows the whole area of `mission`.
 
-    Topics are hidden unless a layout shows them.
+    Viewers hide every topic that no layout shows.
     """
     (left_m, low_m), (right_m, high_m) = extent_m(mission)
     middle_m, size_m = [(left_m + right_m) / 2, (low_m + high_m) / 2, 0.0], max(right_m - left_m, high_m - low_m)
@@ -57,7 +57,7 @@ def layout(mission: MissionMessage) -> dict[str, Any]:
 
 
 def _titled(title: str, config: dict[str, Any]) -> dict[str, Any]:
-    """A panel's title, by the key that each of the two viewers reads."""
+    """Return a panel with its title under the key of each of the two viewers."""
     return {**config, "foxglovePanelTitle": title, "lichtblickPanelTitle": title}
 
 
@@ -104,7 +104,7 @@ def _scene(middle_m: list[float], size_m: float) -> dict[str, Any]:
 
 
 def _map(mission: MissionMessage, middle_m: list[float], size_m: float) -> dict[str, Any]:
-    """A map that shows the whole area from the start; by itself a viewer takes zoom 10, where a swarm is one dot."""
+    """Return a map zoomed to the whole area; the viewers' default is zoom 10, at which a swarm is one dot."""
     lat_deg, lon_deg = to_wgs84(middle_m[0], middle_m[1], mission.origin_lat_deg, mission.origin_lon_deg)
     zoom = math.log2(TILE_MPP * math.cos(math.radians(lat_deg)) * MAP_PX / size_m)
     return {
@@ -117,7 +117,7 @@ def _map(mission: MissionMessage, middle_m: list[float], size_m: float) -> dict[
 
 
 def _plot(**series: tuple[str, str]) -> dict[str, Any]:
-    """Figures of the status, each with its label and colour; the legend beside them, where it covers nothing."""
+    """Return a plot of status values, each with label and colour, and a legend beside the plot that covers no line."""
     return {
         "paths": [{**_path(name), "label": label, "color": colour} for name, (label, colour) in series.items()],
         "xAxisVal": "timestamp",
@@ -136,7 +136,7 @@ def _path(name: str) -> dict[str, Any]:
 
 
 def _column(panels: list[str]) -> Any:
-    """Panels one below the other."""
+    """Return the panels stacked in one column."""
     if len(panels) == 1:
         return panels[0]
     share = 100 * HEIGHTS[panels[0]] / sum(HEIGHTS[panel] for panel in panels)

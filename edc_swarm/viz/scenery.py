@@ -1,6 +1,6 @@
-"""A mission as a viewer sees it: follows the messages, and gives scenes at their rates.
+"""The scenes of a mission, computed from its messages at fixed rates.
 
-Time is given, never read: the same messages at the same times give the same bytes.
+The caller gives the time, so the same messages at the same times give the same bytes.
 """
 
 from __future__ import annotations
@@ -15,6 +15,7 @@ from foxglove_schemas_protobuf.Log_pb2 import Log
 from foxglove_schemas_protobuf.SceneEntity_pb2 import SceneEntity
 from msgspec import UNSET
 
+from edc_swarm.geometry import DISC_TOLERANCE_M
 from edc_swarm.mission.configuration import NS_PER_S, RosterEntry
 from edc_swarm.protocol.events import EVENT_FORMS
 from edc_swarm.protocol.messages import Command, Event, Fix, Message, MissionMessage, Report, Truth
@@ -39,24 +40,23 @@ from edc_swarm.viz.shapes import (
 )
 
 TICK_NS = NS_PER_S // 2
-"""UAVs, commands and hulls are shown at 2 Hz, ..."""
+"""Period of the scenes of UAVs, commands and hulls."""
 SLOW_TICKS = 2
-"""... trails and positions on the map every so many ticks, ..."""
+"""Ticks between scenes of trails, and between positions on the map."""
 STATIC_TICKS = 120
-"""... and what does not move once a minute, for those who join late."""
+"""Ticks between scenes of static objects (one minute), for viewers that connect late."""
 TRAIL_S = 15.0
 MAX_TRAIL = 16
-OVERLAP_TOLERANCE_M = 1e-9
 FORGET_NS = 60 * NS_PER_S
-"""After a longer silence the time in between is not shown."""
+"""Longest time without messages that is shown; a longer one is skipped."""
 LABELS_HIGH = 45
-"""A view of the whole area is about as high as this many labels."""
+"""Height of a view of the whole area, in labels."""
 WARNINGS = frozenset(kind for kind, form in EVENT_FORMS.items() if form.warning)
 
 
 @dataclass(frozen=True, slots=True)
 class Shown:
-    """One message of the visualisation: its topic, when it is for, its bytes."""
+    """One message of the visualisation: its topic, its time and its bytes."""
 
     topic: str
     time_ns: int
@@ -65,7 +65,7 @@ class Shown:
 
 @dataclass(slots=True)
 class _Uav:
-    """What is known of one UAV."""
+    """The newest state of one UAV, with its trail."""
 
     entry: RosterEntry
     index: int
@@ -75,14 +75,14 @@ class _Uav:
     trail: deque[tuple[int, Point]] = field(default_factory=lambda: deque(maxlen=MAX_TRAIL))
 
     def leave_trail(self, now_ns: int, centre: Point) -> None:
-        """Remember that it is here now; a stay is one point."""
+        """Add a point to the trail; a hold adds only one."""
         if self.trail and self.trail[-1][1] == centre:
             self.trail.pop()
         self.trail.append((now_ns, centre))
 
 
 class Scenery:
-    """Follows one mission. Feed `advance` and `hear` with times that do not go back."""
+    """The scenes of one mission. Call `advance` and `hear` with times that do not go back."""
 
     def __init__(self) -> None:
         self._mission: MissionMessage | None = None
@@ -95,11 +95,11 @@ class Scenery:
 
     @property
     def next_ns(self) -> int | None:
-        """When the next scenes are due; None before the mission is known."""
+        """Time of the next scenes; None before the mission is known."""
         return self._next_ns if self._mission is not None else None
 
     def advance(self, now_ns: int) -> list[Shown]:
-        """All that is to be shown up to `now_ns`, from what was heard so far."""
+        """Return all scenes up to `now_ns`, from the messages so far."""
         shown, self._said = self._said, []
         if self._mission is None:
             return shown
@@ -112,7 +112,7 @@ class Scenery:
         return shown
 
     def hear(self, message: Message, now_ns: int) -> None:
-        """Take in a message that was said at `now_ns`."""
+        """Process a message that was sent at `now_ns`."""
         match message:
             case MissionMessage():
                 self._begin(message, now_ns)
@@ -149,7 +149,7 @@ class Scenery:
         payload = msgspec.json.encode(self._status(report, now_ns))
         self._said.append(Shown(ROOT + channels.STATUS, now_ns, payload))
 
-    # --- what is shown when ------------------------------------------------------------------
+    # --- scenes and their times ------------------------------------------------------------------
 
     def _tick(self, now_ns: int) -> list[Shown]:
         centres = {name: self._centre(uav, now_ns) for name, uav in self._uavs.items()}
@@ -190,7 +190,7 @@ class Scenery:
         return made
 
     def _role(self, uav: str) -> str:
-        """Head, or which standby; said inside the disc, where no other label is."""
+        """Return the label of a UAV's role (head, or rank of the standby), which stands inside the disc."""
         if self._report is None:
             return ""
         if uav == self._report.head:
@@ -198,7 +198,7 @@ class Scenery:
         return f"s{self._report.standby.index(uav) + 1}" if uav in self._report.standby else ""
 
     def _commands(self, now_ns: int) -> list[SceneEntity]:
-        """The steps that are flown now or in the next slot."""
+        """Return the steps that UAVs fly in this slot or the next one."""
         slot, shown = self._slot(now_ns), []
         for name, uav in self._uavs.items():
             command = uav.command
@@ -209,7 +209,7 @@ class Scenery:
         return shown
 
     def _hulls(self, now_ns: int) -> list[SceneEntity]:
-        """Where the UAVs that the head does not hear can be, their GPS error included."""
+        """Return the hulls of the UAVs that the head does not hear, widened by their GPS error."""
         report, shown = self._report, []
         if report is None:
             return []
@@ -230,7 +230,7 @@ class Scenery:
         return shown
 
     def _area(self, now_ns: int) -> list[SceneEntity]:
-        """The geofence, which holds the area and all starts and targets, and every target."""
+        """Return the geofence, which contains the area, all starts and all targets, and a mark at every target."""
         assert self._mission is not None
         (left_m, low_m), (right_m, high_m) = extent_m(self._mission)
         fence = entity("geofence", now_ns)
@@ -246,20 +246,20 @@ class Scenery:
         fixes = [uav.fix for uav in self._uavs.values() if uav.fix is not None]
         return [Shown(f"{ROOT}{channels.LOCATION}/{fix.uav}", now_ns, _location(fix, now_ns)) for fix in fixes]
 
-    # --- where things are --------------------------------------------------------------------
+    # --- positions --------------------------------------------------------------------
 
     def _slot(self, now_ns: int) -> int:
         assert self._mission is not None
         return (now_ns - self._mission.epoch_ns) // self._mission.slot_ns
 
     def _share(self, slot: int, now_ns: int) -> float:
-        """How much of a slot is over."""
+        """Return the elapsed share of a slot, in [0, 1]."""
         assert self._mission is not None
         begun_ns = self._mission.epoch_ns + slot * self._mission.slot_ns
         return min(1.0, max(0.0, (now_ns - begun_ns) / self._mission.slot_ns))
 
     def _centre(self, uav: _Uav, now_ns: int) -> Point:
-        """Centre of the tracked disc."""
+        """Return the centre of the tracked disc."""
         fix = uav.fix
         if fix is None:
             return uav.entry.start_x_m, uav.entry.start_y_m
@@ -301,14 +301,14 @@ class Scenery:
 
 @dataclass(frozen=True, slots=True)
 class Gaps:
-    """The least gap between two discs (None for fewer than two), and the UAVs whose discs overlap."""
+    """The least gap between two discs (None for fewer than two), and the UAVs with overlapping discs."""
 
     least_m: float | None
     overlapping: set[str]
 
 
 def gaps(discs: list[tuple[Point, float, str]]) -> Gaps:
-    """Gaps between discs (centre, radius, name), from left to right: far pairs are never looked at."""
+    """Return the gaps between discs (centre, radius, name), by a sweep from left to right that skips distant pairs."""
     ordered = sorted(discs)
     widest_m = max((r_m for _, r_m, _ in ordered), default=0.0)
     least_m, overlapping = math.inf, set[str]()
@@ -318,13 +318,13 @@ def gaps(discs: list[tuple[Point, float, str]]) -> Gaps:
                 break
             gap_m = math.hypot(other_x_m - x_m, other_y_m - y_m) - r_m - other_r_m
             least_m = min(least_m, gap_m)
-            if gap_m < -OVERLAP_TOLERANCE_M:
+            if gap_m < -DISC_TOLERANCE_M:
                 overlapping |= {name, other}
     return Gaps(least_m if math.isfinite(least_m) else None, overlapping)
 
 
 def extent_m(mission: MissionMessage) -> tuple[Point, Point]:
-    """Lower left and upper right corner of the area and of all that is in it."""
+    """Return the lower left and upper right corner of the area and of everything in it."""
     side_m = mission.area_m2**0.5
     xs_m = [x_m for entry in mission.roster for x_m in (entry.start_x_m, entry.target_x_m)]
     ys_m = [y_m for entry in mission.roster for y_m in (entry.start_y_m, entry.target_y_m)]
@@ -332,7 +332,7 @@ def extent_m(mission: MissionMessage) -> tuple[Point, Point]:
 
 
 def _location(fix: Fix, now_ns: int) -> bytes:
-    """The GPS position; uniform in a disc of radius r has the variance r^2 / 4 on each axis."""
+    """Return the GPS position as bytes. A uniform error in a disc of radius r has the variance r^2 / 4 per axis."""
     variance_m2 = fix.r_m**2 / 4
     return LocationFix(
         timestamp=stamp(now_ns),

@@ -1,4 +1,4 @@
-"""The few shapes that scenes are made of. All lie in the plane, a little above one another."""
+"""The shapes of scenes. All lie parallel to the ground, in layers a little above one another."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ Point = tuple[float, float]
 Rgb = tuple[float, float, float]
 
 FRAME = "map"
-"""The one frame; it needs no transforms."""
+"""The only coordinate frame, so that viewers need no transforms."""
 VERTICES = 24
 LABEL_PX = 13
 WHITE, RED, AMBER, GREY = (1.0, 1.0, 1.0), (1.0, 0.15, 0.15), (1.0, 0.75, 0.2), (0.6, 0.63, 0.68)
@@ -34,29 +34,29 @@ _UNIT_RING = [(math.cos(math.tau * i / VERTICES), math.sin(math.tau * i / VERTIC
 
 
 def colour_of(index: int) -> Rgb:
-    """Colour of a UAV: neighbours in the roster are far apart in hue, and none is the red of an overlap."""
+    """Return the colour of a UAV: neighbours in the roster differ much in hue, and none has the red of an overlap."""
     hue = 0.08 + 0.84 * ((index * 0.618034) % 1.0)
     return colorsys.hls_to_rgb(hue, 0.62, 0.75)
 
 
 def scene(entities: Iterable[SceneEntity], time_ns: int) -> bytes:
-    """A full snapshot: everything shown before on this topic goes. Viewers that seek load only the last one."""
+    """Return a snapshot that replaces everything on its topic, since a viewer that seeks loads only the last one."""
     gone = SceneEntityDeletion(timestamp=stamp(time_ns), type=SceneEntityDeletion.ALL)
     return SceneUpdate(deletions=[gone], entities=entities).SerializeToString(deterministic=True)
 
 
 def entity(name: str, time_ns: int) -> SceneEntity:
-    """An empty entity."""
+    """Return an empty entity."""
     return SceneEntity(timestamp=stamp(time_ns), frame_id=FRAME, id=name)
 
 
 def stamp(time_ns: int) -> Timestamp:
-    """A protobuf time."""
+    """Return a protobuf time."""
     return Timestamp(seconds=time_ns // NS_PER_S, nanos=time_ns % NS_PER_S)
 
 
 def disc(centre: Point, radius_m: float, colour: Rgb, alpha: float, z_m: float = 0.0) -> CylinderPrimitive:
-    """A filled circle."""
+    """Return a filled circle."""
     return CylinderPrimitive(
         pose=_pose(centre, z_m),
         size=Vector3(x=2 * radius_m, y=2 * radius_m, z=0.01),
@@ -67,7 +67,7 @@ def disc(centre: Point, radius_m: float, colour: Rgb, alpha: float, z_m: float =
 
 
 def ring(centre: Point, radius_m: float, colour: Rgb, thickness_px: float, z_m: float = 0.1) -> LinePrimitive:
-    """An outline; its points are the same wherever it is, which compresses well."""
+    """Return the outline of a circle; its points do not depend on its place, so that they compress well."""
     return LinePrimitive(
         type=LinePrimitive.LINE_LOOP,
         pose=_pose(centre, z_m),
@@ -87,7 +87,7 @@ def line(
     alpha: float = 1.0,
     closed: bool = False,
 ) -> LinePrimitive:
-    """A line through `points`, fading where `alphas` says how opaque it is at each."""
+    """Return a line through `points`, with the opacity `alphas` at each of them if given."""
     return LinePrimitive(
         type=LinePrimitive.LINE_LOOP if closed else LinePrimitive.LINE_STRIP,
         pose=_pose((0.0, 0.0), 0.05),
@@ -100,7 +100,7 @@ def line(
 
 
 def text(centre: Point, words: str, colour: Rgb) -> TextPrimitive:
-    """A label that faces the viewer and is equally high at every zoom."""
+    """Return a label that faces the viewer and has the same height at every zoom."""
     return TextPrimitive(
         pose=_pose(centre, 0.2),
         billboard=True,
@@ -112,7 +112,7 @@ def text(centre: Point, words: str, colour: Rgb) -> TextPrimitive:
 
 
 def stadium(a: Point, b: Point, radius_m: float) -> list[Point]:
-    """Outline of all points within `radius_m` of the segment a-b."""
+    """Return the outline of the capsule: all points within `radius_m` of the segment a-b."""
     along = math.atan2(b[1] - a[1], b[0] - a[0])
     half = [math.pi * (i / (VERTICES // 2) - 0.5) for i in range(VERTICES // 2 + 1)]
     ends = [(b, along + angle) for angle in half] + [(a, along + math.pi + angle) for angle in half]

@@ -1,8 +1,8 @@
-"""The word of an operator that ends before it has a mission, so that nobody waits for it in vain.
+"""The abort notice of an operator that ends before it has a mission, so that no part waits for a mission.
 
-A bad option ends `run --operate` before it is on the bus. It then leaves a token at the router for two seconds;
-a router for one mission (`processes.services.router`) that has had no operator passes it on to whoever waits. All
-others pay no heed: an operator that is tried again may still take over.
+A bad option ends `run --operate` before it is on the bus. The command then holds a token at the router for two
+seconds. A router for one mission (`processes.services.router`) without an operator so far passes the notice on to
+the waiting parts. All other parts ignore it: the user may start the operator again, and it may still take over.
 """
 
 from __future__ import annotations
@@ -21,19 +21,19 @@ from processes.bus.credentials import TLS, credentials
 from processes.runtime.console import BAD_INPUT
 
 OPTION = "--operate"
-WORD = f"{PREFIX}/-/alive/giving-up"
-TRY_FOR_S = 5.0
-"""The router may be starting as well."""
+NOTICE_KEY = f"{PREFIX}/-/alive/giving-up"
+CONNECT_TIMEOUT_S = 5.0
+"""Longest wait for a router, which may still be starting."""
 LOOK_EVERY_S = 0.1
 HOLD_S = 2.0
-"""A router that has just begun to listen sees tokens a moment later."""
+"""Time for which the command holds its token: a router that has just begun to listen sees tokens a moment later."""
 
 
-def give_up(arguments: Sequence[str]) -> None:
-    """Leave word at the router that the command line names, if it names one to operate at.
+def send_abort_notice(arguments: Sequence[str]) -> None:
+    """Hold the token of the notice at the router after `--operate` in the command line, if there is one.
 
-    Told to stop while it holds its token, it holds it to the end, or a router that has just started might never see
-    it; and whenever it is told to stop, as by compose when somebody else has left, its status stays what it was.
+    SIGTERM does not shorten the hold: a router that has just started might never see a shorter one. SIGTERM does not
+    change the exit status: compose sends it when another service has ended.
     """
     endpoint = _router(arguments)
     if endpoint is None:
@@ -42,12 +42,12 @@ def give_up(arguments: Sequence[str]) -> None:
 
     signal.signal(signal.SIGTERM, lambda *_: sys.exit(BAD_INPUT))
     own = credentials(_word_after("--certs", arguments), OPERATOR)
-    end_s = time.monotonic() + TRY_FOR_S
+    end_s = time.monotonic() + CONNECT_TIMEOUT_S
     while (session := try_client(endpoint, own)) is None and time.monotonic() < end_s:
         time.sleep(LOOK_EVERY_S)
     if session is not None:
         signal.signal(signal.SIGTERM, signal.SIG_IGN)
-        token = session.liveliness().declare_token(f"{WORD}/{os.getpid()}")
+        token = session.liveliness().declare_token(f"{NOTICE_KEY}/{os.getpid()}")
         time.sleep(HOLD_S)
         token.undeclare()
         session.close()

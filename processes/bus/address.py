@@ -1,4 +1,4 @@
-"""Addresses of routers."""
+"""Addresses of routers: parsing, free ports, and the address that clients use."""
 
 from __future__ import annotations
 
@@ -16,14 +16,20 @@ SILENT = {
 
 
 def free_endpoint(protocol: str = "tcp") -> str:
-    """An address on this host that nobody listens on."""
+    """Return an address on this host with a port that no process listens on."""
     with socket.socket() as probe:
         probe.bind(("127.0.0.1", 0))
         return f"{protocol}/127.0.0.1:{probe.getsockname()[1]}"
 
 
 def parse_endpoint(field: str, endpoint: str, protocol: str = "tcp", which: str = "") -> tuple[str, int]:
-    """Host and port of an address; raises `InputError` that names `field`, and says `which` addresses are allowed."""
+    """Return host and port of an address.
+
+    Raises
+    ------
+    InputError
+        The address is malformed. The error names `field` and ends with `which`, a further rule for the address.
+    """
     found = re.fullmatch(
         protocol + r"/(\[[0-9a-fA-F:]+\]|[A-Za-z0-9._-]+):(\d{1,5})(#iface=[^#;=/\s]{1,15})?", endpoint
     )
@@ -35,12 +41,12 @@ def parse_endpoint(field: str, endpoint: str, protocol: str = "tcp", which: str 
 
 
 def listening_endpoint(endpoint: str, protocol: str = "tcp") -> str:
-    """The address to listen at, with a port that is free in place of port 0.
+    """Return `endpoint` with a free port in place of port 0.
 
     Raises
     ------
     InputError
-        It is no address, or cannot be listened on.
+        The address is malformed, or no process can listen on it.
     """
     anywhere = re.fullmatch(r"(.*:)0(#.*)?", endpoint)
     if anywhere is None:
@@ -55,7 +61,7 @@ def listening_endpoint(endpoint: str, protocol: str = "tcp") -> str:
 
 
 def check_endpoint(endpoint: str, protocol: str = "tcp") -> None:
-    """Raise `InputError` unless `endpoint` is an address that can be listened on."""
+    """Raise `InputError` unless a process can listen on `endpoint`."""
     host, port = parse_endpoint("--listen", endpoint, protocol, FREE)
     try:
         _free_port(host, port)
@@ -64,7 +70,7 @@ def check_endpoint(endpoint: str, protocol: str = "tcp") -> None:
 
 
 def _free_port(host: str, port: int = 0) -> int:
-    """The port, or for 0 any port, that nobody listens on at `host`; raises `OSError` where there is none."""
+    """Return `port`, or any free port for 0; raise `OSError` if no process can listen on it at `host`."""
     family = socket.getaddrinfo(host, port, type=socket.SOCK_STREAM)[0][0]
     with socket.socket(family, socket.SOCK_STREAM) as probe:
         probe.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
@@ -76,8 +82,8 @@ def _not_listened(endpoint: str, protocol: str, error: OSError) -> InputError:
     return InputError("--listen", endpoint, f"{protocol}/HOST:PORT{FREE} ({(error.strerror or str(error)).lower()})")
 
 
-def sought_router(endpoint: str) -> str:
-    """A router that does not answer, and why, as far as a bare connection shows it."""
+def unreachable_router(endpoint: str) -> str:
+    """Return words for a router that does not answer, with the reason that a plain TCP connection shows."""
     protocol, _, address = _plain(endpoint).partition("/")
     host, _, port = address.rpartition(":")
     try:
@@ -89,15 +95,15 @@ def sought_router(endpoint: str) -> str:
 
 
 def advertised_endpoint(listen: str) -> str:
-    """Where clients on other hosts find it, if they know this host by its name."""
+    """Return the address for clients on other hosts, which must know this host by its name."""
     return re.sub(r"/(0\.0\.0\.0|\[::\]):", f"/{socket.gethostname()}:", _plain(listen))
 
 
 def connect_endpoint(listen: str) -> str:
-    """Where clients on this host find a router that listens at `listen`."""
+    """Return the address for clients on this host of a router that listens at `listen`."""
     return _plain(listen).replace("/0.0.0.0:", "/127.0.0.1:").replace("/[::]:", "/[::1]:")
 
 
 def _plain(endpoint: str) -> str:
-    """An address without the network interface, which is a matter of whoever listens or connects there."""
+    """Return the address without its network interface, which differs between the listener and its clients."""
     return endpoint.partition("#")[0]

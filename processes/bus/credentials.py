@@ -1,4 +1,4 @@
-"""Who a process is on a secured bus: its certificate, its key, and the authority that it believes."""
+"""Credentials of a process on a secured bus: its certificate, its key, and the authority that it trusts."""
 
 from __future__ import annotations
 
@@ -12,23 +12,23 @@ from edc_swarm.errors import InputError
 from edc_swarm.mission.configuration import JOIN, RESERVED_IDS, ROLES
 
 CERTIFIED = (*sorted(ROLES), JOIN)
-"""Who has a certificate beside the UAVs: the roles, and whoever starts UAVs on another host."""
+"""Names with a certificate beside the UAVs: the roles, and a joiner."""
 AUTHORITY = "ca.pem"
 TLS = "tls/"
 
 
 def certificate_path(folder: Path, name: str) -> Path:
-    """Where the certificate of a UAV or role is."""
+    """Return the path of the certificate of a UAV or role."""
     return folder / f"{name}.pem"
 
 
 def key_path(folder: Path, name: str) -> Path:
-    """Where its private key is."""
+    """Return the path of the private key of a UAV or role."""
     return folder / f"{name}.key"
 
 
 def check_certificates(folder: Path, names: Iterable[str]) -> None:
-    """Raise `InputError` unless `folder` has what processes of these names need."""
+    """Raise `InputError` unless `folder` has the certificates and keys of `names` and the authority's certificate."""
     wanted = [folder / AUTHORITY]
     wanted += [path(folder, name) for name in names for path in (certificate_path, key_path)]
     for path in wanted:
@@ -37,25 +37,25 @@ def check_certificates(folder: Path, names: Iterable[str]) -> None:
 
 
 def certified_uavs(folder: str) -> list[str]:
-    """The UAVs whose certificates are in `folder`: on each host those that may be flown there."""
+    """Return the UAVs whose certificates are in `folder`: the UAVs that this host may fly."""
     return sorted(path.stem for path in Path(folder).glob("*.pem") if path.stem not in RESERVED_IDS)
 
 
 @dataclass(frozen=True, slots=True)
 class Credentials:
-    """The certificate of `name` in a folder made by `edc-swarm certs`."""
+    """Certificate and key of `name` in a folder made by `edc-swarm certs`."""
 
     folder: Path
     name: str
 
     @property
     def connecting(self) -> dict[str, Any]:
-        """Zenoh's settings of a client: it proves who it is, and checks whom it talks to."""
+        """Zenoh's settings of a client that proves its own name and verifies the router's."""
         return {**self._both_ways, **self._own("connect"), "transport/link/tls/verify_name_on_connect": True}
 
     @property
     def listening(self) -> dict[str, Any]:
-        """Zenoh's settings of a router that only certified clients may connect to, over TLS alone."""
+        """Zenoh's settings of a router that accepts only certified clients, over TLS alone."""
         return {**self._both_ways, **self._own("listen"), "transport/link/protocols": ["tls"]}
 
     @property
@@ -74,5 +74,5 @@ class Credentials:
 
 
 def credentials(folder: str, name: str) -> Credentials | None:
-    """Credentials of `name` in `folder`; None for a bus that lets everybody in, where the folder is ""."""
+    """Return the credentials of `name` in `folder`; None for the folder "", which means an open bus."""
     return Credentials(Path(folder), name) if folder else None

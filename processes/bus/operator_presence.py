@@ -1,4 +1,4 @@
-"""Who operates which mission at a router, by liveliness tokens: what takes part finds it, and leaves after it."""
+"""Presence of operators at a router, by liveliness tokens. A part finds its mission by it, and leaves after it."""
 
 from __future__ import annotations
 
@@ -12,23 +12,24 @@ from edc_swarm.protocol.keys import PREFIX
 from processes.bus.session import hand_over
 
 LINGER_S = 1.0
-"""Who works for an operator leaves so long after it, so that the first to leave is the operator."""
-GIVE_UP_S = 60.0
-"""An operator that has been away so long does not come back."""
+"""Time that a part stays after its operator has left, so that the operator is the first to leave."""
+OPERATOR_LOST_S = 60.0
+"""Longest absence of an operator after which it may still come back."""
 MAX_OPERATORS = 1000
-"""Operators that are remembered: a flood of tokens fills no memory."""
-MOST_NAMED = 10
+"""Most operators that are remembered: a flood of tokens fills no memory."""
+MAX_NAMES = 10
+"""Most missions that an error text names."""
 GAVE_UP = f"{PREFIX}/-/alive/gave-up"
-"""Token of a router whose operator has ended before it had a mission, or has not come."""
+"""Token of a router without a mission: its operator has ended without one, or has not come."""
 
 
-class Operators:
-    """The operators on the bus.
+class OperatorPresence:
+    """The operators on the bus, by mission.
 
     Attributes
     ----------
     absences
-        How often one has gone, if only because the own link was cut.
+        Number of times that a mission lost its operator, cuts of the own link included.
     """
 
     def __init__(self, session: zenoh.Session) -> None:
@@ -41,34 +42,34 @@ class Operators:
         self._notice = session.liveliness().declare_subscriber(GAVE_UP, hand_over(self._take_notice), history=True)
 
     def missions(self) -> list[str]:
-        """Missions that have an operator."""
+        """Return the missions that have an operator."""
         return sorted({mission for mission, _ in self._there.copy()})
 
     def only_mission(self, endpoint: str) -> str | None:
-        """The mission to take part in at the router `endpoint`; None while there is none.
+        """Return the one mission at the router `endpoint`, None while there is no mission.
 
         Raises
         ------
         InputError
-            There are several.
+            There are several missions.
         SwarmError
-            There will be none: the operator has ended, or has not come.
+            There will be no mission: the operator has ended without one, or has not come.
         """
         if self._gave_up:
             raise SwarmError(f"there is no mission at {endpoint}: its operator has ended without one, or has not come")
         missions = self.missions()
         if len(missions) > 1:
-            named = ", ".join(missions[:MOST_NAMED])
+            named = ", ".join(missions[:MAX_NAMES])
             raise InputError("address", endpoint, f"the router of one mission, not of {named}")
         return missions[0] if missions else None
 
     def check_there(self, mission: str) -> None:
-        """Raise `SwarmError` when the operator has been away for too long."""
-        if self.away_s(mission) > GIVE_UP_S:
-            raise SwarmError(f"the operator of mission {mission} has been away for {GIVE_UP_S:g} s")
+        """Raise `SwarmError` if the operator has been away for more than `OPERATOR_LOST_S`."""
+        if self.away_s(mission) > OPERATOR_LOST_S:
+            raise SwarmError(f"the operator of mission {mission} has been away for {OPERATOR_LOST_S:g} s")
 
     def away_s(self, mission: str) -> float:
-        """For how long the mission has had no operator, 0 while it has one."""
+        """Return the seconds for which the mission has been without an operator, 0 while it has one."""
         if mission in self.missions():
             return 0.0
         return time.monotonic() - self._empty_since_s.setdefault(mission, time.monotonic())

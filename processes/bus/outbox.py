@@ -1,4 +1,4 @@
-"""What a process has to say, kept while it has no router."""
+"""Outgoing messages of a process: buffered while it has no router, and retransmitted on request."""
 
 from __future__ import annotations
 
@@ -14,64 +14,64 @@ from edc_swarm.protocol.retransmission import KEPT_BYTES, Ask, Kept, Ring, decod
 from processes.bus.session import hand_over, is_connected, put
 from processes.runtime.inbox import Inbox
 
-LIMIT = 20_000
+MAX_WAITING = 20_000
 FROZEN_S = 0.3
-"""A loop that comes this much too late was frozen: its session may be dead without knowing it."""
+"""Smallest delay of the loop that means a freeze: the session may then be dead before Zenoh notices it."""
 DOUBT_S = 0.1
-"""For this long nothing is said after a freeze, until a dead session has been noticed, and after a
-router has come back, until the recorder, which is quicker to try again, is back too."""
+"""Pause of sending after a freeze, until Zenoh notices a dead session, and after the router's return,
+until the recorder, which retries faster, is connected again."""
 MAX_ASKS = 8
-"""Asks that wait to be answered."""
+"""Most retransmission requests that wait for an answer."""
 STAY_S = 1.0
-"""After its last word a publisher stays for at most so long, to be asked for what has not arrived."""
+"""Longest stay of a publisher after its last message, for retransmission requests."""
 STAY_RETRY_S = 0.02
 
 
 class Outbox:
-    """Puts messages on the bus in order; without a router they wait, so none is missing from the record.
+    """Sends messages in order; without a router they wait, so that the recording lacks none.
 
-    That they come late harms nobody: every receiver judges a message by its slot and term. What was
-    handed to Zenoh and never arrived is asked for on `key`: queries come to `inbox`, from where its loop
-    hands them to `hear`, and calls `answer` when it has the time.
+    Late messages do no harm: every receiver judges a message by its slot and term. The recorder requests
+    messages that got lost on `key`. Its queries go to `inbox`; the loop passes them to `hear` and calls
+    `answer` when it has time.
     """
 
     def __init__(self, session: zenoh.Session, key: str, inbox: Inbox[Any], kept_bytes: int = KEPT_BYTES) -> None:
         self._session = session
-        self._waiting: deque[Kept] = deque(maxlen=LIMIT)
+        self._waiting: deque[Kept] = deque(maxlen=MAX_WAITING)
         self._ring = Ring(kept_bytes)
         self._key = key
         self._asks: deque[tuple[zenoh.Query, Ask]] = deque(maxlen=MAX_ASKS)
-        self._said_any = self._released = False
+        self._sent_any = self._released = False
         session.declare_queryable(key, hand_over(inbox.put))
         self._doubt_until_s = 0.0
         self._connected = True
 
     @property
     def holds_back(self) -> bool:
-        """Whether messages are waiting."""
+        """True if messages are waiting for a router."""
         return bool(self._waiting)
 
     def put(self, key: str, payload: bytes, seq: int, stamp: bytes = b"") -> None:
-        """Say this after all that waits; what does not carry its number goes with a `stamp` that does."""
-        self._said_any = True
+        """Queue a message; a `stamp` carries the sequence number of a payload that has none."""
+        self._sent_any = True
         kept = Kept(key, seq, payload, stamp)
         self._ring.keep(kept)
         self._waiting.append(kept)
 
     def flush(self) -> None:
-        """Send what waits if there is a router."""
-        if self._waiting and self._may_speak():
+        """Send the waiting messages if there is a router."""
+        if self._waiting and self._may_send():
             while self._waiting:
-                said = self._waiting.popleft()
-                put(self._session, said.key, said.payload, said.stamp)
+                kept = self._waiting.popleft()
+                put(self._session, kept.key, kept.payload, kept.stamp)
 
     @property
     def is_asked(self) -> bool:
-        """Whether an ask waits to be answered."""
+        """True if a retransmission request waits for an answer."""
         return bool(self._asks)
 
     def hear(self, query: zenoh.Query) -> bool:
-        """Take in a query; whether it is about what was said here."""
+        """Take in a query; return True if it is for this outbox."""
         if str(query.key_expr) != self._key:
             return False
         with contextlib.suppress(msgspec.DecodeError):
@@ -82,22 +82,22 @@ class Outbox:
         return True
 
     def answer(self) -> None:
-        """Give one turn's worth of what was asked for."""
+        """Answer the oldest retransmission request with one message."""
         if self._asks:
             query, ask = self._asks.popleft()
             query.reply(self._key, encode(self._ring.answer(ask)))
             query.drop()
 
     def stay(self, inbox: Inbox[Any]) -> None:
-        """After the last word: answer until nothing more is wanted, or the time is over."""
+        """Answer requests after the last message, until the recorder wants no more or `STAY_S` is over."""
         end_s = time.monotonic() + STAY_S
-        while self._said_any and not self._released and (left_s := end_s - time.monotonic()) > 0:
+        while self._sent_any and not self._released and (left_s := end_s - time.monotonic()) > 0:
             for item in inbox.wait(min(left_s, STAY_RETRY_S) if self._waiting else left_s):
                 if isinstance(item, zenoh.Query) and self.hear(item):
                     self.answer()
             self.flush()
 
-    def _may_speak(self) -> bool:
+    def _may_send(self) -> bool:
         connected = is_connected(self._session)
         if connected and not self._connected:
             self._doubt()
@@ -105,7 +105,7 @@ class Outbox:
         return connected and time.monotonic() >= self._doubt_until_s
 
     def note_delay(self, late_s: float) -> None:
-        """Take into account that the loop came `late_s` too late."""
+        """Pause sending if the loop came `late_s` too late, as after a freeze."""
         if late_s > FROZEN_S:
             self._doubt()
 

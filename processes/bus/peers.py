@@ -1,15 +1,15 @@
-"""Who is on the bus, by liveliness tokens: a hint to the election, never proof."""
+"""UAVs on the bus, by liveliness tokens: a hint to the election, never proof."""
 
 from __future__ import annotations
 
 from processes.bus.subscriptions import MAX_TOKENS, Token
 
 CHECK_AFTER_NS = 30_000_000
-"""Wait before a vanished token is believed: when the router goes, everybody seems to die."""
+"""Wait before a vanished token counts: all tokens vanish if the router goes."""
 
 
 class Peers:
-    """Keeps the instances of every UAV and finds those that are gone."""
+    """Instances of every UAV by their liveliness tokens, and the UAVs that are gone."""
 
     def __init__(self) -> None:
         self._alive: dict[str, set[str]] = {}
@@ -17,7 +17,7 @@ class Peers:
         self._checks: dict[str, int] = {}
 
     def take(self, token: Token, now_ns: int) -> None:
-        """Take in a token's change; a UAV without any instance is to be looked at in a moment."""
+        """Take in a token's change; a UAV without instances is due for a check after `CHECK_AFTER_NS`."""
         if token.alive:
             self._remember(token)
             return
@@ -37,11 +37,11 @@ class Peers:
 
     @property
     def next_ns(self) -> int | None:
-        """When the next look is due."""
+        """Time of the next check, None if there is none."""
         return min(self._checks.values(), default=None)
 
     def gone(self, now_ns: int) -> list[str]:
-        """UAVs whose moment is over and that have not come back."""
+        """Return the UAVs whose check is due and that have not come back."""
         due = [uav for uav, when_ns in self._checks.items() if when_ns <= now_ns]
         for uav in due:
             del self._checks[uav]

@@ -1,13 +1,14 @@
 """The bus: Zenoh sessions with the settings that were measured to suit a swarm.
 
-A star of clients around one router. Reliable and congestion DROP, so a slow subscriber never blocks
-a publisher; `express` stays off (with it 1-5 % of the bursts at a slot's start were lost, and it
-was no faster); no shared memory (it hides a frozen subscriber); many sessions may be accepted at
-once; a client tries for ever to get back to its router.
+The clients form a star around one router. Messages are reliable with congestion control DROP, so a slow
+subscriber never blocks a publisher. `express` is off: with it 1-5 % of the bursts at a slot's start were
+lost, and it was no faster. Shared memory is off: it hides a frozen subscriber. The router accepts many
+sessions at once. A client reconnects to its router without a time limit.
 
-One worker thread per Zenoh runtime, since K processes share few cores; but Zenoh closes a link whose
-peer does not answer with ten seconds of SO_LINGER, which block a worker of `rx` all the while. So a client
-has two of them, and the router as many as links may be cut at once without stopping all others.
+Each Zenoh runtime has one worker thread, since K processes share few cores. The `rx` runtime is the
+exception: Zenoh closes a link whose peer does not answer with ten seconds of SO_LINGER, which block one
+worker of `rx` for that time. So a client has two `rx` workers, and the router as many as links may be cut
+at once without blocking all others.
 """
 
 from __future__ import annotations
@@ -28,17 +29,17 @@ CLIENT_RX_WORKERS = 2
 ROUTER_RX_WORKERS = 64
 MAX_SESSIONS = 5000
 MAX_RECEIVED_BYTES = 16 << 20
-"""Whoever sends more at once is disconnected; scenes of thousands of UAVs are the largest that is said."""
+"""Largest message; Zenoh disconnects a sender of a larger one. The largest are scenes of thousands of UAVs."""
 CONNECT_RETRY = {"period_init_ms": 100, "period_max_ms": 1000, "period_increase_factor": 2}
 OBSERVER_RETRY = {"period_init_ms": 20, "period_max_ms": 20, "period_increase_factor": 1}
-"""Who only listens must be back at a restarted router before those who speak."""
-ASIDE_TIMEOUT_S = 10.0
-"""When Zenoh forgets a question that stands back for all else."""
+"""Retry period of observers: they must be back at a restarted router before the publishers."""
+BACKGROUND_TIMEOUT_S = 10.0
+"""Time after which Zenoh drops a query at background priority."""
 
 DEEP_QUEUE: dict[str, Any] = {"transport/link/tx/queue/size/data": 16}
-"""Batches of 64 kB that may wait for a link, made when needed: bursts of large scenes fit in."""
+"""Batches of 64 kB that may wait for a link, allocated on demand: bursts of large scenes fit in."""
 PATIENT: dict[str, Any] = {**DEEP_QUEUE, "transport/link/tx/queue/congestion_control/drop/wait_before_drop": 100_000}
-"""Nobody waits for observers: what they say rather waits up to 100 ms (in microseconds) than is dropped."""
+"""Settings of an observer: its messages wait up to 100 ms (in microseconds) before Zenoh drops them."""
 
 Item = TypeVar("Item")
 
@@ -51,7 +52,7 @@ def open_client(
     observer: bool = False,
     lease_ms: int = LEASE_MS,
 ) -> zenoh.Session:
-    """Connect to the router at `endpoint`; waits for ever unless `timeout_ms` is given."""
+    """Connect to the router at `endpoint`; wait without a time limit unless `timeout_ms` is given."""
     return _open(
         {
             **(credentials.connecting if credentials is not None else {}),
@@ -70,7 +71,7 @@ def open_client(
 def try_client(
     endpoint: str, credentials: Credentials | None = None, *, observer: bool = False
 ) -> zenoh.Session | None:
-    """Connect to the router at `endpoint`; None when it does not answer within a second."""
+    """Connect to the router at `endpoint`; return None if it does not answer within a second."""
     try:
         return open_client(endpoint, credentials, timeout_ms=TRY_MS, observer=observer)
     except zenoh.ZError:
@@ -84,9 +85,9 @@ def open_router(
     *,
     lease_ms: int = LEASE_MS,
 ) -> zenoh.Session:
-    """Be the router that listens at `endpoint`; raises `zenoh.ZError` when it cannot.
+    """Open the session of a router that listens at `endpoint`; raise `zenoh.ZError` if it cannot listen.
 
-    `access` are the rules of a secured bus, `processes.services.access_rules.access_control`.
+    `access`: the rules of a secured bus, from `processes.services.access_rules.access_control`.
     """
     return _open(
         {
@@ -105,19 +106,19 @@ def open_router(
 
 
 def hand_over(take: Callable[[Item], None]) -> zenoh.handlers.Callback[Item]:
-    """Make a callback that runs where Zenoh receives; it must only hand over, never call Zenoh."""
+    """Return a callback that runs on Zenoh's receiving thread; `take` must only queue the item, never call Zenoh."""
     return zenoh.handlers.Callback(take, indirect=False)
 
 
 def put(session: zenoh.Session, key: str, payload: bytes, attachment: bytes | None = None) -> None:
-    """Publish `payload`; never blocks."""
+    """Publish `payload` without blocking."""
     session.put(
         key, payload, congestion_control=zenoh.CongestionControl.DROP, express=False, attachment=attachment or None
     )
 
 
-def ask_aside(session: zenoh.Session, key: str, payload: bytes, take: Callable[[zenoh.Reply], None]) -> None:
-    """Ask in such a way that question and answers, which are sent as the question was, stand back for all else."""
+def query_in_background(session: zenoh.Session, key: str, payload: bytes, take: Callable[[zenoh.Reply], None]) -> None:
+    """Send a query at background priority; its replies have the same priority."""
     session.get(
         key,
         hand_over(take),
@@ -125,17 +126,17 @@ def ask_aside(session: zenoh.Session, key: str, payload: bytes, take: Callable[[
         consolidation=zenoh.ConsolidationMode.NONE,
         congestion_control=zenoh.CongestionControl.DROP,
         priority=zenoh.Priority.BACKGROUND,
-        timeout=ASIDE_TIMEOUT_S,
+        timeout=BACKGROUND_TIMEOUT_S,
     )
 
 
 def is_connected(session: zenoh.Session) -> bool:
-    """Whether the session has its router just now."""
+    """Return True if the session has its router at present."""
     return bool(session.info.routers_zid())
 
 
 def _open(settings: dict[str, Any], lease_ms: int, rx_workers: int) -> zenoh.Session:
-    """Open a session; the first one of a process decides on its threads, and not on those of its children."""
+    """Open a session; the first one of a process sets its number of threads, and leaves its children's alone."""
     shared = {
         "scouting/multicast/enabled": False,
         "scouting/gossip/enabled": False,

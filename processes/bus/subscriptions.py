@@ -1,6 +1,6 @@
-"""A UAV's ears: what it subscribes to, and what of it gets through its links.
+"""Subscriptions of a UAV, the gate that rejects false messages, and the postbox that applies the link model.
 
-Callbacks only hand bytes over to the inbox; decoding, loss and delay happen in the loop.
+Callbacks only put bytes into the inbox; the loop decodes, drops and delays.
 """
 
 from __future__ import annotations
@@ -26,26 +26,26 @@ from processes.runtime.inbox import Inbox
 MAX_POSTPONED = 100_000
 MAX_COUNTED_KEYS = 1000
 MAX_MEASURED = 100_000
-"""Postponed messages whose lateness is kept."""
+"""Most postponed messages whose lateness is measured."""
 _TOO_LARGE = bytes(MAX_MESSAGE_BYTES + 1)
-"""Stands for every payload that is too large, so that a flood of them fills no memory."""
+"""Replacement for every payload that is too large, so that a flood of them fills no memory."""
 MAX_TOKENS = 10_000
-"""Liveliness tokens that are remembered: a few lives of every UAV of the largest mission."""
+"""Most liveliness tokens that are remembered: a few instances of every UAV of the largest mission."""
 
 
 @dataclass(frozen=True, slots=True)
 class Heard:
-    """Bytes from the bus."""
+    """Key and bytes of a message from the bus."""
 
     key: str
     payload: bytes
     at_ns: int = 0
-    """When, on the monotonic clock."""
+    """Time of arrival, on the monotonic clock."""
 
 
 @dataclass(frozen=True, slots=True)
 class Token:
-    """A liveliness token has appeared or vanished."""
+    """A liveliness token that has appeared or vanished."""
 
     uav: str
     instance: str
@@ -55,8 +55,8 @@ class Token:
 Item = Heard | Token | object
 
 
-class Ears:
-    """Subscriptions of one UAV. Samples and tokens go to `inbox`."""
+class UavSubscriptions:
+    """Subscriptions of one UAV; samples and tokens go to `inbox`."""
 
     def __init__(self, session: zenoh.Session, keys: Keys, uav: str, inbox: Inbox[Item]) -> None:
         self._session = session
@@ -69,16 +69,16 @@ class Ears:
 
     @property
     def hears_fixes(self) -> bool:
-        """Whether it hears every UAV's fixes."""
+        """True if the UAV subscribes to the fixes of all UAVs."""
         return self._fixes is not None
 
     def ask_for_mission(self) -> None:
-        """Ask for what a late joiner has missed: the mission, and the faults in force."""
+        """Query the messages that a late joiner has missed: the mission, and the faults in force."""
         for key in (self._keys.mission, self._keys.event(OPERATOR)):
             self._session.get(key, hand_over(self._take_reply), consolidation=zenoh.ConsolidationMode.NONE)
 
     def listen_to_fixes(self, wanted: bool) -> None:
-        """Subscribe to every UAV's fixes, or no longer."""
+        """Subscribe to the fixes of all UAVs if `wanted`, else unsubscribe."""
         if wanted and self._fixes is None:
             self._fixes = self._subscribe(self._keys.all_fixes)
         elif not wanted and self._fixes is not None:
@@ -86,7 +86,7 @@ class Ears:
             self._fixes = None
 
     def listen_to_truths(self) -> None:
-        """Hear where every UAV truly is: for the emulated radio, never for the agent."""
+        """Subscribe to the true positions of all UAVs: for the emulated radio, never for the agent."""
         self._subscribe(self._keys.all_truths)
 
     def _subscribe(self, key: str) -> zenoh.Subscriber[None]:
@@ -107,26 +107,26 @@ class Ears:
 
 
 class Malformed:
-    """Counts bytes that are no message, by key, and says when that is worth telling.
+    """Counter of malformed messages by key, which selects those that are worth an event.
 
-    Told are the first, second, fourth, eighth ... of a key: a flood of garbage makes no flood of
-    events.
+    These are the first, second, fourth, eighth ... (2^n) of a key: a flood of garbage makes no flood
+    of events.
     """
 
     def __init__(self) -> None:
         self._counts: dict[str, int] = {}
 
     def count(self, error: MessageError) -> str | None:
-        """Count one, and return what to tell about it, if anything."""
+        """Count a malformed message; return the detail of an event if it is worth one, else None."""
         key = error.key if error.key in self._counts or len(self._counts) < MAX_COUNTED_KEYS else "others"
         number = self._counts[key] = self._counts.get(key, 0) + 1
         return f"{number} on {key[:200]}: {error.reason[:200]}" if number & (number - 1) == 0 else None
 
 
 class Gate:
-    """Lets in messages that decode and, once the mission is known, that can be true in it.
+    """Filter that admits a message if it decodes and, once the mission is known, can be true in it.
 
-    `tell` is told, now and then, of what is refused.
+    It calls `tell` with a detail for the rejected messages that `Malformed` selects.
     """
 
     def __init__(self, tell: Callable[[str], None]) -> None:
@@ -135,12 +135,12 @@ class Gate:
         self._admission: Admission | None = None
 
     def know(self, mission: MissionMessage) -> None:
-        """Judge by this mission from now on; it is never replaced by another."""
+        """Judge messages by this mission from now on; a second mission never replaces the first."""
         if self._admission is None:
             self._admission = Admission(mission)
 
     def admit(self, heard: Heard) -> Message | None:
-        """The message in `heard`, or None where there is none to be believed."""
+        """Return the message in `heard`, or None if it is rejected."""
         try:
             message = decode(heard.key, heard.payload)
             if self._admission is not None:
@@ -154,7 +154,7 @@ class Gate:
 
 
 class Postbox:
-    """Messages that the link model lets through now or later."""
+    """Received messages of the swarm, which the link model drops, delivers now or delivers later."""
 
     def __init__(self, links: LinkEmulator) -> None:
         self.links = links
@@ -163,7 +163,7 @@ class Postbox:
         self._late_ns: list[int] = []
 
     def arrive(self, message: Message, now_ns: int, at_s: float) -> bool:
-        """Take in a swarm message that came at `now_ns`, mission time `at_s`; whether it has no delay at all."""
+        """Take in a message of the swarm that came at `now_ns`, mission time `at_s`; return True to deliver it now."""
         at_once = False
         for delay_ns in self.links.arrivals_ns(sender_of(message), at_s):
             if delay_ns == 0 and not at_once:
@@ -174,11 +174,11 @@ class Postbox:
 
     @property
     def next_ns(self) -> int | None:
-        """When the next postponed message is due."""
+        """Time of the next postponed message, None if there is none."""
         return self._later[0][0] if self._later else None
 
     def take_due(self, now_ns: int) -> Message | None:
-        """Hand out one postponed message that is due."""
+        """Return one postponed message that is due, None if there is none."""
         if not self._later or self._later[0][0] > now_ns:
             return None
         due_ns, _, message = heapq.heappop(self._later)
@@ -188,7 +188,7 @@ class Postbox:
 
     @property
     def delay_error(self) -> DelayError | None:
-        """How late postponed messages were handed out; None where there were none."""
+        """Lateness of the postponed messages at their delivery; None if there were none."""
         if not self._late_ns:
             return None
         late_ms = [late_ns / 1e6 for late_ns in sorted(self._late_ns)]
@@ -197,7 +197,7 @@ class Postbox:
 
 
 def sender_of(message: Message) -> str:
-    """Id of the UAV that sent a swarm message, "" for all others."""
+    """Return the id of the UAV that sent a message of the swarm, "" for any other message."""
     match message:
         case Fix():
             return message.uav
@@ -208,6 +208,6 @@ def sender_of(message: Message) -> str:
 
 
 def heard_from(sample: zenoh.Sample) -> Heard:
-    """The bytes of a sample; in place of a payload that is too large, one that the codec refuses as too large."""
+    """Return key and bytes of a sample; a fixed payload that the codec rejects replaces one that is too large."""
     fits = len(sample.payload) <= MAX_MESSAGE_BYTES
     return Heard(str(sample.key_expr), sample.payload.to_bytes() if fits else _TOO_LARGE, time.monotonic_ns())

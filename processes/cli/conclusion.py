@@ -15,14 +15,15 @@ from processes.cli.summary import guarantees_status, print_guarantees, print_met
 from processes.runtime.console import FAILED, NOT_JUDGED, note, print_json, stdout_console
 
 
-def conclude(path: Path, *, as_json: bool, last_slot: int = -1) -> int:
+def conclude(path: Path, *, as_json: bool, last_slot: int = -1, load_planner: bool = False) -> int:
     """Print what the recording at `path` says; the exit status.
 
-    `last_slot` is the newest slot that the operator saw: a recording that ends before it is not all of the run.
+    `load_planner`: the user named the planner, so that G6 may load it. `last_slot` is the newest slot that the operator
+    saw: a recording that ends before it is not all of the run.
     """
     recording = read_recording(path)
     metrics = compute_metrics(recording, load_timings(path, note))
-    guarantees = judged(recording, show_progress=not as_json)
+    guarantees = judged(recording, show_progress=not as_json, load_planner=load_planner)
     if as_json:
         print_json({**msgspec.to_builtins(metrics), "guarantees": guarantees, "recording": str(path)})
     else:
@@ -34,8 +35,8 @@ def conclude(path: Path, *, as_json: bool, last_slot: int = -1) -> int:
     recorded_slot = metrics.slots - 1
     if recorded_slot < last_slot:
         note(f"warning: the operator saw slot {last_slot}, the recording ends at slot {recorded_slot}")
-    status = guarantees_status(guarantees) if metrics.completed else FAILED
-    return status or (NOT_JUDGED if recorded_slot < last_slot else 0)
+    status = FAILED if metrics.completed is False else guarantees_status(guarantees)
+    return status or (NOT_JUDGED if metrics.completed is None or recorded_slot < last_slot else 0)
 
 
 def _warn(recording: Recording, metrics: Metrics) -> None:
@@ -47,5 +48,5 @@ def _warn(recording: Recording, metrics: Metrics) -> None:
     slot_ms, slowest_ms = mission.slot_ns / 1e6, metrics.plan_ms.max or 0.0
     if slowest_ms > slot_ms:
         note(f"warning: a plan took {slowest_ms:.0f} ms, a slot is {slot_ms:g} ms: too late for real UAVs, which hold")
-    if metrics.ticks_late_pct > OVERLOADED_PCT:
+    if metrics.ticks_late_pct is not None and metrics.ticks_late_pct > OVERLOADED_PCT:
         note(f"warning: the machine was overloaded: {metrics.ticks_late_pct:.1f} % of the ticks were late")

@@ -13,12 +13,12 @@ from cyclopts import App, CoercionError, CycloptsError, MissingArgumentError, Pa
 from cyclopts.exceptions import RepeatArgumentError, UnknownCommandError, UnusedCliTokensError
 
 from edc_swarm.errors import InputError, SwarmError
-from processes.bus.abort_notice import give_up
+from processes.bus.abort_notice import send_abort_notice
 from processes.cli.compiled_code import find_a_place
 from processes.runtime.children import PartEndedError
 from processes.runtime.console import BAD_INPUT, FAILED, UNREAD, complain, note
 from processes.runtime.output import unusable
-from processes.runtime.streams import UnreadError, let_go_of_results, prepare_streams
+from processes.runtime.streams import UnreadError, discard_unwritten_results, prepare_streams
 
 app = App(
     name="edc-swarm",
@@ -75,7 +75,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
     finally:
         if status == BAD_INPUT:
             with suppress(KeyboardInterrupt):
-                give_up(arguments)
+                send_abort_notice(arguments)
     return status
 
 
@@ -100,7 +100,7 @@ def _run(arguments: Sequence[str]) -> int:
     except KeyboardInterrupt:
         note("interrupted")
         status = FAILED
-    let_go_of_results()
+    discard_unwritten_results()
     return status
 
 

@@ -29,7 +29,7 @@ FIELDS = option_names(Mission)
 """Name of the option that sets each field of the mission, for fields that have one."""
 LINK_FIELDS = option_names(Link)
 """Name of the option that sets each field of every link of the mission, for fields that have one."""
-MOST_NAMED = 5
+MOST_LISTED = 5
 
 
 @contextmanager
@@ -52,8 +52,8 @@ def _warn_of_batteries(mission: Mission) -> None:
     if not needed_j:
         return
     battery_j = {entry.uav: entry.energy_j for entry in mission.roster}
-    named = [f"{uav} ({battery_j[uav]:.4g} of {needed_j[uav]:.4g} J)" for uav in [*needed_j][:MOST_NAMED]]
-    more = f" and {len(needed_j) - MOST_NAMED} more" if len(needed_j) > MOST_NAMED else ""
+    named = [f"{uav} ({battery_j[uav]:.4g} of {needed_j[uav]:.4g} J)" for uav in [*needed_j][:MOST_LISTED]]
+    more = f" and {len(needed_j) - MOST_LISTED} more" if len(needed_j) > MOST_LISTED else ""
     note(f"warning: no battery for the straight flight to the target at full speed: {', '.join(named)}{more}")
 
 
@@ -95,6 +95,8 @@ class MissionOptions(_FieldOptions):  # type: ignore[misc]  # The declarations d
 
     Parameters
     ----------
+    fault_help
+        Print the fault vocabulary and exit.
     out
         The recording to write (a new name in recordings/).
     no_viz
@@ -105,6 +107,7 @@ class MissionOptions(_FieldOptions):  # type: ignore[misc]  # The declarations d
         Overwrite an existing recording.
     """
 
+    fault_help: bool = False
     out: Path | None = None
     no_viz: bool = False
     json: bool = False

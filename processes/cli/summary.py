@@ -14,6 +14,9 @@ from edc_swarm.analysis.tables import metric_rows
 from edc_swarm.foreign_text import MAX_LINE, shown
 from processes.runtime.console import FAILED, NOT_JUDGED
 
+MAX_NOTES = 100_000
+"""Characters of the line with all notes on one guarantee, each of which is up to `MAX_LINE` long."""
+
 
 def print_metrics(metrics: Metrics, console: Console) -> None:
     """Print the table of metrics."""
@@ -29,9 +32,10 @@ def print_guarantees(results: Sequence[GuaranteeResult], console: Console, limit
     """Print the verdict on every guarantee, with the first `limit` violations of each."""
     for result in results:
         notes = f" ({_some(result.notes, limit)})" if result.notes else ""
-        console.print(f"{result.guarantee} {result.title}: {result.status.replace('-', ' ')}{notes}", markup=False)
+        line = f"{result.guarantee} {result.title}: {result.status.replace('-', ' ')}{notes}"
+        console.print(shown(line, MAX_NOTES), markup=False)
         for where in result.where[:limit]:
-            console.print(f"    {where}", markup=False)
+            console.print(f"    {shown(where, MAX_LINE)}", markup=False)
         if len(result.where) > limit:
             console.print(f"    ... {len(result.where)} in all", markup=False)
 
@@ -45,4 +49,4 @@ def guarantees_status(results: Sequence[GuaranteeResult]) -> int:
 
 def _some(texts: Sequence[str], limit: int) -> str:
     more = f"; ... {len(texts)} in all" if len(texts) > limit else ""
-    return "; ".join(texts[:limit]) + more
+    return "; ".join(shown(text, MAX_LINE) for text in texts[:limit]) + more

@@ -1,5 +1,5 @@
-"""Experiments carried out: the ledger of runs, what is measured of each, real runs, the Zenoh baseline, plots, pages.
+"""Execution of experiments: the ledger of runs, their measurements, real runs, the Zenoh baseline, plots and pages.
 
-This package decides how the sweeps that `edc_swarm.experiments` declares are flown and drawn. It imports `host`, `bus`
-and `runtime`. Open `ledger` first.
+This package decides how the sweeps that `edc_swarm.experiments` declares are executed and drawn. It imports `host`,
+`bus` and `runtime`. Open `ledger` first.
 """

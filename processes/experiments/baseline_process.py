@@ -1,10 +1,9 @@
-"""One bare Zenoh process of the baseline.
+"""One Zenoh process of the baseline, which transports messages and does nothing else.
 
-`python -m processes.experiments.baseline_process`, with `BareSettings` on standard input.
+`python -m processes.experiments.baseline_process`, with `BaselineSettings` on standard input.
 
-It does what the bus does for a slot and nothing else: at the slot's start each of K processes puts as many
-bytes as a fix has; one of them collects the puts of all others and answers each with as many bytes as a
-command has.
+In each slot the K processes repeat the traffic of the swarm: at the start of the slot each one puts as many bytes as
+a fix has. The collector waits for the puts of all others and answers each with as many bytes as a command has.
 """
 
 from __future__ import annotations
@@ -25,16 +24,16 @@ from processes.runtime.inbox import Inbox
 from processes.runtime.parent import die_with_parent
 
 FIX_BYTES, COMMAND_BYTES = 620, 380
-"""What a fix and a command take."""
+"""Sizes of a fix and of a command."""
 COLLECTOR = 0
 STAMP = struct.Struct("<qqqq")
-"""Slot, process, when it was put, when it was answered (0: it was not)."""
+"""Slot, index of the process, time of the put, time of the answer (0: none)."""
 LAST_S = 1.0
-"""Answers later than this after the last slot are lost."""
+"""Time after the last slot after which an answer counts as lost."""
 
 
-class BareSettings(Struct, frozen=True, kw_only=True):
-    """What a bare process must be told."""
+class BaselineSettings(Struct, frozen=True, kw_only=True):
+    """Settings of a baseline process."""
 
     endpoint: str
     root: str
@@ -46,27 +45,27 @@ class BareSettings(Struct, frozen=True, kw_only=True):
 
 
 class RoundTrips(Struct, frozen=True):
-    """What one process has seen: per answered slot, from put to answer sent and to answer received."""
+    """Times that one process measured per answered slot: from put to answer sent, and to answer received."""
 
     answered_ms: list[float]
     received_ms: list[float]
 
 
 @dataclass(frozen=True, slots=True)
-class _Come:
-    """Bytes from the bus and when they came."""
+class _Received:
+    """Bytes from the bus with their time of receipt."""
 
     payload: bytes
     time_ns: int
 
 
-class Bare:
-    """One of K processes; `COLLECTOR` collects and answers."""
+class BaselineProcess:
+    """One of K processes; the one with index `COLLECTOR` collects and answers."""
 
-    def __init__(self, settings: BareSettings) -> None:
+    def __init__(self, settings: BaselineSettings) -> None:
         self._settings = settings
-        self._inbox: Inbox[_Come] = Inbox()
-        self._begin: Inbox[_Come] = Inbox()
+        self._inbox: Inbox[_Received] = Inbox()
+        self._begin: Inbox[_Received] = Inbox()
         self._trips = RoundTrips([], [])
         self._collected: dict[int, list[tuple[int, int]]] = {}
         self._session = open_client(settings.endpoint)
@@ -75,9 +74,9 @@ class Bare:
         self._subscribe("put/*" if collects else f"answer/{settings.index}", self._inbox)
         self._token = self._session.liveliness().declare_token(self._key(f"alive/{settings.index}"))
 
-    def _subscribe(self, key: str, inbox: Inbox[_Come]) -> None:
+    def _subscribe(self, key: str, inbox: Inbox[_Received]) -> None:
         def take(sample: zenoh.Sample) -> None:
-            inbox.put(_Come(sample.payload.to_bytes(), time.monotonic_ns()))
+            inbox.put(_Received(sample.payload.to_bytes(), time.monotonic_ns()))
 
         self._session.declare_subscriber(self._key(key), hand_over(take), allowed_origin=zenoh.Locality.REMOTE)
 
@@ -85,7 +84,7 @@ class Bare:
         return f"{self._settings.root}/{key}"
 
     def run(self) -> None:
-        """Wait for the beginning, take part in every slot, say what was seen."""
+        """Wait for the start, take part in every slot, and publish the measured times."""
         settings = self._settings
         (begin, *_) = self._begin.wait(None)
         (begin_ns,) = struct.unpack("<q", begin.payload)
@@ -97,7 +96,7 @@ class Bare:
         put(self._session, self._key(f"seen/{settings.index}"), msgspec.json.encode(self._trips))
 
     def close(self) -> None:
-        """Leave the bus."""
+        """Close the session."""
         self._session.close()
 
     def _until(self, when_ns: int) -> None:
@@ -105,7 +104,7 @@ class Bare:
             for come in self._inbox.wait(left_ns / 1e9):
                 self._take(come)
 
-    def _take(self, come: _Come) -> None:
+    def _take(self, come: _Received) -> None:
         slot, index, put_ns, answered_ns = STAMP.unpack(come.payload[: STAMP.size])
         if self._settings.index == COLLECTOR:
             self._collect(slot, index, put_ns)
@@ -124,12 +123,12 @@ class Bare:
 
 
 def main() -> int:
-    """Take part in one measurement; its token, declared last, says that it listens. Ends with SIGTERM."""
-    settings = msgspec.json.decode(sys.stdin.buffer.read(), type=BareSettings)
+    """Take part in one measurement until SIGTERM. The liveliness token, declared last, shows that it listens."""
+    settings = msgspec.json.decode(sys.stdin.buffer.read(), type=BaselineSettings)
     die_with_parent(settings.parent)
     signal.signal(signal.SIGINT, signal.SIG_IGN)
     signal.signal(signal.SIGTERM, lambda *_: os._exit(0))
-    bare = Bare(settings)
+    bare = BaselineProcess(settings)
     bare.run()
     bare.close()
     return 0

@@ -1,4 +1,4 @@
-"""The page beside the figures: the paper's claim in one sentence, and what was found."""
+"""The HTML page of the figures, with the paper's claim and the finding for each."""
 
 from __future__ import annotations
 
@@ -7,7 +7,7 @@ from html import escape
 from typing import Any
 
 from edc_swarm.experiments.figures.catalogue import LONG, LONG_RUN, PRINTED_UAVS, TIME_FORMS, Figure
-from edc_swarm.experiments.figures.findings import Finding
+from edc_swarm.experiments.figures.findings import FigureFinding
 from edc_swarm.experiments.figures.table import Row
 from edc_swarm.experiments.sweeps import Run
 
@@ -38,13 +38,13 @@ BILL_COLUMNS = {
 
 def page(
     figures: Sequence[Figure],
-    findings: Mapping[str, Finding],
+    findings: Mapping[str, FigureFinding],
     rows: Mapping[str, Sequence[Row]],
     results: Mapping[str, Any],
     runs: Sequence[Run],
     facts: Mapping[str, str],
 ) -> str:
-    """The whole page as HTML."""
+    """Return the whole page as HTML."""
     parts = [_introduction(facts), _summary(figures, findings), _forms(results, runs)]
     parts += [_section(figure, findings[figure.name], rows[figure.name]) for figure in figures]
     if LONG_RUN.key in results:
@@ -71,7 +71,7 @@ def _introduction(facts: Mapping[str, str]) -> str:
     )
 
 
-def _summary(figures: Sequence[Figure], findings: Mapping[str, Finding]) -> str:
+def _summary(figures: Sequence[Figure], findings: Mapping[str, FigureFinding]) -> str:
     lines = "".join(
         f'<tr><td><a href="#{figure.name}">{_heading(figure)}</a></td><td>{_verdict(findings[figure.name])}</td></tr>'
         for figure in figures
@@ -79,7 +79,7 @@ def _summary(figures: Sequence[Figure], findings: Mapping[str, Finding]) -> str:
     return f"<table>{lines}</table>"
 
 
-def _verdict(finding: Finding) -> str:
+def _verdict(finding: FigureFinding) -> str:
     mark = {True: "yes", False: "no", None: ""}[finding.reproduced]
     return f'<b class="{mark}">{finding.verdict}</b>'
 
@@ -89,7 +89,7 @@ def _heading(figure: Figure) -> str:
     return escape(f"{number}{figure.title}")
 
 
-def _section(figure: Figure, finding: Finding, rows: Sequence[Row]) -> str:
+def _section(figure: Figure, finding: FigureFinding, rows: Sequence[Row]) -> str:
     name = figure.name
     claim = "The paper says" if finding.from_paper else "Asked"
     found = "".join(f"<li>{escape(sentence)}</li>" for sentence in finding.found)
@@ -118,7 +118,7 @@ def _number(value: float | None) -> str:
 
 
 def _forms(results: Mapping[str, Any], runs: Sequence[Run]) -> str:
-    """How far the two forms of the paper's model are apart where both were solved."""
+    """Return a paragraph on the difference between the two forms of the paper's model, where both were solved."""
     small = [run for run in runs if run.measure == TIME_FORMS and run.mission.uavs <= PRINTED_UAVS]
     apart_m = [results[run.key]["apart_m"] for run in small if results[run.key]["apart_m"] is not None]
     if not apart_m:
@@ -149,7 +149,9 @@ def _long(result: Mapping[str, Any]) -> str:
     )
 
 
-def _bill_cell(value: float | str) -> str:
+def _bill_cell(value: float | str | None) -> str:
+    if value is None:
+        return "-"
     return (
         value if isinstance(value, str) else f"{value:.0f}" if value >= 100 or value == int(value) else f"{value:.2f}"
     )

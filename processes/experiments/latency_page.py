@@ -1,16 +1,16 @@
-"""The page of a latency experiment: what was found, every figure, every cell."""
+"""The HTML page of a latency experiment, with its findings, every figure and every cell."""
 
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from html import escape
 
-from edc_swarm.experiments.latency.findings import Finding
+from edc_swarm.experiments.latency.findings import LatencyFinding
 from edc_swarm.experiments.latency.quantities import QUANTITIES
 from edc_swarm.experiments.latency.table import CellRow
 from edc_swarm.experiments.statistics import Estimate
 from processes.experiments.figures_page import STYLE
-from processes.experiments.zenoh_baseline import Floor
+from processes.experiments.zenoh_baseline import Baseline
 
 TITLE = "Latency experiments"
 EXTRA_STYLE = (
@@ -39,12 +39,12 @@ SHOWN = tuple(quantity for quantity in QUANTITIES if quantity.name not in {"comp
 
 def page(
     rows: Sequence[CellRow],
-    found: Sequence[Finding],
+    found: Sequence[LatencyFinding],
     notes: Sequence[str],
     figures: Mapping[str, Sequence[str]],
     facts: Mapping[str, str],
 ) -> str:
-    """The whole page as HTML. `figures` has the stems of the pictures of each quantity."""
+    """Return the whole page as HTML. `figures` has the file stems of the pictures of each quantity."""
     parts = [_introduction(facts, any(row.engine == "processes" for row in rows)), _findings(found, notes)]
     parts += [_figures(quantity.label, figures[quantity.name]) for quantity in QUANTITIES if quantity.name in figures]
     parts.append(_cells(rows))
@@ -62,13 +62,13 @@ def _introduction(facts: Mapping[str, str], real: bool) -> str:
         f" {escape(facts['machine'])}. Delay, jitter and loss are emulated in the receiving agent, above the bus, by"
         " the same seeded model in the simulator and in real processes. Means over valid runs, bands are 95 %"
         " confidence intervals (Student's t); extra distance, makespan and energy are of missions that brought every"
-        ' UAV home. Every run, with the command that flies it again, is a line of <a href="runs.jsonl">runs.jsonl</a>'
+        ' UAV home. Every run, with the command that repeats it, is a line of <a href="runs.jsonl">runs.jsonl</a>'
         f"{others};"
         ' every cell is a line of <a href="cells.csv">cells.csv</a>.</p>'
     )
 
 
-def _findings(found: Sequence[Finding], notes: Sequence[str]) -> str:
+def _findings(found: Sequence[LatencyFinding], notes: Sequence[str]) -> str:
     lines = "".join(f"<li>{MARKS[one.kept]} {escape(one.text)}</li>" for one in found)
     return f"<ul>{lines}{''.join(f'<li>{escape(note)}</li>' for note in notes)}</ul>"
 
@@ -99,7 +99,7 @@ def _cell(row: CellRow) -> str:
 
 
 def words(row: CellRow) -> list[str]:
-    """What stands below `HEADINGS` for one cell."""
+    """Return the texts below `HEADINGS` for one cell."""
     cell = row.cell
     invalid = f" ({row.invalid_runs})" if row.invalid_runs else ""
     return [
@@ -113,23 +113,23 @@ def words(row: CellRow) -> list[str]:
         f"{row.limit_slots}",
         f"{row.predicted_in_time_pct:.0f}",
         "-" if row.completed_pct is None else f"{row.completed_pct:.0f}",
-        f"{row.potential_collisions}",
-        f"{row.true_collisions}",
+        "-" if row.potential_collisions is None else f"{row.potential_collisions}",
+        "-" if row.true_collisions is None else f"{row.true_collisions}",
         "-" if row.min_disc_gap_m is None else f"{row.min_disc_gap_m:.3f}",
         f"{row.terms:.1f}",
-        f"{row.ticks_late_pct:.2f}",
+        "-" if row.ticks_late_pct is None else f"{row.ticks_late_pct:.2f}",
     ]
 
 
-def floor_notes(floor: Floor | None) -> list[str]:
-    """The floor in a sentence, if it was measured."""
-    if floor is None:
+def baseline_notes(baseline: Baseline | None) -> list[str]:
+    """Return the baseline in a sentence, if it was measured."""
+    if baseline is None:
         return []
-    answer, trip = floor.put_to_answer_ms, floor.round_trip_ms
+    answer, trip = baseline.put_to_answer_ms, baseline.round_trip_ms
     return [
-        f"Bare Zenoh, {floor.uavs} processes, one of which collects and answers, through the same router: from put to"
-        f" answer {answer.p50:.2f} ms (median; 99 %: {answer.p99:.2f} ms), round trip {trip.p50:.2f} ms"
-        f" ({trip.p99:.2f} ms), {floor.lost} lost."
+        f"Zenoh baseline, {baseline.uavs} processes, one of which collects and answers, through the same router: from"
+        f" put to answer {answer.p50:.2f} ms (median; 99 %: {answer.p99:.2f} ms), round trip {trip.p50:.2f} ms"
+        f" ({trip.p99:.2f} ms), {baseline.lost} lost."
     ]
 
 

@@ -1,7 +1,7 @@
-"""Drawing latency experiments: a panel for each jitter and number of UAVs, means with their 95 % bands.
+"""Plots of latency experiments: a panel for each jitter and number of UAVs, with means and 95 % bands.
 
-The simulator's lines are whole and their markers full; those of real processes are dashed, with rings. A
-dotted line stands where two delays fill a slot. The title says by whom, how often and with which slot.
+Lines of the simulator are solid with filled markers; those of real processes are dashed with hollow markers. A
+dotted line marks the delay at which two delays fill a slot. The title gives engine, slot and missions per point.
 """
 
 from __future__ import annotations
@@ -19,16 +19,16 @@ Axis = Literal["delay_ms", "loss"]
 PANEL_IN = (2.7, 2.2)
 LEGEND_IN = 0.8
 CHARACTER_IN, HANDLE_IN = 0.075, 0.6
-"""Width of a character of the legend, and of what stands before a label."""
+"""Width of a character of the legend, and of the handle before a label."""
 LEAST_OF_MEAN = 0.1
-"""On a logarithmic axis a band ends at this part of its mean."""
+"""Lower end of a band on a logarithmic axis, as a share of its mean."""
 COLOURS = ("#0072B2", "#E69F00", "#009E73", "#CC79A7", "#D55E00", "#56B4E9", "#000000", "#999999")
 """M. Okabe, K. Ito, "Color Universal Design", 2008."""
 MARKERS = "osD^vP*X"
 LABELS: dict[Axis, str] = {"delay_ms": "Delay [ms]", "loss": "Loss [%]"}
 OTHER: dict[Axis, Axis] = {"delay_ms": "loss", "loss": "delay_ms"}
 SMALL: Any = {"svg.fonttype": "none", "font.sans-serif": ["DejaVu Sans", "Verdana", "sans-serif"]}
-"""Words are words in the SVG files, not outlines: half the size, for the repository."""
+"""Settings that keep text in SVG files as text, not as outlines, which halves their size."""
 DASHES = {"sim": "-", "processes": "--"}
 ENGINES = {"sim": "simulated", "processes": "real processes"}
 HOLDS = "two delays fill the slot"

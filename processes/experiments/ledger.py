@@ -1,9 +1,8 @@
-"""Making a declared sweep: in parallel, with progress, and going on where a killed one stopped.
+"""Execution of a declared sweep: in parallel, with progress, and resumable after a kill.
 
-Results are one JSON line per run in `runs.jsonl` of the sweep's folder, written when the run is over;
-whoever reads them needs nothing else. A line that was torn by a kill is made again, and so is one
-that other code has made. Runs whose result is a time are made one after the other on this machine,
-when all others are done.
+The ledger writes one JSON line per finished run to `runs.jsonl` in the sweep's folder; readers need no other file. A
+sweep repeats a run if a kill tore its line, or if other code wrote it. Runs whose result is a time execute last, one
+after the other, on this machine.
 """
 
 from __future__ import annotations
@@ -43,24 +42,24 @@ RUNS_FILE = "runs.jsonl"
 MAX_LINE_BYTES = 16 << 20
 MAX_JOBS = 1024
 IN_FLIGHT = 4
-"""Runs given to each worker ahead of time."""
+"""Runs that are queued for each worker."""
 CONNECT_S = 5.0
 OWN = frozenset({"edc_swarm", "processes"})
 PACKAGES = ("numpy", "scipy", "numba", "osqp")
-DECIDE_NO_RESULT = ("experiments", "report_page", "viz")
-"""Packages of the library that declare runs, judge results or show them, and decide none."""
+RESULT_NEUTRAL_PACKAGES = ("experiments", "report_page", "viz")
+"""Packages of the library that cannot change a result: they declare runs, judge results or display them."""
 MEASURES = "processes.experiments.measures"
-"""Module with the measurements that are named without a module."""
+"""Module of the measurements whose names have no module."""
 MEASURING = ("measures.py", "timed_planner.py")
-"""Files beside this one that decide results."""
+"""Files of this package that can change a result."""
 
 
 class SweepError(SwarmError):
-    """A run of a sweep cannot be made; what was made before is kept."""
+    """A run of a sweep failed; the ledger keeps the results so far."""
 
 
 class Line(Struct, kw_only=True):
-    """One run in the file of results."""
+    """The line of one run in the file of results."""
 
     key: str
     command: str
@@ -70,14 +69,14 @@ class Line(Struct, kw_only=True):
 
 
 class Ledger:
-    """The results of a sweep in a folder, held by one process at a time.
+    """The results of a sweep in a folder, locked by one process at a time.
 
     Attributes
     ----------
     results
-        By key, those of the present code.
+        Results of the present code, by key.
     outdated
-        Number of lines that other code has made.
+        Number of lines from other code.
     """
 
     def __init__(self, folder: Path, code: str | None = None) -> None:
@@ -93,12 +92,12 @@ class Ledger:
     def __exit__(
         self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
     ) -> None:
-        with suppress(OSError):  # On a full disk it tries once more to write what `add` has complained of.
+        with suppress(OSError):  # On a full disk `close` raises the error of `add` again.
             self._file.close()
 
     def add(self, run: Run, result: Any, cpu_s: float) -> None:
-        """Keep a result; it is on disk when this returns, as far as a killed process is concerned."""
-        code = self.code + strangers_fingerprint(run.key)
+        """Write a result. When this returns, the result survives the death of the process."""
+        code = self.code + user_code_digest(run.key)
         line = Line(key=run.key, command=run.command, code=code, cpu_s=round(cpu_s, 3), result=result)
         try:
             self._file.write(msgspec.json.encode(line) + b"\n")
@@ -113,7 +112,7 @@ class Ledger:
             whole = raw.endswith(b"\n")
             try:
                 line = decoder.decode(raw)
-                code = self.code + strangers_fingerprint(line.key)
+                code = self.code + user_code_digest(line.key)
             except (msgspec.DecodeError, UnicodeDecodeError):
                 continue
             if line.code == code:
@@ -125,7 +124,7 @@ class Ledger:
 
 
 def _claimed(folder: Path) -> BinaryIO:
-    """The file of results, open at its beginning for reading, appending, and nobody else."""
+    """Return the file of results, locked, and open at its beginning for reading and appending."""
     try:
         folder.mkdir(parents=True, exist_ok=True)
         if not (folder / RUNS_FILE).exists() and any(folder.iterdir()):
@@ -151,11 +150,11 @@ def _lock(file: BinaryIO) -> None:
 
 @lru_cache(maxsize=1)
 def code_fingerprint() -> str:
-    """What decides results: the library's and the measures' source, and the versions below them."""
+    """Return a digest of everything that can change a result: sources of library and measures, package versions."""
     library = Path(edc_swarm.__file__).parent
     digest = hashlib.sha256("".join(f"{name}={version(name)};" for name in PACKAGES).encode())
     for path in sorted(library.rglob("*.py")):
-        if path.relative_to(library).parts[0] not in DECIDE_NO_RESULT:
+        if path.relative_to(library).parts[0] not in RESULT_NEUTRAL_PACKAGES:
             digest.update(path.read_bytes())
     for name in MEASURING:
         digest.update((Path(__file__).parent / name).read_bytes())
@@ -163,12 +162,12 @@ def code_fingerprint() -> str:
 
 
 def code_of(run: Run) -> str:
-    """What decides the result of `run`."""
-    return code_fingerprint() + strangers_fingerprint(run.key)
+    """Return the digest of all code that can change the result of `run`."""
+    return code_fingerprint() + user_code_digest(run.key)
 
 
-def strangers_fingerprint(key: str) -> str:
-    """What decides the result of the run with this key besides: the files of a user's measure and planner."""
+def user_code_digest(key: str) -> str:
+    """Return the digest of the user's own files for the run with this key: its measure and its planner."""
     measure, _, fields = key.partition(" ")
     names = (measure, str(msgspec.json.decode(fields or "{}").get("planner", "")))
     modules = {name.partition(":")[0] for name in names if ":" in name}
@@ -188,20 +187,20 @@ def _file_digest(module: str) -> str:
 
 
 class Scheduler(Protocol):
-    """Makes runs somewhere."""
+    """An executor of runs."""
 
     def results(self, runs: Sequence[Run]) -> Iterator[tuple[Run, Any, float]]:
-        """Each run with its result and the processor time it took, in the order in which they end."""
+        """Yield each run with its result and its processor time, in the order in which runs end."""
         ...
 
 
 def sweep(runs: Iterable[Run], ledger: Ledger, scheduler: Scheduler, title: str = "sweep") -> dict[str, Any]:
-    """Make all runs that `ledger` does not hold yet; the results of all, by key.
+    """Execute all runs that `ledger` does not hold yet, and return the results of all runs by key.
 
     Raises
     ------
     SweepError
-        A run failed; its command is in the error.
+        A run failed; the error contains its command.
     """
     wanted = {run.key: run for run in runs}
     missing = [run for key, run in wanted.items() if key not in ledger.results]
@@ -218,15 +217,15 @@ def sweep(runs: Iterable[Run], ledger: Ledger, scheduler: Scheduler, title: str 
 
 
 def make(run: Run, code: str) -> tuple[Any, float]:
-    """Make one run, in whatever process; its result and the processor time it took.
+    """Execute one run in this process, and return its result and its processor time.
 
     Raises
     ------
     SweepError
-        The run failed, or this process has other code than the sweep.
+        The run failed, or the code of this process differs from that of the sweep.
     """
     if code != (own := code_of(run)):
-        raise SweepError(f"a worker has another version of edc-swarm, or of what is flown ({own}, not {code})")
+        raise SweepError(f"a worker has another version of edc-swarm, or of the user's code ({own}, not {code})")
     module, _, function = run.measure.rpartition(":")
     measure: Callable[..., Any] = getattr(importlib.import_module(module or MEASURES), function)
     begun_s = time.process_time()
@@ -238,7 +237,7 @@ def make(run: Run, code: str) -> tuple[Any, float]:
 
 
 class Local:
-    """Processes on this machine; with one job, this very process."""
+    """Scheduler with worker processes on this machine, or with this process itself for one job."""
 
     def __init__(self, jobs: int) -> None:
         self._jobs = jobs
@@ -255,7 +254,7 @@ class Local:
             try:
                 yield from _windowed(lambda run: _submitted(pool, run), runs, jobs * IN_FLIGHT)
             except BrokenProcessPool:
-                raise SweepError("a worker process died (out of memory?); run it again to go on") from None
+                raise SweepError("a worker process died (out of memory?); run the command again to resume") from None
             except BaseException:
                 _end(pool, set(multiprocessing.active_children()) - before)
                 raise
@@ -264,7 +263,7 @@ class Local:
 def _windowed(
     submit: Callable[[Run], Future[tuple[Any, float]]], runs: Sequence[Run], window: int
 ) -> Iterator[tuple[Run, Any, float]]:
-    """Results as they come, with at most `window` runs under way."""
+    """Yield results in the order of completion, with at most `window` runs in progress."""
     waiting = iter(runs)
     pending = {submit(run): run for run in islice(waiting, window)}
     while pending:
@@ -275,13 +274,13 @@ def _windowed(
 
 
 def _submitted(pool: ProcessPoolExecutor, run: Run) -> Future[tuple[Any, float]]:
-    with interrupt_held_back():
+    with sigint_blocked():
         return pool.submit(make, run, code_of(run))
 
 
 @contextmanager
-def interrupt_held_back() -> Iterator[None]:
-    """Hold Ctrl-C back: workers that are started meanwhile inherit that, and are deaf to it from their first moment."""
+def sigint_blocked() -> Iterator[None]:
+    """Block SIGINT in this context, so that workers that start in it inherit the block from their first moment."""
     before = signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGINT})
     try:
         yield
@@ -290,19 +289,19 @@ def interrupt_held_back() -> Iterator[None]:
 
 
 def begin_worker(parent_pid: int) -> None:
-    """End with the command, which alone hears Ctrl-C."""
+    """Prepare a worker: it ends with the command, which alone receives Ctrl-C."""
     die_with_parent(parent_pid)
 
 
 def _end(pool: ProcessPoolExecutor, workers: Iterable[BaseProcess]) -> None:
-    """Do not wait for runs that nobody wants any more."""
+    """Terminate the workers without waiting for their current runs."""
     pool.shutdown(wait=False, cancel_futures=True)
     for worker in workers:
         worker.kill()
 
 
 class Dask:
-    """A Dask cluster (extra `cluster`), whose workers have the same edc-swarm installed."""
+    """Scheduler on a Dask cluster (extra `cluster`), whose workers have the same edc-swarm installed."""
 
     def __init__(self, client: Any) -> None:
         self._client = client
@@ -331,12 +330,12 @@ class Dask:
 
 @contextmanager
 def open_scheduler(address: str | None, jobs: int | None) -> Iterator[Scheduler]:
-    """Local processes, or the Dask cluster at `address`.
+    """Yield a scheduler: local processes, or the Dask cluster at `address`.
 
     Raises
     ------
     InputError
-        A number of jobs that makes no sense, or a scheduler that does not answer.
+        The number of jobs is out of range, or the Dask scheduler does not answer.
     """
     if jobs is not None and not 1 <= jobs <= MAX_JOBS:
         raise InputError("--jobs", jobs, f"between 1 and {MAX_JOBS}")

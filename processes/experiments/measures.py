@@ -1,7 +1,7 @@
-"""What sweeps measure: functions from a mission to plain data, run in worker processes.
+"""Measurements of sweeps: functions from a mission to plain data, which worker processes call.
 
-A `Run` names its function, so any process on any machine finds it. Everything is computed from the recording that
-the simulator made; nothing is written.
+A `Run` names its function, so any process on any machine finds it. Each function computes its data from a simulated
+recording in memory and writes no file.
 """
 
 from __future__ import annotations
@@ -18,7 +18,7 @@ from edc_swarm.analysis.latency_sample import sample_of
 from edc_swarm.analysis.metrics import Timing, columns_of, compute_metrics
 from edc_swarm.emulation.energy import compute_energy_j
 from edc_swarm.geometry import length_m
-from edc_swarm.mission.configuration import Mission
+from edc_swarm.mission.configuration import ARRIVED_M, Mission
 from edc_swarm.mission.roster import complete_mission
 from edc_swarm.planner.paper import horizon_program, solve_horizon
 from edc_swarm.planner.registry import make_planner, warm_up
@@ -40,13 +40,13 @@ OF_THE_PATH = (
     "energy_propulsion_j",
     "energy_straight_j",
 )
-"""Metrics that need no agents."""
+"""Metrics that are defined without agents."""
 MAX_TRACE = 200
-"""Points that are kept of a battery's course."""
+"""Most points of a battery's time series."""
 
 
 def simulate(mission: Mission) -> tuple[Recording, list[Timing]]:
-    """Fly a mission in the simulator; its recording, and the measured plan times."""
+    """Simulate a mission, and return its recording and the measured plan times."""
     _warm_up(mission.planner)
     message = mission_message(complete_mission(mission))
     said, timings = list[Message](), list[Timing]()
@@ -55,21 +55,21 @@ def simulate(mission: Mission) -> tuple[Recording, list[Timing]]:
 
 
 def fly(mission: Mission) -> dict[str, Any]:
-    """All metrics of a simulated mission."""
+    """Return all metrics of a simulated mission."""
     recording, timings = simulate(mission)
     metrics: dict[str, Any] = msgspec.to_builtins(compute_metrics(recording, timings))
     return metrics
 
 
 def fly_latency(mission: Mission) -> dict[str, Any]:
-    """What is measured of a mission of a latency experiment."""
+    """Return the measurements of a simulated mission of a latency experiment."""
     recording, _ = simulate(mission)
     sample: dict[str, Any] = msgspec.to_builtins(sample_of(recording))
     return sample
 
 
 def fly_plan(mission: Mission) -> dict[str, Any]:
-    """What is decided by a planner's path alone, flown without agents: the same numbers as `fly` gives."""
+    """Return the metrics that follow from a planner's paths alone, without agents; they equal those of `fly`."""
     _warm_up(mission.planner)
     message = mission_message(complete_mission(mission))
     path_m, _ = closed_loop(message, make_planner(message.planner, message))
@@ -78,7 +78,7 @@ def fly_plan(mission: Mission) -> dict[str, Any]:
 
 
 def fly_long(mission: Mission) -> dict[str, Any]:
-    """Metrics of a mission, with every UAV's energy bill and the course of its battery."""
+    """Return the metrics of a mission, with the energy bill and the battery's time series of every UAV."""
     recording, timings = simulate(mission)
     columns = columns_of(recording, timings)
     every = max(1, len(columns.time_s) // MAX_TRACE)
@@ -96,14 +96,16 @@ def fly_long(mission: Mission) -> dict[str, Any]:
 
 
 def time_plans(mission: Mission) -> dict[str, Any]:
-    """Wall time of planning a mission slot by slot, on this machine, without agents."""
+    """Return the wall time of planning a mission slot by slot on this machine, without agents."""
     _warm_up(mission.planner)
     whole = complete_mission(mission)
     planner = make_planner(whole.planner, whole, time.perf_counter_ns)
-    _, plans = closed_loop(whole, planner)
+    path_m, plans = closed_loop(whole, planner)
+    target_m = np.array([(entry.target_x_m, entry.target_y_m) for entry in whole.roster])
     times_s = np.array([plan.guidance_ms + plan.assemble_ms + plan.solve_ms for plan in plans]) / 1e3
     return {
         "slots": len(plans),
+        "completed": bool((length_m(path_m[-1] - target_m) <= ARRIVED_M).all()),
         "total_s": float(times_s.sum()),
         "median_s": float(np.median(times_s)),
         "max_s": float(times_s.max()),
@@ -112,7 +114,7 @@ def time_plans(mission: Mission) -> dict[str, Any]:
 
 
 def time_forms(mission: Mission) -> dict[str, Any]:
-    """Wall time of one solution of the paper's model in both forms, and how far they are apart."""
+    """Return the wall time of one solution of the paper's model in both forms, and the distance between their paths."""
     whole = complete_mission(mission)
     start_m = np.array([(entry.start_x_m, entry.start_y_m) for entry in whole.roster])
     target_m = np.array([(entry.target_x_m, entry.target_y_m) for entry in whole.roster])
@@ -134,5 +136,5 @@ def time_forms(mission: Mission) -> dict[str, Any]:
 
 @lru_cache(maxsize=16)
 def _warm_up(planner: str) -> None:
-    """Import and compile before anything is timed."""
+    """Import and compile the planner, so that no measured time contains it."""
     warm_up(Mission(planner=planner))

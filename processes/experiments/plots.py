@@ -1,7 +1,7 @@
-"""Drawing figures with matplotlib (extra `plots`): PNG and SVG, for print and for the colour-blind.
+"""Plots of figures with matplotlib (extra `plots`) as PNG and SVG, for print and for colour-blind readers.
 
-Colours are those of M. Okabe and K. Ito, "Color Universal Design", 2008; markers and dashes tell the
-lines apart without them.
+Colours are those of M. Okabe and K. Ito, "Color Universal Design", 2008; markers and dashes distinguish the lines
+without colour.
 """
 
 from __future__ import annotations
@@ -19,11 +19,11 @@ from edc_swarm.experiments.figures.table import Row, line
 SIZE_IN = (5.4, 4.1)
 DPI = 200
 BAND_SHARE = 1.6
-"""Bands wider than this share of the greatest mean are cut off."""
+"""Width of a band, as a share of the greatest mean, above which the plot cuts it off."""
 LOG_BAND = 2.5
-ZERO = 1e-6
+NEGLIGIBLE = 1e-6
 HOLLOW = {"straight", "bound"}
-"""Lines that others may cover: their markers are rings around the others'."""
+"""Lines that others may cover; their hollow markers stay visible around those of the others."""
 STYLES: dict[str, tuple[str, str, str]] = {
     "straight": ("#D55E00", "s", "--"),
     "bound": ("#000000", "", ":"),
@@ -50,7 +50,7 @@ RC: Any = {
 
 
 def check_plots() -> None:
-    """Raise `InputError` unless matplotlib is there."""
+    """Raise `InputError` unless matplotlib is installed."""
     try:
         import matplotlib as mpl  # noqa: PLC0415 - an extra
     except ImportError:
@@ -59,7 +59,7 @@ def check_plots() -> None:
 
 
 def draw_figure(figure: Figure, rows: Sequence[Row], stem: Path) -> None:
-    """Write `stem`.png and `stem`.svg: means with their 95 % bands."""
+    """Write the figure to `stem`.png and `stem`.svg, with means and 95 % bands."""
     from matplotlib import pyplot as plt  # noqa: PLC0415 - an extra
 
     with plt.rc_context(RC):
@@ -90,13 +90,13 @@ def _finish_axes(axes: Any, figure: Figure, rows: Sequence[Row]) -> None:
 
 
 def _limit(axes: Any, figure: Figure, means: Sequence[float]) -> None:
-    """Show all means, and of very wide bands only a part."""
+    """Set the range of the axis: all means are visible, and very wide bands are cut off."""
     least, most = min(means), max(means)
     low, high = axes.get_ylim()
     if figure.logarithmic:
         axes.set_yscale("log")
         axes.set_ylim(least / LOG_BAND, most * LOG_BAND)
-    elif least < -ZERO:
+    elif least < -NEGLIGIBLE:
         axes.axhline(0, color="#000000", linewidth=0.8)
         reach = BAND_SHARE * max(abs(least), most)
         axes.set_ylim(max(low, -reach), min(high, reach))
@@ -105,7 +105,7 @@ def _limit(axes: Any, figure: Figure, means: Sequence[float]) -> None:
 
 
 def draw_heads(result: Mapping[str, Any], stem: Path) -> None:
-    """Write a picture of a long mission: every battery beside their mean, and who led when."""
+    """Write a figure of a long mission: the heads over time, and every battery relative to their mean."""
     from matplotlib import pyplot as plt  # noqa: PLC0415 - an extra
 
     uavs = [bill["uav"] for bill in result["bills"]]
@@ -128,7 +128,7 @@ def draw_heads(result: Mapping[str, Any], stem: Path) -> None:
             )
         above.set_ylabel("Battery above the\nswarm's mean [kJ]")
         above.set_title(
-            "Election by energy: who led when, and all batteries (grey: never led)", fontsize=10, loc="left"
+            "Election by energy: heads over time, and all batteries (grey: never head)", fontsize=10, loc="left"
         )
         for head in heads:
             begin_s = head["first_slot"] * result["dt_s"]
@@ -142,7 +142,7 @@ def draw_heads(result: Mapping[str, Any], stem: Path) -> None:
 
 
 def save(picture: Any, stem: Path) -> None:
-    """Write `stem`.png and `stem`.svg."""
+    """Write a picture to `stem`.png and `stem`.svg."""
     from matplotlib import pyplot as plt  # noqa: PLC0415 - an extra
 
     picture.savefig(stem.with_suffix(".png"), dpi=DPI)

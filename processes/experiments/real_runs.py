@@ -1,4 +1,4 @@
-"""Runs of a sweep with real processes: one mission at a time, every recording kept."""
+"""Runs of a sweep with real processes, one mission at a time, with every recording kept."""
 
 from __future__ import annotations
 
@@ -19,19 +19,21 @@ from edc_swarm.experiments.sweeps import Run
 from edc_swarm.mission.roster import complete_mission
 from edc_swarm.recording.reader import read_recording
 from processes.experiments.ledger import SweepError, code_fingerprint
-from processes.host.launcher import Launcher, RunReport, View
+from processes.host.launcher import Launcher
+from processes.host.run_report import RunReport
+from processes.host.run_setup import View
 from processes.runtime.children import PartEndedError
 from processes.runtime.console import note
 from processes.runtime.limits import make_room
 from processes.runtime.output import SUFFIX, Output
 
-DECIDE_NO_RESULT = ("cli", "experiments")
-"""Packages of `processes` that have no part in a flight."""
+RESULT_NEUTRAL_PACKAGES = ("cli", "experiments")
+"""Packages of `processes` that cannot change the result of a mission."""
 SIGNALS = (signal.SIGINT, signal.SIGTERM, signal.SIGHUP)
 
 
 class Launched:
-    """A scheduler (`processes.experiments.ledger.Scheduler`) that flies every run as `edc-swarm run` does."""
+    """A scheduler (`processes.experiments.ledger.Scheduler`) that executes every run as `edc-swarm run` does."""
 
     def __init__(self, folder: Path) -> None:
         self._folder = folder
@@ -42,11 +44,11 @@ class Launched:
         Raises
         ------
         SweepError
-            A mission could not be flown.
+            A mission could not be executed.
         PartEndedError
-            A process that a mission needs has ended.
+            A process that the mission needs ended.
         KeyboardInterrupt
-            Ctrl-C, when all processes have ended.
+            Ctrl-C, raised after all processes have ended.
         """
         for run in runs:
             begun_s = time.process_time()
@@ -54,7 +56,7 @@ class Launched:
 
 
 def fly(run: Run, folder: Path) -> dict[str, Any]:
-    """What is measured of a mission flown by real processes; its recording is kept in `folder`."""
+    """Execute a mission with real processes, keep its recording in `folder`, and return the measurements."""
     path = folder / (run_name(run.mission) + SUFFIX)
     report = _launch(run, path)
     for text in report.notes:
@@ -82,7 +84,7 @@ def _launch(run: Run, path: Path) -> RunReport:
 
 @contextmanager
 def _signals_kept() -> Iterator[None]:
-    """What the launcher does to signals is undone when it is over."""
+    """Restore the signal handlers that the launcher replaces in this context."""
     before = {number: signal.getsignal(number) for number in SIGNALS}
     try:
         yield
@@ -93,11 +95,11 @@ def _signals_kept() -> Iterator[None]:
 
 @lru_cache(maxsize=1)
 def launched_fingerprint() -> str:
-    """What decides results of real processes: the library and the processes."""
+    """Return a digest of everything that can change the results of real processes: library and processes."""
     digest = hashlib.sha256(code_fingerprint().encode())
     processes = Path(__file__).parents[1]
     for path in sorted(processes.rglob("*.py")):
-        if path.relative_to(processes).parts[0] not in DECIDE_NO_RESULT:
+        if path.relative_to(processes).parts[0] not in RESULT_NEUTRAL_PACKAGES:
             digest.update(path.read_bytes())
     digest.update(Path(__file__).read_bytes())
     return digest.hexdigest()[:16]

@@ -1,4 +1,4 @@
-"""A planner with a stopwatch, for simulated runs."""
+"""A planner that measures its plan times, for simulated runs."""
 
 from __future__ import annotations
 
@@ -11,14 +11,14 @@ from edc_swarm.planner.registry import make_planner
 
 
 class TimedPlanner:
-    """A planner whose times go into a list, not into its plans: recordings of `sim` have none."""
+    """A planner that keeps its plan times in a list, not in its plans, since simulated recordings must lack them."""
 
     def __init__(self, mission: Mission, timings: list[Timing]) -> None:
         self._planner: Planner = make_planner(mission.planner, mission, time.perf_counter_ns)
         self._timings = timings
 
     def plan(self, request: PlanRequest) -> Plan:
-        """Plan as the planner does, in no time."""
+        """Return the plan of the wrapped planner with a plan time of 0."""
         start_ns = time.perf_counter_ns()
         plan = self._planner.plan(request)
         self._timings.append(

@@ -1,4 +1,4 @@
-"""The floor: how fast bare Zenoh processes with the swarm's fan-in and fan-out are, through the same router."""
+"""The Zenoh baseline: latency of plain Zenoh processes with the swarm's fan-in and fan-out, through the same router."""
 
 from __future__ import annotations
 
@@ -21,21 +21,21 @@ from edc_swarm.analysis.metrics import Quantiles
 from edc_swarm.errors import SwarmError
 from processes.bus.address import connect_endpoint, free_endpoint
 from processes.bus.session import hand_over, open_client, put
-from processes.experiments.baseline_process import LAST_S, BareSettings, RoundTrips
+from processes.experiments.baseline_process import LAST_S, BaselineSettings, RoundTrips
 from processes.runtime.children import Child, ChildExited, ChildReady
 from processes.runtime.inbox import Inbox
 
 BEGIN_AHEAD_NS = 300_000_000
-START_TIMEOUT_S = 60.0
+BASELINE_START_TIMEOUT_S = 60.0
 END_TIMEOUT_S = 1.0
 
 
-class Floor(Struct, frozen=True):
-    """What was measured, over all slots and all processes but the collector.
+class Baseline(Struct, frozen=True):
+    """The measured latencies, over all slots and all processes except the collector.
 
-    `put_to_answer_ms`: from a put until the answer to it is sent, when all puts are in; that is what
-    `fix_to_command_ms` is for the swarm. `round_trip_ms`: until the answer is received. `lost`: puts
-    without an answer.
+    `put_to_answer_ms` is the time from a put to the sending of its answer, which the collector does when it has all
+    puts; it corresponds to `fix_to_command_ms` of the swarm. `round_trip_ms` is the time from a put to the receipt of
+    the answer. `lost` is the number of puts without an answer.
     """
 
     uavs: int
@@ -45,29 +45,29 @@ class Floor(Struct, frozen=True):
     lost: int
 
 
-def measure_floor(uavs: int, slot_s: float, slots: int) -> Floor:
-    """Have `uavs` bare processes talk for `slots` slots; afterwards none is left.
+def measure_baseline(uavs: int, slot_s: float, slots: int) -> Baseline:
+    """Measure the baseline with `uavs` processes over `slots` slots, and end all processes afterwards.
 
     Raises
     ------
     SwarmError
-        A process did not start or said nothing.
+        A process did not start or sent no results.
     """
     with ExitStack() as stack:
-        log = Path(stack.enter_context(tempfile.TemporaryDirectory())) / "floor.log"
+        log = Path(stack.enter_context(tempfile.TemporaryDirectory())) / "baseline.log"
         measurement = _Measurement(log, stack)
         return measurement.measure(uavs, slot_s, slots)
 
 
 @dataclass(frozen=True, slots=True)
 class _Alive:
-    """A bare process listens."""
+    """The news that a baseline process listens."""
 
     index: str
 
 
 class _Measurement:
-    """Router, processes and a session that tells them to begin."""
+    """One measurement: router, processes, and a session that starts them."""
 
     def __init__(self, log: Path, stack: ExitStack) -> None:
         self._log, self._stack = log, stack
@@ -75,12 +75,12 @@ class _Measurement:
         self._root = f"floor/{secrets.token_hex(4)}"
         self._endpoint = free_endpoint()
 
-    def measure(self, uavs: int, slot_s: float, slots: int) -> Floor:
+    def measure(self, uavs: int, slot_s: float, slots: int) -> Baseline:
         self._spawn("router", "processes.services.router", [self._endpoint, str(os.getpid())], None)
         self._await({"router"}, lambda news: news.name if isinstance(news, ChildReady) else "")
         session = self._session()
         for index in range(uavs):
-            settings = BareSettings(
+            settings = BaselineSettings(
                 endpoint=connect_endpoint(self._endpoint),
                 root=self._root,
                 index=index,
@@ -92,7 +92,7 @@ class _Measurement:
             self._spawn(f"bare-{index}", "processes.experiments.baseline_process", [], msgspec.json.encode(settings))
         self._await({str(index) for index in range(uavs)}, lambda news: news.index if isinstance(news, _Alive) else "")
         put(session, f"{self._root}/begin", struct.pack("<q", time.monotonic_ns() + BEGIN_AHEAD_NS))
-        return _floor(uavs, slots, self._await_seen(uavs, slots * slot_s + LAST_S))
+        return _baseline_of(uavs, slots, self._await_seen(uavs, slots * slot_s + LAST_S))
 
     def _session(self) -> zenoh.Session:
         session = open_client(connect_endpoint(self._endpoint))
@@ -113,16 +113,16 @@ class _Measurement:
         self._stack.callback(child.end, END_TIMEOUT_S)
 
     def _await(self, names: set[str], name_of: Callable[[object], str]) -> None:
-        """Wait for the news that each of `names` is there."""
-        until_s = time.monotonic() + START_TIMEOUT_S
+        """Wait for news of each of `names`."""
+        until_s = time.monotonic() + BASELINE_START_TIMEOUT_S
         while names:
             for news in self._next(until_s):
                 names -= {name_of(news)}
                 if isinstance(news, ChildExited):
-                    raise SwarmError(f"the floor's {news.name} ended: {self._log.read_text(errors='replace')[-500:]}")
+                    raise SwarmError(f"baseline {news.name} ended: {self._log.read_text(errors='replace')[-500:]}")
 
     def _await_seen(self, uavs: int, within_s: float) -> list[RoundTrips]:
-        until_s, seen = time.monotonic() + within_s + START_TIMEOUT_S, list[RoundTrips]()
+        until_s, seen = time.monotonic() + within_s + BASELINE_START_TIMEOUT_S, list[RoundTrips]()
         while len(seen) < uavs:
             seen += [news for news in self._next(until_s) if isinstance(news, RoundTrips)]
         return seen
@@ -130,15 +130,16 @@ class _Measurement:
     def _next(self, until_s: float) -> list[object]:
         news = self._news.wait(until_s - time.monotonic())
         if not news:
-            raise SwarmError("waited in vain for the bare processes of the floor")
+            raise SwarmError(f"the baseline processes sent nothing within {BASELINE_START_TIMEOUT_S:g} s")
+
         return news
 
 
-def _floor(uavs: int, slots: int, seen: Sequence[RoundTrips]) -> Floor:
+def _baseline_of(uavs: int, slots: int, seen: Sequence[RoundTrips]) -> Baseline:
     answered_ms = [value for trips in seen for value in trips.answered_ms]
     received_ms = [value for trips in seen for value in trips.received_ms]
     lost = (uavs - 1) * slots - len(received_ms)
-    return Floor(uavs, slots, _quantiles(answered_ms), _quantiles(received_ms), lost)
+    return Baseline(uavs, slots, _quantiles(answered_ms), _quantiles(received_ms), lost)
 
 
 def _quantiles(values: Sequence[float]) -> Quantiles:

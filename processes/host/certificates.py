@@ -1,8 +1,8 @@
 """Certificates of a swarm: one authority, one certificate per UAV and per role.
 
-The common name is the id or the role, and nothing else: the router's rules go by it. The
-authority's key is never written, so nobody can make further certificates; a swarm that grows gets a
-new folder. Nothing cryptographic is ours: keys and signatures are made by `cryptography`.
+The common name is the id or the role, and nothing else: the router's rules refer to it. The
+authority's key is never written, so it signs no further certificates; a swarm that grows gets a
+new folder. The package `cryptography` makes all keys and signatures.
 """
 
 from __future__ import annotations
@@ -26,10 +26,10 @@ from processes.runtime.output import unwritten
 
 DAYS = 30
 MAX_DAYS = 825
-"""The longest that common verifiers accept."""
+"""Longest validity that common verifiers accept."""
 LOCAL_HOSTS = ("localhost", "127.0.0.1", "::1")
 EARLIER = timedelta(minutes=5)
-"""A certificate is valid already on a host whose clock is behind by so much."""
+"""Start of the validity before now: a host whose clock is behind by less accepts the certificate."""
 
 Key = ec.EllipticCurvePrivateKey
 
@@ -37,12 +37,12 @@ Key = ec.EllipticCurvePrivateKey
 def write_certificates(
     folder: Path, uavs: Sequence[str], *, hosts: Sequence[str] = (), days: int = DAYS, force: bool = False
 ) -> None:
-    """Make `folder` with the certificates of a swarm; `hosts` are the names and addresses of its router.
+    """Write the certificates of a swarm into `folder`; `hosts` are the names and addresses of its router.
 
     Raises
     ------
     InputError
-        There are certificates already and `force` is not given, or the folder cannot be written.
+        The folder has files already and `force` is not given, or the folder cannot be written.
     """
     try:
         folder.mkdir(mode=0o700, parents=True, exist_ok=True)
@@ -94,7 +94,7 @@ def _authority(key: Key, lifetime: timedelta) -> x509.Certificate:
 
 
 def _for_use(builder: x509.CertificateBuilder, name: str, hosts: Sequence[str]) -> x509.CertificateBuilder:
-    """All may connect; only the router may be connected to, at its hosts."""
+    """Add the uses of a certificate: every name may be a client, only the router a server, at its hosts."""
     uses = [ExtendedKeyUsageOID.CLIENT_AUTH]
     if name == ROUTER:
         uses.append(ExtendedKeyUsageOID.SERVER_AUTH)
@@ -112,7 +112,7 @@ def _general_name(host: str) -> x509.GeneralName:
 
 
 def _write(path: Path, data: bytes, mode: int) -> None:
-    """Write `path` anew: a key is never readable by others, not even for a moment."""
+    """Replace the file `path`; it has its `mode` from its creation, so others can never read a key."""
     path.unlink(missing_ok=True)
     with os.fdopen(os.open(path, os.O_WRONLY | os.O_CREAT | os.O_EXCL, mode), "wb") as file:
         file.write(data)

@@ -1,4 +1,4 @@
-"""What `edc-swarm join` keeps on disk: its claimant's token, and the files of the UAVs that it flies."""
+"""The folder of `edc-swarm join`: its claimant's token, and the state files of its UAVs."""
 
 from __future__ import annotations
 
@@ -19,16 +19,18 @@ FIELD = "--state"
 
 
 class ClaimFolder:
-    """A folder that makes whoever starts `join` with it again the same claimant. None: one that nobody will.
+    """A folder that identifies a claimant: `join` with the same folder is the same claimant again.
+
+    Without a `path` it is a temporary folder, which the end of the command removes.
 
     Attributes
     ----------
     claimant
-        The token, held by this process alone as long as it lives.
+        The token; a lock on its file keeps other processes from using it at the same time.
     """
 
     def __init__(self, path: Path | None) -> None:
-        self._for_good = path is not None
+        self._permanent = path is not None
         self._path = path if path is not None else Path(tempfile.mkdtemp(prefix="edc-swarm-"))
         try:
             self._path.mkdir(parents=True, exist_ok=True)
@@ -48,11 +50,11 @@ class ClaimFolder:
         self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
     ) -> None:
         os.close(self._file)
-        if not self._for_good:
+        if not self._permanent:
             shutil.rmtree(self._path, ignore_errors=True)
 
     def state(self, mission: str) -> Path:
-        """The folder of a mission's UAVs; those of other missions are removed."""
+        """Return the folder for the UAVs of a mission; remove the folders of other missions."""
         folder = self._missions / mission
         for other in self._missions.glob("*"):
             if other != folder:
@@ -61,7 +63,7 @@ class ClaimFolder:
         return folder
 
     def forget(self) -> None:
-        """The mission is over: nobody needs what its UAVs have promised."""
+        """Remove the state files after the mission: no UAV needs its promise any more."""
         shutil.rmtree(self._missions, ignore_errors=True)
 
     @property
@@ -78,13 +80,13 @@ class ClaimFolder:
         return made
 
 
-def make_state(folder: Path, entry: RosterEntry, *, begun: bool) -> None:
-    """Make the files of a UAV that has none.
+def ensure_state(folder: Path, entry: RosterEntry, *, begun: bool) -> None:
+    """Create the state files of a UAV that has none.
 
     Raises
     ------
     SwarmError
-        The mission has begun: what the UAV has promised is lost, and must not be made up.
+        The UAV has no files although the mission has begun: its promise is lost, and must not be invented.
     """
     if has_state(folder, entry.uav):
         return

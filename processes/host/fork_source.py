@@ -1,12 +1,12 @@
-"""The fork source: one single-threaded process, warm, from which every UAV process is forked.
+"""The fork source: one warm, single-threaded process that forks every UAV process.
 
-A UAV that must be able to lead in any slot needs numpy, scipy, osqp and the compiled guidance,
-imported and run once: seconds of work, which is done here once. It never opens a Zenoh session,
-since a fork after that silently breaks. It is commanded over a socket of whole packets by the
-command, whose death is its own, and whose UAVs die with it.
+A UAV that must be able to lead in any slot needs numpy, scipy, osqp and the compiled guidance, imported
+and run once. This takes seconds, and the fork source does it once. It never opens a Zenoh session, since
+a fork after that silently breaks. The command sends it orders over a packet socket. It dies with the
+command, and the UAV processes die with it.
 
 `python -m processes.host.fork_source FD PARENT`: FD is the socket; the mission comes on standard input.
-Without a mission it stays cold, and small: a UAV then loads the planner itself, if it may have to lead.
+Without a mission it stays cold and small: a UAV then loads the planner itself if it may have to lead.
 """
 
 from __future__ import annotations
@@ -27,46 +27,46 @@ from edc_swarm.errors import SwarmError
 from edc_swarm.mission.configuration import Mission
 from processes.runtime.parent import die_with_parent
 from processes.uav.planner_loader import warm_planner
-from processes.uav.process import UavSettings, fly
+from processes.uav.process import UavSettings, run_uav
 
 MAX_PACKET_BYTES = 1 << 16
 
 
 class Fork(Struct, frozen=True, kw_only=True, tag=True):
-    """Order: fork a UAV whose output goes to the file `log`."""
+    """Order to fork a UAV that writes its output to the file `log`."""
 
     settings: UavSettings
     log: str
 
 
 class Signal(Struct, frozen=True, kw_only=True, tag=True):
-    """Order: send a signal to the process of a UAV, if it lives."""
+    """Order to send a signal to the process of a UAV if it is alive."""
 
     uav: str
     number: int
 
 
 class Ready(Struct, frozen=True, kw_only=True, tag=True):
-    """All is imported and warm."""
+    """News that the planner is imported and warm."""
 
     warm_s: float
 
 
 class Failed(Struct, frozen=True, kw_only=True, tag=True):
-    """The planner cannot be had."""
+    """News that the planner cannot be loaded."""
 
     reason: str
 
 
 class Forked(Struct, frozen=True, kw_only=True, tag=True):
-    """A UAV process was made."""
+    """News of a new UAV process."""
 
     uav: str
     pid: int
 
 
 class Exited(Struct, frozen=True, kw_only=True, tag=True):
-    """A UAV process ended; `status` is negative for a signal."""
+    """News that a UAV process has ended; `status` is negative for a signal."""
 
     uav: str
     pid: int
@@ -78,7 +78,10 @@ News = Ready | Failed | Forked | Exited
 
 
 class ForkSource:
-    """Forks, signals and reaps UAV processes. Being their parent, it never mistakes a reused id."""
+    """Parent of the UAV processes: it forks, signals and reaps them.
+
+    It never signals a reused process id, since the kernel reuses an id only after the parent has reaped it.
+    """
 
     def __init__(self, command: socket.socket) -> None:
         self._command = command
@@ -90,12 +93,12 @@ class ForkSource:
         signal.set_wakeup_fd(wakeup_write.fileno(), warn_on_full_buffer=False)
         signal.signal(signal.SIGCHLD, lambda *_: None)
 
-    def tell(self, news: News) -> None:
-        """Tell the command."""
+    def send(self, news: News) -> None:
+        """Send news to the command."""
         self._command.send(msgspec.json.encode(news))
 
     def serve(self) -> None:
-        """Obey until the command closes its end."""
+        """Carry out orders until the command closes its end of the socket."""
         with selectors.DefaultSelector() as selector:
             selector.register(self._command, selectors.EVENT_READ)
             selector.register(self._wakeup, selectors.EVENT_READ)
@@ -107,7 +110,7 @@ class ForkSource:
                         return
 
     def kill_all(self) -> None:
-        """Leave nobody behind, frozen or not."""
+        """Kill all UAV processes, frozen or not."""
         for pid in self._children:
             os.kill(pid, signal.SIGKILL)
 
@@ -129,16 +132,16 @@ class ForkSource:
         if pid == 0:
             self._become(settings, log, parent)
         self._children[pid] = settings.uav
-        self.tell(Forked(uav=settings.uav, pid=pid))
+        self.send(Forked(uav=settings.uav, pid=pid))
 
     def _become(self, settings: UavSettings, log: str, parent: int) -> None:
-        """Be the child: fly, and never return into the loop of the fork source."""
+        """Run the UAV in the child, and never return into the loop of the fork source."""
         status = 1
         try:
             die_with_parent(parent)
             self._forget_parent()
             _redirect_output(log)
-            status = fly(settings, obey_ctrl_c=False)
+            status = run_uav(settings, obey_ctrl_c=False)
         except BaseException:  # noqa: BLE001  (the child must end here, whatever happens)
             traceback.print_exc()
         finally:
@@ -159,7 +162,7 @@ class ForkSource:
             if pid == 0:
                 return
             uav = self._children.pop(pid)
-            self.tell(Exited(uav=uav, pid=pid, status=os.waitstatus_to_exitcode(status)))
+            self.send(Exited(uav=uav, pid=pid, status=os.waitstatus_to_exitcode(status)))
 
 
 def _redirect_output(log: str) -> None:
@@ -170,26 +173,26 @@ def _redirect_output(log: str) -> None:
 
 
 def _warm(source: ForkSource) -> bool:
-    """Warm everything up; garbage collection then leaves what is shared alone."""
+    """Warm the planner up, and freeze the objects: garbage collection in a child then copies no shared memory."""
     start_s = time.monotonic()
     try:
         if mission := sys.stdin.buffer.read():
             warm_planner(msgspec.json.decode(mission, type=Mission))
     except SwarmError as error:
-        source.tell(Failed(reason=str(error)))
+        source.send(Failed(reason=str(error)))
         return False
     gc.collect()
     gc.freeze()
     threads = len(os.listdir("/proc/self/task"))
     if threads != 1:
-        source.tell(Failed(reason=f"the planner started threads ({threads}): UAV processes cannot be forked"))
+        source.send(Failed(reason=f"the planner started threads ({threads}): UAV processes cannot be forked"))
         return False
-    source.tell(Ready(warm_s=time.monotonic() - start_s))
+    source.send(Ready(warm_s=time.monotonic() - start_s))
     return True
 
 
 def main() -> int:
-    """Warm up, then obey."""
+    """Warm up, then carry out orders until the command ends."""
     signal.signal(signal.SIGINT, signal.SIG_IGN)
     die_with_parent(int(sys.argv[2]))
     source = ForkSource(socket.socket(fileno=int(sys.argv[1])))

@@ -14,35 +14,37 @@ import zenoh
 from edc_swarm.agent.node import startup_candidates
 from edc_swarm.errors import InputError, SwarmError
 from edc_swarm.mission.configuration import JOIN, OPERATOR
-from edc_swarm.protocol.claims import Claim, Issued
+from edc_swarm.protocol.claims import IdClaim, Issued
 from edc_swarm.protocol.events import EventKind
 from edc_swarm.protocol.keys import Keys
 from edc_swarm.protocol.messages import Event
-from processes.bus.address import sought_router
+from processes.bus.address import unreachable_router
 from processes.bus.credentials import certified_uavs, credentials
-from processes.bus.operator_presence import LINGER_S, Operators
+from processes.bus.operator_presence import LINGER_S, OperatorPresence
 from processes.bus.session import hand_over, try_client
 from processes.bus.subscriptions import Gate, Heard, heard_from
 from processes.host import fork_source
-from processes.host.claim_folder import ClaimFolder, make_state
+from processes.host.claim_folder import ClaimFolder, ensure_state
+from processes.host.ending import CLOSE_TIMEOUT_S, SILENT, Deaths, begin_end, end_fork_source, how_ended
 from processes.host.pool import UavPool
 from processes.operator import host_requests
 from processes.runtime.children import Child, ChildExited, PartEndedError
 from processes.runtime.clock import MissionClock
 from processes.runtime.console import note
 from processes.runtime.loop import Interrupted, Loop
+from processes.runtime.output import log_tail
 from processes.services.orders import asked
 from processes.uav.process import UavSettings
 
 LOOK_EVERY_S = 0.1
-CLOSE_TIMEOUT_S = 1.2
-MOST_NAMED = 10
+MAX_NAMES = 10
+"""Most UAVs that a note names."""
 LEAVE_TIMEOUT_S = 60.0
 """Longest wait for the operator to leave after the end of the mission: it may have much to read."""
 
 
 class Joiner:
-    """Claims `uavs` ids of the mission at a router, flies them and ends with the mission."""
+    """UAV processes for `uavs` claimed ids of the mission at a router, which end with the mission."""
 
     def __init__(self, endpoint: str, uavs: int, folder: ClaimFolder, certs: str = "") -> None:
         self._endpoint = endpoint
@@ -57,12 +59,12 @@ class Joiner:
         self._source: Child | None = None
         self._source_ready = False
         self._over = False
-        self._crashes: list[str] = []
-        self._ordered_deaths: set[str] = set()
+        self._crashed = False
+        self._deaths = Deaths(self._loop, self._log, self._note_crash)
         self._logs = Path()
 
     def run(self) -> bool:
-        """Fly until the mission ends; whether it ended in order. Afterwards no process is left."""
+        """Fly until the mission ends; return True if it ended without a crash. Afterwards no process is left."""
         self._loop.obey_signals()
         try:
             self._take_part(self._connect())
@@ -70,42 +72,45 @@ class Joiner:
             note("interrupted")
         finally:
             self._end()
-        return self._over and not self._crashes
+        return self._over and not self._crashed
 
     def _connect(self) -> zenoh.Session:
         def connect() -> bool:
             self._session = try_client(self._endpoint, credentials(self._certs, JOIN))
             return self._session is not None
 
-        self._loop.wait(connect, partial(sought_router, self._endpoint), look_every_s=LOOK_EVERY_S)
+        self._loop.wait(connect, partial(unreachable_router, self._endpoint), look_every_s=LOOK_EVERY_S)
         assert self._session is not None
         return self._session
 
     def _take_part(self, session: zenoh.Session) -> None:
-        operators = Operators(session)
-        mission = self._found(lambda: operators.only_mission(self._endpoint), "a mission")
+        presence = OperatorPresence(session)
+        mission = self._find_mission(presence)
         keys = Keys(mission)
         token = session.liveliness().declare_token(keys.alive(JOIN, self._folder.claimant))
-        issued = self._claim(session, operators, mission)
+        issued = self._claim(session, presence, mission)
         session.declare_subscriber(keys.event(OPERATOR), hand_over(self._hear))
-        self._fly(self._start(issued), issued)
-        self._attend(operators, mission, partial(self._claim, session, operators, mission))
+        self._start_uavs(self._start_source(issued), issued)
+        self._attend(presence, mission, partial(self._claim, session, presence, mission))
         token.undeclare()
 
-    def _found(self, look: Callable[[], str | None], what: str) -> str:
-        self._loop.wait(lambda: look() is not None, f"{what} at {self._endpoint}", look_every_s=LOOK_EVERY_S)
-        found = look()
-        assert found is not None
-        return found
+    def _find_mission(self, presence: OperatorPresence) -> str:
+        def found() -> str | None:
+            return presence.only_mission(self._endpoint)
 
-    def _claim(self, session: zenoh.Session, operators: Operators, mission: str) -> Issued:
-        """Ask until the operator answers; the same claim has the same answer, so it may be repeated."""
+        self._loop.wait(lambda: found() is not None, f"a mission at {self._endpoint}", look_every_s=LOOK_EVERY_S)
+        mission = found()
+        assert mission is not None
+        return mission
+
+    def _claim(self, session: zenoh.Session, presence: OperatorPresence, mission: str) -> Issued:
+        """Repeat the claim until the operator answers; the same claim always gets the same answer."""
         among = certified_uavs(self._certs) if self._certs else []
-        claim = msgspec.json.encode(Claim(claimant=self._folder.claimant, uavs=self._uavs, among=among))
+        claim = msgspec.json.encode(IdClaim(claimant=self._folder.claimant, uavs=self._uavs, among=among))
         answers: list[Issued] = []
 
         def ask() -> bool:
-            operators.check_there(mission)
+            presence.check_there(mission)
             payload = asked(session, Keys(mission).claims, claim)
             with contextlib.suppress(msgspec.DecodeError):
                 answers.extend([msgspec.json.decode(payload, type=Issued)] if payload is not None else [])
@@ -113,14 +118,14 @@ class Joiner:
 
         self._loop.wait(ask, "an answer of the operator", look_every_s=LOOK_EVERY_S)
         if not answers[0].uavs:
-            whom = "else is to be flown by others" + (f" and has a certificate in {self._certs}" if among else "")
-            raise InputError("--uavs", self._uavs, f"at most {answers[0].left}: nobody {whom}")
+            free = "no other UAV is left to join" + (f" that has a certificate in {self._certs}" if among else "")
+            raise InputError("--uavs", self._uavs, f"at most {answers[0].left}: {free}")
         return answers[0]
 
     # --- the UAVs ----------------------------------------------------------------------------
 
-    def _start(self, issued: Issued) -> UavPool:
-        """Start the fork source; a UAV alone that will not lead at the start stays small."""
+    def _start_source(self, issued: Issued) -> UavPool:
+        """Start the fork source; it stays cold for a single UAV that does not lead at the start."""
         self._logs = self._folder.state(issued.mission.name)
         pool = self._pool = UavPool(self._loop.inbox, self._log)
         small = len(issued.uavs) == 1 and issued.uavs[0] not in startup_candidates(issued.mission)
@@ -128,12 +133,12 @@ class Joiner:
         self._loop.wait(lambda: self._source_ready, "the planner to be imported, at the first run compiled")
         return pool
 
-    def _fly(self, pool: UavPool, issued: Issued) -> None:
-        """Fork the UAVs that do not fly yet."""
+    def _start_uavs(self, pool: UavPool, issued: Issued) -> None:
+        """Start the UAVs that do not fly yet."""
         roster = {entry.uav: entry for entry in issued.mission.roster}
         for uav in (uav for uav in issued.uavs if uav not in pool.living):
-            make_state(self._logs, roster[uav], begun=issued.begun)
-            pool.fly(
+            ensure_state(self._logs, roster[uav], begun=issued.begun)
+            pool.start(
                 UavSettings(
                     endpoint=self._endpoint,
                     mission=issued.mission.name,
@@ -145,47 +150,47 @@ class Joiner:
                     clock_ahead_ns=self._clock.ahead_ns,
                 )
             )
-        who = ", ".join(issued.uavs) if len(issued.uavs) <= MOST_NAMED else f"{len(issued.uavs)} UAVs"
+        who = ", ".join(issued.uavs) if len(issued.uavs) <= MAX_NAMES else f"{len(issued.uavs)} UAVs"
         note(f"flying {who} of mission {issued.mission.name}")
 
-    def _fly_instead(self, pool: UavPool, issued: Issued) -> None:
-        """After an absence before the mission: the ids may have been issued to others meanwhile."""
+    def _replace_uavs(self, pool: UavPool, issued: Issued) -> None:
+        """Replace the UAVs after an absence before the mission, in which the operator issued their ids to others."""
         if issued.begun or pool.living.keys() == set(issued.uavs):
             return
         for uav in pool.living.keys() - set(issued.uavs):
-            self._ordered_deaths.add(uav)  # It may hear first that the mission has given its id to another.
+            self._deaths.expected.add(uav)  # It may fail before the signal, on a mission that gives its id to another.
             pool.signal(uav, signal.SIGTERM)
-        self._fly(pool, issued)
+        self._start_uavs(pool, issued)
 
     def _log(self, name: str) -> Path:
         return self._logs / f"{name}.log"
 
-    def _attend(self, operators: Operators, mission: str, claim: Callable[[], Issued]) -> None:
+    def _attend(self, presence: OperatorPresence, mission: str, claim: Callable[[], Issued]) -> None:
         """Stay until the mission is over and its operator has left, or has been away for too long."""
-        pool, absences = self._pool, operators.absences
+        pool, absences = self._pool, presence.absences
         assert pool is not None
         while not self._over:
             self._loop.pump(LOOK_EVERY_S)
-            operators.check_there(mission)
-            if not operators.away_s(mission) and operators.absences > absences:
-                absences = operators.absences
-                self._fly_instead(pool, claim())
+            presence.check_there(mission)
+            if not presence.away_s(mission) and presence.absences > absences:
+                absences = presence.absences
+                self._replace_uavs(pool, claim())
         self._loop.wait_quietly(lambda: not pool.living, CLOSE_TIMEOUT_S)
         self._folder.forget()
-        self._loop.wait_quietly(lambda: operators.away_s(mission) > LINGER_S, LEAVE_TIMEOUT_S, LOOK_EVERY_S)
+        self._loop.wait_quietly(lambda: presence.away_s(mission) > LINGER_S, LEAVE_TIMEOUT_S, LOOK_EVERY_S)
 
-    def _obey(self, deed: host_requests.Deed | None) -> None:
-        """Do to the own UAVs what a fault calls for."""
+    def _obey(self, request: host_requests.HostRequest | None) -> None:
+        """Carry out the operator's request if it is for a UAV of this host."""
         pool = self._pool
-        if deed is None or pool is None or not pool.flies(deed.uav):
+        if request is None or pool is None or request.uav not in pool:
             return
-        if isinstance(deed, host_requests.Restart):
-            self._ordered_deaths.add(deed.uav)
-            pool.restart(deed.uav, lose_memory=deed.lose_memory)
+        if isinstance(request, host_requests.RestartProcess):
+            self._deaths.expected.add(request.uav)
+            pool.restart(request.uav, lose_memory=request.lose_memory)
         else:
-            if deed.number == signal.SIGKILL:
-                self._ordered_deaths.add(deed.uav)
-            pool.signal(deed.uav, deed.number)
+            if request.number == signal.SIGKILL:
+                self._deaths.expected.add(request.uav)
+            pool.signal(request.uav, request.number)
 
     # --- one loop ----------------------------------------------------------------------------
 
@@ -203,44 +208,31 @@ class Joiner:
                 self._loop.failure = SwarmError(reason)
             case fork_source.Forked() | fork_source.Exited() if self._pool is not None:
                 if isinstance(item, fork_source.Exited):
-                    self._note_crash(item)
+                    self._deaths.take(item.uav, item.status)
                 self._pool.take(item)
             case ChildExited(name, _, status) if not self._loop.ending:
-                self._loop.failure = PartEndedError(f"the {name} ended with status {status}: {_tail(self._log(name))}")
+                last_lines = log_tail(self._log(name)) or SILENT
+                self._loop.failure = PartEndedError(f"the {name} {how_ended(status)}: {last_lines}")
 
     def _take_event(self, heard: Heard) -> None:
         match self._gate.admit(heard):
             case Event(kind=EventKind.END):
                 self._over = True
             case Event(kind=EventKind.HOST_REQUEST, detail=detail):
-                self._obey(host_requests.asked_for(detail))
+                self._obey(host_requests.decode_request(detail))
 
-    def _note_crash(self, news: fork_source.Exited) -> None:
-        """A process that nobody asked to die is told of, with the last that it said."""
-        if news.status != 0 and news.uav not in self._ordered_deaths and not self._loop.ending:
-            self._crashes.append(news.uav)
-            note(f"{news.uav} ended with status {news.status}: {_tail(self._log(news.uav))}")
-        self._ordered_deaths.discard(news.uav)
+    def _note_crash(self, text: str, last_lines: str) -> None:
+        self._crashed = True
+        note(f"{text}: {last_lines or SILENT}")
 
     def _end(self) -> None:
-        """Let the UAVs say the last word, then see to it that nobody is left."""
-        self._loop.ending = True
-        pool, source = self._pool, self._source
+        """Let the UAVs publish their last messages, then end all processes."""
+        pool = self._pool
+        begin_end(self._loop, pool)
         if pool is not None:
-            pool.to_restart.clear()
             for uav in list(pool.living):
                 pool.signal(uav, signal.SIGTERM)
             self._loop.wait_quietly(lambda: not pool.living, CLOSE_TIMEOUT_S)
-            pool.close()
-        if source is not None:
-            source.end(CLOSE_TIMEOUT_S)
+        end_fork_source(pool, self._source)
         if self._session is not None:
             self._session.close()
-
-
-def _tail(log: Path, lines: int = 8) -> str:
-    """The last that a process said."""
-    try:
-        return "\n".join(log.read_text(errors="replace").splitlines()[-lines:]) or "it said nothing"
-    except OSError:
-        return "it said nothing"

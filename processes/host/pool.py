@@ -1,4 +1,4 @@
-"""The UAV processes of this host: forked from one fork source, killed and started again when told."""
+"""The UAV processes of this host: one fork source forks them; the pool signals and restarts them."""
 
 from __future__ import annotations
 
@@ -23,14 +23,14 @@ FORK_SOURCE = "fork-source"
 
 
 class UavPool:
-    """UAV processes with one folder of state, and who of them lives.
+    """The UAV processes of one fork source.
 
     Attributes
     ----------
     living
-        Process id by UAV; 0 from the order to fork it until the fork source tells.
+        Process id of each living UAV; 0 from the order to fork it until the fork source reports the id.
     to_restart
-        UAVs that are started again as soon as they have ended.
+        UAVs that the pool starts again as soon as they have ended.
     """
 
     def __init__(self, inbox: Inbox[object], log: Callable[[str], Path]) -> None:
@@ -42,7 +42,7 @@ class UavPool:
         self.to_restart: set[str] = set()
 
     def start_source(self, mission: Mission | None) -> Child:
-        """Start the fork source, warm for `mission`; without one, UAVs load the planner when they need it."""
+        """Start the fork source, warm for `mission`; without a mission, UAVs load the planner when they need it."""
         ours, theirs = socket.socketpair(socket.AF_UNIX, socket.SOCK_SEQPACKET)
         with theirs:
             child = Child(
@@ -50,7 +50,7 @@ class UavPool:
                 "processes.host.fork_source",
                 [str(theirs.fileno()), str(os.getpid())],
                 self._log(FORK_SOURCE),
-                self._tell,
+                self._take_news,
                 orders=msgspec.json.encode(mission) if mission is not None else b"",
                 pass_fds=[theirs.fileno()],
             )
@@ -58,21 +58,21 @@ class UavPool:
         threading.Thread(target=self._read, args=(ours,), name=FORK_SOURCE, daemon=True).start()
         return child
 
-    def fly(self, settings: UavSettings) -> None:
-        """Fork a UAV, whose files are there."""
+    def start(self, settings: UavSettings) -> None:
+        """Fork a UAV that has its state files."""
         self._settings[settings.uav] = settings
         self._fork(settings.uav)
 
-    def flies(self, uav: str) -> bool:
-        """Whether a UAV is one of this pool, alive or not."""
+    def __contains__(self, uav: str) -> bool:
+        """Return True if this pool started the UAV, alive or not."""
         return uav in self._settings
 
     def signal(self, uav: str, number: int) -> None:
-        """Send a signal to the process of a UAV, if it lives."""
+        """Send a signal to the process of a UAV if it is alive."""
         self._order(fork_source.Signal(uav=uav, number=number))
 
     def restart(self, uav: str, *, lose_memory: bool) -> bool:
-        """Kill a UAV if it lives, and start it again when it is dead; whether that was at once."""
+        """Kill a UAV if it is alive, and start it again once it is dead; return True if that is at once."""
         if lose_memory:
             promise_path(Path(self._settings[uav].state), uav).unlink(missing_ok=True)
         if uav not in self.living:
@@ -83,7 +83,7 @@ class UavPool:
         return False
 
     def take(self, news: fork_source.Forked | fork_source.Exited) -> bool:
-        """Take in who was made or has ended; whether it was started again."""
+        """Take in news of a UAV process; return True if the pool started the UAV again."""
         if isinstance(news, fork_source.Forked):
             self.living[news.uav] = news.pid
             return False
@@ -95,7 +95,7 @@ class UavPool:
         return True
 
     def close(self) -> None:
-        """Have the fork source end, and all that it has forked."""
+        """End the fork source and all the UAVs that it has forked."""
         if self._source is not None:
             self._source.shutdown(socket.SHUT_RDWR)
 
@@ -104,16 +104,16 @@ class UavPool:
         self._order(fork_source.Fork(settings=self._settings[uav], log=str(self._log(uav).resolve())))
 
     def _order(self, order: fork_source.Order) -> None:
-        """Tell the fork source; if it has died, so have its UAVs."""
+        """Send an order to the fork source; ignore its death, since its UAVs are dead then too."""
         assert self._source is not None
         with contextlib.suppress(ConnectionError):
             self._source.send(msgspec.json.encode(order))
 
-    def _tell(self, news: News) -> None:
+    def _take_news(self, news: News) -> None:
         self._inbox.put_always(news)
 
     def _read(self, source: socket.socket) -> None:
-        """Hand over what the fork source tells (a thread of its own)."""
+        """Put the news of the fork source into the inbox (on a thread of its own)."""
         while packet := _received(source):
             self._inbox.put_always(msgspec.json.decode(packet, type=fork_source.News))
 

@@ -1,4 +1,4 @@
-"""A secured run: certificates for everybody, made for this run alone unless a folder is given."""
+"""Security of a run: the certificates of all its processes, made for this run alone unless a folder is given."""
 
 from __future__ import annotations
 
@@ -17,18 +17,18 @@ from processes.services.router import RouterAccess
 
 @dataclass(frozen=True, slots=True)
 class Security:
-    """What the processes of a run are told: the folder with their certificates, the router's file of rules."""
+    """The folder with the certificates of a run's processes, and the router's file of access rules."""
 
     certs: str
     access: str
 
 
 OPEN = Security("", "")
-"""A bus that lets everybody in."""
+"""Security of an open bus: no certificates and no rules."""
 
 
 def check_security(option: str) -> None:
-    """Raise `InputError` where certificates cannot be made."""
+    """Raise `InputError` if the package that makes certificates is missing."""
     if importlib.util.find_spec("cryptography") is None:
         raise InputError(option, True, "absent, or cryptography installed: pip install 'edc-swarm[secure]'")
 
@@ -36,9 +36,9 @@ def check_security(option: str) -> None:
 def secure(
     given: Path | None, state: Path, mission: str, uavs: Sequence[str], hosts: Sequence[str], local: Sequence[str]
 ) -> Security:
-    """Security of one run whose own folder is `state`; certificates are made there unless `given` has them.
+    """Return the security of one run; make its certificates in `state` unless the folder `given` has them.
 
-    `local` are those of `uavs` whose certificates are needed here.
+    `local`: the UAVs among `uavs` that fly on this host, so their certificates must be in `given`.
 
     Raises
     ------

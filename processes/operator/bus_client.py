@@ -1,4 +1,4 @@
-"""The operator's side of the bus: the mission, the faults, the end, and a view of what goes on."""
+"""The operator's side of the bus: it publishes the mission, the faults and the end, and follows the mission."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ import msgspec
 import zenoh
 
 from edc_swarm.mission.configuration import OPERATOR
-from edc_swarm.mission.faults import PROCESS_VERBS
+from edc_swarm.mission.faults import ProcessFault, declaration_of
 from edc_swarm.protocol.codec import encode
 from edc_swarm.protocol.completion import MissionMonitor
 from edc_swarm.protocol.events import EventKind
@@ -27,16 +27,16 @@ from processes.runtime.inbox import Inbox
 
 
 class Operator:
-    """Publishes mission and events, answers whoever joins, and follows fixes, reports and events.
+    """The operator's session: it publishes mission and events, answers queries, and follows fixes, reports and events.
 
     Attributes
     ----------
     clock
         The mission's clock of this host.
     closed
-        Publishers that have said their last sequence numbers.
+        Publishers that have published their last sequence numbers.
     monitor
-        Who leads and who has arrived; None before the mission.
+        Progress of the mission: its head, the UAVs that have arrived; None before the mission.
     first_flown_slot
         First slot in which any UAV executed a command.
     """
@@ -72,7 +72,7 @@ class Operator:
         session.liveliness().declare_subscriber(keys.all_alive, hand_over(self._take_token), history=True)
 
     def publish_mission(self, mission: MissionMessage) -> None:
-        """Start the mission; nobody else is let in."""
+        """Start the mission; from now on no claimant receives an id."""
         claims = self._desk.claims
         claims.begin()
         self._mission = msgspec.structs.replace(
@@ -86,7 +86,7 @@ class Operator:
         self._say(self._keys.mission, encode(self._mission), self._mission.seq)
 
     def take_over(self, mission: MissionMessage, in_force: Sequence[Event]) -> None:
-        """Go on with a mission, and the faults in force, that an operator before this one has told of."""
+        """Continue a mission, with the faults in force, that an earlier operator has published."""
         self._mission = mission
         self._in_force = [encode(event) for event in in_force]
         self._gate.know(mission)
@@ -95,7 +95,7 @@ class Operator:
         self.monitor = MissionMonitor(mission)
 
     def publish_event(self, kind: EventKind, detail: str = "") -> None:
-        """Tell the swarm and the record."""
+        """Publish an event, for the swarm and the recording."""
         self._last_event_seq = next(self._event_seq)
         event = Event(
             source=OPERATOR,
@@ -112,14 +112,14 @@ class Operator:
         self._say(self._keys.event(OPERATOR), payload, event.seq)
 
     def close(self) -> None:
-        """Say the last sequence numbers; the recorder ends with this."""
+        """Publish the last sequence numbers; the recorder ends with this."""
         started = self._mission is not None and self._mission.instance == self._instance
         last = {self._keys.event(OPERATOR): self._last_event_seq, self._keys.mission: 0 if started else -1}
         known = {key: seq for key, seq in last.items() if seq >= 0}
         self.publish_event(EventKind.CLOSED, msgspec.json.encode(known).decode())
 
     def flush(self) -> None:
-        """Send what had to wait for a router, and tell of a jump of the wall clock."""
+        """Send the messages that waited for a router, and publish a jump of the wall clock."""
         if self._mission is not None and (jump := self.clock.jump()) is not None:
             self.publish_event(EventKind.CLOCK_JUMP, jump)
         self._outbox.flush()
@@ -129,7 +129,7 @@ class Operator:
         self._session.close()
 
     def slot_now(self) -> int:
-        """The slot by the clock, -1 before the mission."""
+        """Return the slot by the clock, -1 before the mission."""
         if self._mission is None:
             return -1
         return max(-1, (self.clock.now_ns() - self._mission.epoch_ns) // self._mission.slot_ns)
@@ -141,11 +141,11 @@ class Operator:
 
     @property
     def claimed(self) -> set[str]:
-        """Ids that have been issued to somebody."""
+        """Ids that claimants hold."""
         return self._desk.claims.held
 
     def take(self, item: object) -> None:
-        """Work on what the bus has handed over."""
+        """Handle an item of the bus: a message, a liveliness token or a query."""
         match item:
             case Heard(key, payload):
                 self._hear(key, payload)
@@ -158,7 +158,7 @@ class Operator:
                     self._answer(item)
 
     def _see(self, token: Token) -> None:
-        """Take in who has come and who has gone."""
+        """Register a liveliness token that appeared or vanished."""
         if not token.alive:
             self._tokens.discard((token.uav, token.instance))
         elif len(self._tokens) < MAX_TOKENS:
@@ -186,7 +186,7 @@ class Operator:
                 self.closed.add(source)
 
     def _answer(self, query: zenoh.Query) -> None:
-        """Give whoever takes part what it asks for, a late joiner the mission or the faults in force."""
+        """Answer a query: with the mission or the faults in force for a late UAV, with ids or orders for a claimant."""
         key = str(query.key_expr)
         if key == self._keys.event(OPERATOR):
             answers = self._in_force
@@ -208,5 +208,6 @@ class Operator:
 
 
 def is_in_force(event: Event) -> bool:
-    """Whether an operator's event is a fault that whoever starts later must be told of."""
-    return event.kind == EventKind.FAULT and event.detail.partition(" ")[0] not in PROCESS_VERBS
+    """Return True for an operator's event that a UAV which starts later must receive too: a fault of UAVs' machines."""
+    declaration = declaration_of(event.detail) if event.kind == EventKind.FAULT else None
+    return declaration is not None and not issubclass(declaration.kind, ProcessFault)

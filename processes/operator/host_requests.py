@@ -1,6 +1,6 @@
-"""What the operator asks of the hosts that fly UAVs for it: deaths, freezes and restarts that faults call for.
+"""Requests of the operator to the hosts that fly UAVs for it: the deaths, freezes and restarts of faults.
 
-They are the `detail` of the operator's events of kind `deed`, so they are in the record as well.
+They are the `detail` of the operator's events of kind `deed`, so the recording holds them.
 """
 
 from __future__ import annotations
@@ -16,32 +16,32 @@ from edc_swarm.mission.configuration import UavId
 SIGNALS = frozenset({signal.SIGKILL, signal.SIGSTOP, signal.SIGCONT})
 
 
-class Send(Struct, frozen=True, kw_only=True, tag="signal"):
+class SendSignal(Struct, frozen=True, kw_only=True, tag="signal"):
     """Send a signal to the process of a UAV."""
 
     uav: UavId
     number: Annotated[int, Meta(ge=1, le=64)]
 
 
-class Restart(Struct, frozen=True, kw_only=True, tag="restart"):
+class RestartProcess(Struct, frozen=True, kw_only=True, tag="restart"):
     """Kill the process of a UAV if it lives, and start it again."""
 
     uav: UavId
     lose_memory: bool = False
 
 
-Deed = Send | Restart
+HostRequest = SendSignal | RestartProcess
 
 
-def told(deed: Deed) -> str:
-    """A deed as the detail of an event."""
-    return msgspec.json.encode(deed).decode()
+def encode_request(request: HostRequest) -> str:
+    """Return a request as the detail of an event."""
+    return msgspec.json.encode(request).decode()
 
 
-def asked_for(detail: str) -> Deed | None:
-    """The deed that is asked for; None for anything else."""
+def decode_request(detail: str) -> HostRequest | None:
+    """Return the request that the detail of an event tells; None for anything else."""
     try:
-        deed: Deed = msgspec.json.decode(detail, type=Deed)
+        request: HostRequest = msgspec.json.decode(detail, type=HostRequest)
     except msgspec.DecodeError:
         return None
-    return None if isinstance(deed, Send) and deed.number not in SIGNALS else deed
+    return None if isinstance(request, SendSignal) and request.number not in SIGNALS else request

@@ -1,4 +1,4 @@
-"""The operator's desk: who wants to take part in the mission is answered here."""
+"""Registration of claimants and remote parts with the operator, which answers each with ids or orders."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ import msgspec
 import zenoh
 
 from edc_swarm.mission.configuration import JOIN, Mission
-from edc_swarm.protocol.claims import Claim, Claims, Issued
+from edc_swarm.protocol.claims import Claims, IdClaim, Issued
 from edc_swarm.protocol.keys import Keys
 from processes.bus.session import hand_over
 from processes.bus.subscriptions import Token
@@ -16,7 +16,7 @@ from processes.runtime.inbox import Inbox
 
 
 class Desk:
-    """Issues ids to claimants and orders to parts that nobody has launched. One loop, so one answer at a time.
+    """Issue ids to claimants, and orders to parts that the operator has not launched; one answer at a time.
 
     Parameters
     ----------
@@ -25,9 +25,9 @@ class Desk:
     remote
         The UAVs to be flown by others.
     orders
-        What parts are told, by their names.
+        Orders of parts, by name.
     by_name
-        Ids are issued to those alone who say which they can fly: on a secured bus, have the certificates of.
+        True on a secured bus: a claimant must name the ids whose certificates it has, and receives ids of those alone.
     """
 
     def __init__(
@@ -44,28 +44,28 @@ class Desk:
         self._orders = {Keys(mission.name).orders(name): payload for name, payload in (orders or {}).items()}
 
     def declare(self, session: zenoh.Session, inbox: Inbox[object]) -> None:
-        """Open."""
+        """Declare the keys of claims and orders."""
         for key in (Keys(self.mission.name).claims, *self._orders):
             session.declare_queryable(key, hand_over(inbox.put))
 
     def see(self, token: Token) -> None:
-        """Take in who has come and who has gone."""
+        """Register a liveliness token that appeared or vanished."""
         if token.uav == JOIN:
             self.claims.see_claimant(token.instance, token.alive)
         elif token.alive:
             self.claims.see_uav(token.uav, token.instance)
 
     def answers(self, query: zenoh.Query) -> list[bytes]:
-        """What to say to a query, if it is for the desk."""
+        """Return the answers to a query, none if it is not for the desk."""
         key = str(query.key_expr)
         if key == Keys(self.mission.name).claims:
             return self._issue(query.payload.to_bytes() if query.payload is not None else b"")
         return [self._orders[key]] if key in self._orders else []
 
     def _issue(self, payload: bytes) -> list[bytes]:
-        """The answer to a claim; none to what is no claim."""
+        """Return the answer to a claim, none to a malformed one."""
         try:
-            claim = msgspec.json.decode(payload, type=Claim)
+            claim = msgspec.json.decode(payload, type=IdClaim)
         except msgspec.DecodeError:
             return []
         if self._by_name and not claim.among:

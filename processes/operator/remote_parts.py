@@ -1,15 +1,15 @@
-"""The parts of a mission that others run, as the operator sees them: there, away for a while, or given up."""
+"""The parts of a mission that others run, as the operator sees them: present, away for a while, or given up."""
 
 from __future__ import annotations
 
 from collections.abc import Iterable, Set
 
-GIVE_UP_S = 10.0
-"""A part that has not been on the bus for so long is not waited for any more; it may come back all the same."""
+PART_LOST_S = 10.0
+"""Time after which the operator gives up a part that is off the bus; the part may come back later."""
 
 
 class Remote:
-    """Follows the presence of `parts`, by their liveliness tokens."""
+    """Presence of `parts`, by their liveliness tokens."""
 
     def __init__(self, parts: Iterable[str]) -> None:
         self.parts = frozenset(parts)
@@ -18,16 +18,16 @@ class Remote:
 
     @property
     def expected(self) -> set[str]:
-        """Those that are there or may come back."""
+        """The parts that are present or may come back."""
         return set(self.parts - self._given_up)
 
     def look(self, alive: Set[str], dead: Set[str], now_s: float) -> tuple[list[str], list[str]]:
-        """Who is given up from now on, and who has come back; `dead` are known not to come back."""
+        """Return the parts that it gives up from now on, and those that have come back; the `dead` never come back."""
         for part in self.parts & alive:
             self._away_since_s.pop(part, None)
         for part in self.parts - alive:
             self._away_since_s.setdefault(part, now_s)
-        lost = {part for part, since_s in self._away_since_s.items() if part in dead or now_s - since_s >= GIVE_UP_S}
+        lost = {part for part, since_s in self._away_since_s.items() if part in dead or now_s - since_s >= PART_LOST_S}
         gone, back = sorted(lost - self._given_up), sorted(self._given_up & alive)
         self._given_up = lost
         return gone, back

@@ -1,7 +1,7 @@
-"""A mission whose operator has died, found again by the next one with the same mission.
+"""Takeover of a mission whose operator has died, by the next operator with the same mission.
 
-Its claimants, UAVs, recorder and visualiser are still on the bus; the recorder, which has heard the
-mission message and keeps its orders, answers for both.
+Its claimants, UAVs, recorder and visualiser are still on the bus. The recorder has received the mission message
+and keeps its own orders, so it answers queries for both.
 """
 
 from __future__ import annotations
@@ -29,10 +29,7 @@ from processes.services.recorder import RecorderSettings
 
 @dataclass(frozen=True, slots=True)
 class Takeover:
-    """What is known of such a mission.
-
-    Its id, the mission message if it has begun, the recorder's orders, and by the record the faults in force.
-    """
+    """A mission without operator: id, mission message if it has begun, orders of the recorder, faults in force."""
 
     mission_id: str
     mission: MissionMessage | None = None
@@ -41,12 +38,12 @@ class Takeover:
 
 
 def new_mission_id(mission: Mission) -> str:
-    """An id that no other run has."""
+    """Return an id that no other run has."""
     return f"{_stem(mission)}-{secrets.token_hex(4)}"
 
 
 def find_takeover(session: zenoh.Session, mission: Mission) -> Takeover | None:
-    """The run of this very mission that is on the bus without an operator, if there is one."""
+    """Return the run of this very mission that is on the bus without an operator, if there is one."""
     tokens = _tokens(session)
     runs = {run for run, _ in tokens if run.startswith(f"{_stem(mission)}-")}
     orphans = sorted(runs - {run for run, who in tokens if who == OPERATOR})
@@ -54,13 +51,13 @@ def find_takeover(session: zenoh.Session, mission: Mission) -> Takeover | None:
 
 
 def _stem(mission: Mission) -> str:
-    """Name and digest of a mission: only the same mission, to the last field, may be gone on with."""
+    """Return name and digest of a mission: an operator takes over only the same mission, to the last field."""
     digest = hashlib.blake2s(msgspec.json.encode(mission), digest_size=4).hexdigest()
     return f"{mission.name[:45]}-{digest}"
 
 
 def _tokens(session: zenoh.Session) -> set[tuple[str, str]]:
-    """Mission and id of every liveliness token."""
+    """Return mission and id of every liveliness token."""
     replies = session.liveliness().get(ALL_ALIVE, timeout=ASK_TIMEOUT_S)
     keys = [str(reply.ok.key_expr).split("/") for reply in replies if reply.ok is not None]
     return {(parts[1], parts[3]) for parts in keys if len(parts) == 5}
@@ -79,7 +76,7 @@ def _takeover(session: zenoh.Session, run: str) -> Takeover:
 
 
 def _in_force(part: str) -> list[Event]:
-    """The faults that whoever starts late must be told of, as far as the recorder has written them."""
+    """Return the faults that a UAV which starts late must receive, as far as the recorder has written them."""
     try:
         events = read_recording(part, salvage=True).events
     except RecordingError:

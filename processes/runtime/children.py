@@ -17,7 +17,7 @@ from edc_swarm.errors import SwarmError
 
 
 class PartEndedError(SwarmError):
-    """A process that nobody asked to end, and without which no mission is flown, has ended: no fault of the input."""
+    """A process that the mission cannot do without has ended unasked. The input is not at fault."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -31,7 +31,7 @@ class ChildExited:
 
 @dataclass(frozen=True, slots=True)
 class ChildReady:
-    """A child of the command has said its first line on standard output."""
+    """A child of the command has printed its first line on standard output."""
 
     name: str
 
@@ -40,11 +40,11 @@ News = ChildReady | ChildExited
 
 
 class Child:
-    """One `python -m MODULE`. Its first line and its end are told to `tell`; its errors go to `log`.
+    """One child process, `python -m MODULE`. It reports its first line and its end to `tell`; its errors go to `log`.
 
-    Started from the main thread: the parent-death signal belongs to the thread that starts a child.
-    In a session of its own: Ctrl-C in a terminal, or a signal to the whole group, is for the command
-    alone, which ends its children in order.
+    The main thread must start it: the parent-death signal belongs to the thread that starts a child.
+    It gets its own session: Ctrl-C in a terminal, or a signal to the process group, reaches the command
+    alone, which then ends its children in order.
     """
 
     def __init__(
@@ -83,16 +83,16 @@ class Child:
 
     @property
     def alive(self) -> bool:
-        """Whether it has not ended yet."""
+        """True until the process has ended."""
         return self._exit.is_alive()
 
     def signal(self, number: int) -> None:
-        """Send a signal, if it lives."""
+        """Send a signal to the process if it is alive."""
         with contextlib.suppress(ProcessLookupError):
             self._process.send_signal(number)
 
     def end(self, timeout_s: float) -> None:
-        """Ask it to end, and kill it when it does not."""
+        """Terminate the process, and kill it if it does not end within `timeout_s`."""
         self.signal(signal.SIGTERM)
         self._exit.join(timeout_s)
         if self._exit.is_alive():
@@ -107,4 +107,4 @@ class Child:
 
 
 SINGLE_THREADED = {"OPENBLAS_NUM_THREADS": "1", "OMP_NUM_THREADS": "1", "MKL_NUM_THREADS": "1"}
-"""Numerical libraries must start no threads in a process that is to be forked."""
+"""Environment that keeps numerical libraries from starting threads: a process with threads cannot be forked safely."""

@@ -1,4 +1,4 @@
-"""The clock of a mission: wall time that neither jumps nor runs back, unless a fault says so."""
+"""The clock of a mission: wall time that neither jumps nor runs back, unless a fault sets it."""
 
 from __future__ import annotations
 
@@ -10,23 +10,25 @@ from edc_swarm.protocol.admission import SLACK_SLOTS
 from edc_swarm.protocol.messages import MissionMessage
 
 JUMP_NS = NS_PER_S // 2
-"""A wall clock that moves by more between two looks has jumped; NTP otherwise slews it, by 0.5 ms in a second."""
-MOST_JUMPS_TOLD = 20
-"""One process tells of so many jumps."""
+"""Largest change of the wall clock between two checks that is no jump. NTP slews it by 0.5 ms in a second."""
+MAX_REPORTED_JUMPS = 20
+"""Most jumps that one process reports."""
 UNSURE_NS = 50_000_000
-"""Two clocks that were read so far apart cannot be compared: the process was frozen in between."""
+"""Longest time between the readings of two clocks that can be compared; after more the process was frozen."""
 FUTURE_NS = 10 * NS_PER_S
-"""A mission whose slot 0 is further in the future was begun by a host whose clock is ahead of this one's."""
+"""Longest time until slot 0. If it is longer, the clock of the host that began the mission is ahead of this one."""
 
 
 class MissionClock:
-    """Epoch nanoseconds, read from the monotonic clock and anchored to the wall clock once.
+    """Clock of epoch nanoseconds: the monotonic clock plus an offset to the wall clock that is read once.
+
+        now_ns = monotonic_ns + ahead_ns
 
     An administrator or NTP may set the wall clock during a mission: slots, waits and the times of
-    messages do not follow. The monotonic clock is the same in all processes of a host since it
-    started, so those that a command starts take over its anchor, `ahead_ns`, and agree whenever they
-    start. It is CLOCK_MONOTONIC, by which all waits go too: while a host is suspended it stands still,
-    and to the rest of the swarm that host's UAVs are then behind.
+    messages do not follow. All processes of a host share the monotonic clock, so the processes that a
+    command starts take over its `ahead_ns` and agree whenever they start. The monotonic clock is
+    CLOCK_MONOTONIC, which also times all waits. It stands still while a host is suspended; that host's
+    UAVs are then behind the rest of the swarm.
     """
 
     def __init__(self, ahead_ns: int | None = None) -> None:
@@ -40,11 +42,11 @@ class MissionClock:
         self._jumps = 0
 
     def now_ns(self) -> int:
-        """Return what this clock shows."""
+        """Return the epoch nanoseconds that this clock shows."""
         return self._shown_ns + round((time.monotonic_ns() - self._base_ns) * self._rate)
 
     def set_off(self, offset_ns: int, drift_ppm: float) -> None:
-        """From now on be `offset_ns` ahead of the true time and gain `drift_ppm` (a fault)."""
+        """Set the clock `offset_ns` ahead of the true time and let it gain `drift_ppm` from now on (a fault)."""
         self._base_ns = time.monotonic_ns()
         self._shown_ns = self._base_ns + self.ahead_ns + offset_ns
         self._rate = 1.0 + drift_ppm * 1e-6
@@ -56,30 +58,30 @@ class MissionClock:
             return None
         by_ns = ahead_ns - self._wall_ahead_ns
         self._wall_ahead_ns = ahead_ns
-        if abs(by_ns) <= JUMP_NS or self._jumps >= MOST_JUMPS_TOLD:
+        if abs(by_ns) <= JUMP_NS or self._jumps >= MAX_REPORTED_JUMPS:
             return None
         self._jumps += 1
         return f"the wall clock was set {'ahead' if by_ns > 0 else 'back'} by {abs(by_ns) / NS_PER_S:.3f} s"
 
     def check_epoch(self, mission: MissionMessage) -> None:
-        """Raise `SwarmError` where this clock and the one by which `mission` began must differ."""
+        """Raise `SwarmError` if this clock and the clock that began `mission` must differ."""
         since_ns = self.now_ns() - mission.epoch_ns
         late_ns = since_ns - (mission.max_slots + SLACK_SLOTS) * mission.slot_ns
         if since_ns < -FUTURE_NS:
             raise SwarmError(
                 f"cannot take part in mission {mission.name}: it begins in {-since_ns / NS_PER_S:.0f} s, "
-                f"so the clock of this host is behind that of the operator's by about as much"
+                f"so the clock of this host is behind the operator's by about as much"
             )
         if late_ns > 0:
             raise SwarmError(
                 f"cannot take part in mission {mission.name}: it began {since_ns / NS_PER_S:.0f} s ago, longer than "
-                f"it can last, so the clock of this host is ahead of that of the operator's by "
+                f"it can last, so the clock of this host is ahead of the operator's by "
                 f"{late_ns / NS_PER_S:.0f} s or more"
             )
 
 
 def _wall_ahead_ns() -> int | None:
-    """Wall time minus monotonic time, or None when both could not be read at once."""
+    """Return wall time minus monotonic time, or None if the two readings are too far apart."""
     before_ns = time.monotonic_ns()
     wall_ns = time.time_ns()
     after_ns = time.monotonic_ns()

@@ -1,4 +1,4 @@
-"""What the command prints: results on standard output, all else on standard error."""
+"""Output of the command: results on standard output, all else on standard error; and the exit statuses."""
 
 from __future__ import annotations
 
@@ -18,16 +18,16 @@ NOT_JUDGED = 3
 """Exit status: nothing is broken, but a guarantee could not be judged for lack of evidence."""
 
 UNREAD = 128 + 13
-"""Exit status: the pipe of standard output was closed, told as a shell tells of a process that SIGPIPE has ended."""
+"""Exit status: the reader closed the pipe of standard output (a shell's status for a process ended by SIGPIPE)."""
 
 
 def note(text: str) -> None:
-    """Tell the user something beside the result."""
+    """Print `text` for the user on standard error."""
     print(shown_lines(text), file=sys.stderr, flush=True)
 
 
 def complain(error: SwarmError | str) -> int:
-    """Print the one line about bad input; the exit status."""
+    """Print one line about bad input, and return the exit status."""
     text = str(error)
     if isinstance(error, RecordingError):
         text = f"recording = {str(error.path)!r}: must be a readable recording ({error.reason})"
@@ -36,10 +36,10 @@ def complain(error: SwarmError | str) -> int:
 
 
 def print_json(value: object) -> None:
-    """Print `value` as JSON, and nothing else, on standard output."""
+    """Print `value` as JSON on standard output."""
     sys.stdout.write(msgspec.json.format(msgspec.json.encode(value), indent=2).decode() + "\n")
 
 
 def stdout_console() -> Console:
-    """A console on standard output that wraps nothing where nobody looks."""
+    """Return a console on standard output that never wraps a line."""
     return Console(highlight=False, soft_wrap=True)

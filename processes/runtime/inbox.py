@@ -1,4 +1,4 @@
-"""A bounded queue between whoever hands over and the one loop that works."""
+"""A bounded queue between the threads and callbacks that produce items and the one loop that works on them."""
 
 from __future__ import annotations
 
@@ -12,14 +12,14 @@ LIMIT = 100_000
 LIMIT_BYTES = 256 << 20
 BATCH = 256
 SETTLE_S = 0.01
-"""For so long whoever only looks on lets a burst gather: every wake-up at a slot's start takes a turn from a UAV."""
+"""Time in which an observer lets a burst gather: each wake-up at a slot's start takes processor time from a UAV."""
 
 
 class Inbox(Generic[Item]):
-    """Takes items from callbacks, threads and signal handlers; never blocks them.
+    """Queue of items from callbacks, threads and signal handlers; it never blocks them.
 
-    A `SimpleQueue` underneath: its `put` may interrupt itself, which a signal handler does. The
-    bounds are checked before the put, so they can be exceeded by as many items as there are threads.
+    It uses a `SimpleQueue`, whose `put` is reentrant: a signal handler may interrupt it. `put` checks
+    the bounds first, so each thread can exceed them by one item.
     """
 
     def __init__(self, limit: int = LIMIT, limit_bytes: int = LIMIT_BYTES) -> None:
@@ -30,7 +30,7 @@ class Inbox(Generic[Item]):
         self.dropped = 0
 
     def put(self, item: Item, size_bytes: int = 0) -> None:
-        """Hand over `item`; counted and dropped when full."""
+        """Add `item`; if the inbox is full, count and drop it."""
         held_bytes = self._taken_in_bytes - self._handed_out_bytes
         if self._queue.qsize() >= self._limit or held_bytes + size_bytes > self._limit_bytes:
             self.dropped += 1
@@ -39,13 +39,13 @@ class Inbox(Generic[Item]):
             self._queue.put((item, size_bytes))
 
     def put_always(self, item: Item) -> None:
-        """Hand over one of the few items that must not be lost, such as the order to stop."""
+        """Add one of the few items that must not be lost, such as the order to stop."""
         self._queue.put((item, 0))
 
     def wait(self, timeout_s: float | None, settle_s: float = 0.0) -> list[Item]:
-        """Wait for the next items, at most `BATCH`; none when the time is over.
+        """Wait for the next items and return at most `BATCH` of them, none if the time is over.
 
-        `settle_s`: how long to wait for more after the first one.
+        `settle_s`: time to wait for more items after the first one.
         """
         items: list[Item] = []
         try:

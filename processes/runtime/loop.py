@@ -1,7 +1,6 @@
-"""The one loop of a command: everything that happens comes through its inbox.
+"""The one loop of a command: messages from the bus, news of children and signals all come through its inbox.
 
-What the bus says, what children do, Ctrl-C. The loop never sleeps for something to be ready; it
-waits for the message that says so.
+The loop never polls for a child to be ready; it waits for the message that says so.
 """
 
 from __future__ import annotations
@@ -20,16 +19,16 @@ from processes.runtime.inbox import SETTLE_S, Inbox
 START_TIMEOUT_S = 600.0
 """Longest wait at the start: on a new machine the planner is compiled first, which takes a minute."""
 PATIENCE_S = 4.0
-"""After this long the user is told what is waited for."""
+"""Wait after which the loop tells the user the reason for it."""
 
 
-What = str | Callable[[], str]
-"""What is waited for, in words; a function where they are best found when they are said."""
+Awaited = str | Callable[[], str]
+"""Words for the thing that a loop waits for, or a function that returns them as of now."""
 
 
-def in_words(what: What) -> str:
-    """What is waited for, as of now."""
-    return what if isinstance(what, str) else what()
+def in_words(awaited: Awaited) -> str:
+    """Return the words for the thing that a loop waits for, as of now."""
+    return awaited if isinstance(awaited, str) else awaited()
 
 
 class Interrupted(Exception):  # noqa: N818  (nothing is wrong)
@@ -42,12 +41,12 @@ class Interrupt:
 
 
 class Loop:
-    """Hands what comes in to `take`, and calls `after` each time.
+    """Loop that passes each item of the inbox to `take`, and calls `after` after each batch of items.
 
     Attributes
     ----------
     failure
-        Raised by the next `pump`, until the command is `ending`.
+        The error that the next `pump` raises, until the command is `ending`.
     """
 
     def __init__(self, take: Callable[[object], None], after: Callable[[], None] = lambda: None) -> None:
@@ -59,34 +58,38 @@ class Loop:
         self.failure: SwarmError | None = None
 
     def obey_signals(self) -> None:
-        """Let signals that ask for the end come through the inbox too."""
+        """Put the signals that end a command into the inbox."""
         for number in (signal.SIGINT, signal.SIGTERM, signal.SIGHUP):
             signal.signal(number, lambda *_: self.inbox.put_always(Interrupt()))
 
     def wait(
-        self, done: Callable[[], bool], what: What, timeout_s: float = START_TIMEOUT_S, look_every_s: float = math.inf
+        self,
+        done: Callable[[], bool],
+        awaited: Awaited,
+        timeout_s: float = START_TIMEOUT_S,
+        look_every_s: float = math.inf,
     ) -> None:
-        """Work until `done`; after a while the user is told `what` is waited for.
+        """Work until `done`; after `PATIENCE_S` tell the user what is `awaited`.
 
-        `look_every_s`: for what comes without a message.
+        `look_every_s`: period of the calls of `done` for a change that comes without a message.
         """
-        start_s, told = time.monotonic(), not what
+        start_s, noted = time.monotonic(), not awaited
         while not done():
             waited_s = time.monotonic() - start_s
             if waited_s >= timeout_s:
-                raise SwarmError(f"waited {timeout_s:g} s for {in_words(what)}")
-            if waited_s >= PATIENCE_S and not told:
-                note(f"waiting for {in_words(what)}")
-                told = True
-            self.pump(min(look_every_s, (timeout_s if told else PATIENCE_S) - waited_s))
+                raise SwarmError(f"waited {timeout_s:g} s for {in_words(awaited)}")
+            if waited_s >= PATIENCE_S and not noted:
+                note(f"waiting for {in_words(awaited)}")
+                noted = True
+            self.pump(min(look_every_s, (timeout_s if noted else PATIENCE_S) - waited_s))
 
     def wait_quietly(self, done: Callable[[], bool], timeout_s: float, look_every_s: float = math.inf) -> None:
-        """Wait, whatever else goes wrong meanwhile: this is the end anyway."""
+        """Work until `done` or `timeout_s` is over; ignore failures, since the command ends anyway."""
         with contextlib.suppress(SwarmError):
             self.wait(done, "", timeout_s, look_every_s)
 
     def pump(self, timeout_s: float) -> None:
-        """Take what is there, or comes within the time.
+        """Take the items that are there, or that come within `timeout_s`.
 
         Raises
         ------

@@ -1,4 +1,4 @@
-"""Where a run writes: one recording, the logs beside it, the UAVs' files while it lasts."""
+"""The files of a run: one recording, the logs beside it, and the UAVs' state files during the run."""
 
 from __future__ import annotations
 
@@ -25,20 +25,20 @@ FOLDER = Path("recordings")
 
 
 class Output:
-    """The files of one run. Claimed at the start, so nothing is overwritten and nobody else has them.
+    """The files of one run. It claims them at the start, so it overwrites nothing and no other run writes them.
 
-    `begun`: a recorder is writing them already, for an operator before this one.
+    `begun`: a recorder writes them already, for the operator before this one.
 
     Attributes
     ----------
     path
-        The recording when it is whole; `part` until then.
+        The complete recording; until it is complete, the recorder writes `part`.
     salvaged
-        Recordings recovered from what killed runs have left in the same folder.
+        Recordings recovered from the parts that killed runs left in the same folder.
     logs
-        Folder with the output of every process; gone at the end if nobody said anything.
+        Folder with the log of every process; removed at the end if all logs are empty.
     state
-        Folder with the UAVs' promises and airframes; gone at the end.
+        Folder with the UAVs' promises and airframes; removed at the end.
     """
 
     def __init__(self, path: Path, *, force: bool, begun: bool = False) -> None:
@@ -72,18 +72,15 @@ class Output:
             self.part.unlink()
 
     def log(self, name: str) -> Path:
-        """Log file of the process `name`."""
+        """Return the path of the log file of the process `name`."""
         return self.logs / f"{name}.log"
 
     def tail(self, name: str, lines: int = 8) -> str:
-        """The last lines that the process `name` wrote."""
-        try:
-            return "\n".join(self.log(name).read_text(errors="replace").splitlines()[-lines:])
-        except OSError:
-            return ""
+        """Return the last lines of the log of the process `name`, "" if there are none."""
+        return log_tail(self.log(name), lines)
 
     def recover_part(self) -> list[str]:
-        """Make the recording of a recorder that died; what is missing, one line each."""
+        """Recover the recording of a recorder that died; return what is missing, one line each."""
         try:
             missing = write_recovered(self.part, self.path)
         except RecordingError as error:
@@ -94,14 +91,22 @@ class Output:
         return missing
 
     def cannot_write(self, reason: str) -> InputError:
-        """Return the error that names the folder, and the file with what was recorded until then."""
+        """Return the error that names the folder, and the part that holds the messages recorded so far."""
         kept = f"; edc-swarm recover {self.part} -o FILE.mcap, on another disk, makes a recording of what there is"
         allowed = f"in a folder that can be written: {self.part.parent.resolve()}: {reason}"
         return InputError("--out", str(self.path), allowed + (kept if self.part.exists() else ""))
 
 
+def log_tail(log: Path, lines: int = 8) -> str:
+    """Return the last lines of a log, "" if there are none."""
+    try:
+        return "\n".join(log.read_text(errors="replace").splitlines()[-lines:])
+    except OSError:
+        return ""
+
+
 def default_output(name: str, planner: str, which: str) -> Path:
-    """`recordings/NAME-PLANNER-WHICH.mcap`, with a number where that is taken."""
+    """Return `recordings/NAME-PLANNER-WHICH.mcap`, with a number if that name is taken."""
     stem = f"{name}-{planner.rpartition(':')[2]}-{which}"
     for number in range(1, 1000):
         path = FOLDER / (f"{stem}{SUFFIX}" if number == 1 else f"{stem}-{number}{SUFFIX}")
@@ -111,12 +116,12 @@ def default_output(name: str, planner: str, which: str) -> Path:
 
 
 def timestamp() -> str:
-    """Now, for a file name."""
+    """Return the local time as text for a file name."""
     return time.strftime("%Y%m%d-%H%M%S")
 
 
 def check_output(path: Path, *, force: bool) -> None:
-    """Raise `InputError` where writing `path` would overwrite something."""
+    """Raise `InputError` if writing a recording at `path` would overwrite something."""
     check_new(path, SUFFIX, force=force)
 
 
@@ -130,7 +135,7 @@ def check_new(path: Path, suffix: str, *, force: bool) -> None:
     except UnicodeDecodeError:
         raise InputError("--out", str(path), "a path in UTF-8, folders included") from None
     except FileNotFoundError:
-        raise InputError("--out", str(path), "an absolute path where the working folder was removed") from None
+        raise InputError("--out", str(path), "an absolute path, since the working folder was removed") from None
     try:
         mode = path.stat().st_mode
     except FileNotFoundError:
@@ -144,42 +149,42 @@ def check_new(path: Path, suffix: str, *, force: bool) -> None:
 
 
 def through_links(path: Path) -> Path:
-    """The file that is written by whoever writes `path`: where a symbolic link leads, not the link."""
+    """Return the target of `path` if it is a symbolic link, else `path`: a write replaces the target, not the link."""
     return Path(os.path.realpath(path)) if os.path.islink(path) else path
 
 
 def unusable(error: OSError) -> SwarmError:
-    """What the system has refused, as one line that says which file it was and what to do about it."""
+    """Return the error for a refused system call: one line with the file and, if there is one, a remedy."""
     named = f"{os.fsdecode(error.filename)}: " if isinstance(error.filename, (str, bytes)) else ""
     return SwarmError(f"{named}{_why(error)}")
 
 
 def unwritten(option: str, path: Path, error: OSError) -> InputError:
-    """A file that was being written and could not be."""
+    """Return the error for a file at `path` that cannot be written."""
     return InputError(option, str(path), f"where it can be written ({_why(error)})")
 
 
 def salvage_parts(folder: Path) -> list[Path]:
-    """Recover what killed runs have left in `folder`; the originals are kept as NAME.mcap.part.torn.
+    """Recover the parts that killed runs left in `folder`; keep the originals as NAME.mcap.part.torn.
 
-    A part that is still held is a run in progress and is left alone.
+    A locked part belongs to a run in progress; it stays untouched.
     """
     return [found for part in sorted(folder.glob(f"*{SUFFIX}{PART}")) if (found := _salvage(part)) is not None]
 
 
 def recovered_name(part: Path) -> Path:
-    """NAME.recovered.mcap, beside NAME.mcap.part or NAME.mcap."""
+    """Return NAME.recovered.mcap, beside NAME.mcap.part or NAME.mcap."""
     return part.with_name(part.name.removesuffix(PART).removesuffix(SUFFIX) + ".recovered" + SUFFIX)
 
 
 @contextmanager
 def held_for_writing(part: Path) -> Iterator[BinaryIO]:
-    """The file `part`, locked: nobody takes it for what a killed run has left. Rename it before it is let go.
+    """Open `part` and lock it, so that no other run recovers it. The caller renames it before the lock ends.
 
     Raises
     ------
     InputError
-        It cannot be written; then it is gone.
+        The file cannot be written; it is then removed.
     """
     try:
         with part.open("r+b") as stream:
@@ -192,12 +197,12 @@ def held_for_writing(part: Path) -> Iterator[BinaryIO]:
 
 @contextmanager
 def locked_for_reading(part: Path) -> Iterator[None]:
-    """Keep whoever records from writing `part` meanwhile.
+    """Lock `part`, so that no recorder writes it meanwhile.
 
     Raises
     ------
     RecordingError
-        It cannot be opened, or a run in progress is writing it.
+        The file cannot be opened, or a run in progress is writing it.
     """
     try:
         with open_regular(part) as held:
@@ -211,12 +216,12 @@ def locked_for_reading(part: Path) -> Iterator[None]:
 
 @contextmanager
 def new_file(path: Path) -> Iterator[BinaryIO]:
-    """A file that is at `path` when it is whole, and not before.
+    """Yield a temporary file that becomes `path` once the caller has written it completely.
 
     Raises
     ------
     InputError
-        It cannot be written.
+        The file cannot be written.
     """
     path = through_links(path)
     unfinished = path.with_name(path.name + ".tmp")
@@ -232,7 +237,7 @@ def new_file(path: Path) -> Iterator[BinaryIO]:
 
 
 def write_recovered(part: Path, whole: Path) -> list[str]:
-    """Recover `part` as `whole`; what is missing, one line each."""
+    """Recover `part` as the recording `whole`; return what is missing, one line each."""
     with new_file(whole) as stream:
         return recover(part, stream)
 

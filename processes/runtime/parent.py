@@ -1,4 +1,4 @@
-"""Children end with their parent, even when it is killed with -9."""
+"""The parent-death signal: a child process ends with its parent, even if SIGKILL ends the parent."""
 
 from __future__ import annotations
 
@@ -12,9 +12,9 @@ _PR_SET_PDEATHSIG = 1
 def die_with_parent(parent_pid: int) -> None:
     """Have the kernel kill this process, frozen or not, when its parent ends.
 
-    SIGKILL, the only signal that a stopped process obeys. The signal is tied to the parent's
-    *thread* that made this process, so parents start children from their main thread. It is lost in
-    a fork and must be set in every child; a parent that died before it was set is noticed by its id.
+    The signal is SIGKILL, since a stopped process obeys no other. The kernel ties it to the *thread* of
+    the parent that made this process, so parents start children from their main thread. A fork clears
+    it, so every child must set it. The check of the parent's id detects a parent that died before.
     """
     libc = ctypes.CDLL(None, use_errno=True)
     if libc.prctl(_PR_SET_PDEATHSIG, signal.SIGKILL, 0, 0, 0) != 0:

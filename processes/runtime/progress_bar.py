@@ -12,7 +12,7 @@ from edc_swarm.protocol.completion import MissionMonitor
 
 
 class ProgressBar:
-    """Slot, head and term, UAVs arrived and the least gap planned; nothing when not `shown`."""
+    """Progress bar with slot, head, term, arrived UAVs and the smallest planned gap; empty unless `shown`."""
 
     def __init__(self, mission: Mission, *, shown: bool) -> None:
         self._uavs = len(mission.roster)
@@ -33,7 +33,7 @@ class ProgressBar:
         self._progress.stop()
 
     def show(self, monitor: MissionMonitor) -> None:
-        """Show where the mission is."""
+        """Show the state of the mission that `monitor` follows."""
         report = monitor.report
         leads = f"head {report.head} term {report.term}  gap {report.min_gap_m:.2f} m" if report else "no head"
         state = f"slot {max(monitor.slot, 0)}  {leads}  arrived {monitor.arrived}/{self._uavs}"

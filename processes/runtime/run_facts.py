@@ -17,13 +17,13 @@ import edc_swarm
 
 PACKAGES = ("edc-swarm", "eclipse-zenoh", "osqp", "numpy", "scipy", "numba", "mcap", "msgspec")
 CODE = "code"
-"""Fact of a simulated recording: what decided what was said, besides the mission."""
-PLACE = "--out"
-MANNER = frozenset({"--json", "--force"})
+"""Fact of a simulated recording: the digest of the code that, with the mission, determines its messages."""
+PLACE_OPTION = "--out"
+OUTPUT_OPTIONS = frozenset({"--json", "--force"})
 
 
 def run_facts(clock: str) -> dict[str, str]:
-    """Metadata `run` of a recording; `clock` is "wall" or "virtual"."""
+    """Return the metadata `run` of a recording; `clock` is "wall" or "virtual"."""
     return {
         "clock": clock,
         "command": os.fsencode(_command()).decode(errors="backslashreplace"),
@@ -35,11 +35,11 @@ def run_facts(clock: str) -> dict[str, str]:
 
 
 def _command() -> str:
-    return shlex.join([Path(sys.argv[0]).name, *_about_the_run(sys.argv[1:])])
+    return shlex.join([Path(sys.argv[0]).name, *_reproducible_words(sys.argv[1:])])
 
 
 def made_otherwise(run: Mapping[str, str]) -> str:
-    """In words, what made a recording with the facts `run` and is not what runs here; "" where there is nothing."""
+    """Return in words how the software of a recording with the facts `run` differs from this one, "" if it is equal."""
     here = run_facts("")
     names = [name for name in here if name in {"commit", "python"} or name.startswith("version ")]
     others = [name for name in names if run.get(name) and here[name] and run[name] != here[name]]
@@ -50,11 +50,11 @@ def made_otherwise(run: Mapping[str, str]) -> str:
 
 
 def code_digest(planner: str) -> str:
-    """Return a hash of the library's source, and of the file of a user's planner."""
+    """Return a hash of the source of the library and of the module of a user's planner."""
     files = sorted(Path(edc_swarm.__file__).parent.rglob("*.py"))
     module, _, name = planner.partition(":")
     if name and module.partition(".")[0] != edc_swarm.__name__:
-        files += _files_of(module)
+        files += _source_files(module)
     digest = hashlib.sha256()
     for file in files:
         digest.update(file.read_bytes())
@@ -62,9 +62,9 @@ def code_digest(planner: str) -> str:
 
 
 def simulated_otherwise(run: Mapping[str, str], planner: str) -> str:
-    """Return in words what may rightly make a simulation with the facts `run` another one here, "" for nothing.
+    """Return in words why a simulation with the facts `run` may differ if it is repeated here, "" if it may not.
 
-    Code that is known to be the same is the same, whatever the commit is called.
+    Equal digests mean equal code, whatever the commit is called.
     """
     if run.get(CODE) == code_digest(planner):
         run = {name: value for name, value in run.items() if name != "commit"}
@@ -75,8 +75,8 @@ def simulated_otherwise(run: Mapping[str, str], planner: str) -> str:
     return here or (f"made on another machine ({run.get('machine')})" if run.get("machine") != machine else "")
 
 
-def _files_of(module: str) -> list[Path]:
-    """The source of a module; none where it is not found."""
+def _source_files(module: str) -> list[Path]:
+    """Return the source file of a module, none if it is not found."""
     try:
         spec = importlib.util.find_spec(module)
     except (ImportError, ValueError):
@@ -84,23 +84,23 @@ def _files_of(module: str) -> list[Path]:
     return [Path(spec.origin)] if spec is not None and spec.has_location and spec.origin is not None else []
 
 
-def _about_the_run(arguments: Sequence[str]) -> Iterator[str]:
-    """Without where the recording goes and how the end is told: the same run has the same bytes anywhere (G6)."""
+def _reproducible_words(arguments: Sequence[str]) -> Iterator[str]:
+    """Yield the words of the command line without the options of output: equal runs have equal bytes (G6)."""
     words = iter(arguments)
     for word in words:
-        if word == PLACE:
+        if word == PLACE_OPTION:
             next(words, "")
-        elif word not in MANNER and not word.startswith(f"{PLACE}="):
+        elif word not in OUTPUT_OPTIONS and not word.startswith(f"{PLACE_OPTION}="):
             yield word
 
 
 def _commit() -> str:
-    """Commit of the checkout that this code is in, with + when it was changed; "" outside of one."""
+    """Return the commit of the checkout of this code, with + if files are changed; "" outside of a checkout."""
     here = Path(__file__).resolve().parents[2]
     if not (here / ".git").exists():
         return ""
     try:
-        said = subprocess.run(
+        described = subprocess.run(
             ["git", "-C", str(here), "describe", "--always", "--abbrev=40", "--exclude=*", "--dirty=+"],
             capture_output=True,
             text=True,
@@ -109,4 +109,4 @@ def _commit() -> str:
         )
     except (OSError, subprocess.TimeoutExpired):
         return ""
-    return said.stdout.strip()
+    return described.stdout.strip()

@@ -1,4 +1,4 @@
-"""Standard input, output and error of a command, whatever the caller has made of them."""
+"""Standard input, output and error of a command, usable even if the caller closed or redirected them."""
 
 from __future__ import annotations
 
@@ -11,21 +11,21 @@ from edc_swarm.errors import SwarmError
 
 
 class UnreadError(Exception):
-    """Whoever was to read the results has closed the pipe: nobody is there to be told."""
+    """The reader of the results has closed the pipe, so no error text can reach it."""
 
 
 class Results(io.TextIOWrapper):
-    """Standard output. What cannot be written is an error of ours; what its encoding lacks is written as an escape."""
+    """Standard output. A failed write raises an error of ours; an escape replaces a character its encoding lacks."""
 
     def write(self, text: str) -> int:
-        """Write `text`; raises `SwarmError`, or `UnreadError` for a pipe that nobody reads any more."""
+        """Write `text`; raise `SwarmError` if that fails, or `UnreadError` if the reader has closed the pipe."""
         try:
             return super().write(text)
         except OSError as error:
             raise _unwritten(error) from None
 
     def flush(self) -> None:
-        """Write what is still held back; raises as `write` does."""
+        """Write the buffered text; raise as `write` does."""
         try:
             super().flush()
         except OSError as error:
@@ -33,25 +33,26 @@ class Results(io.TextIOWrapper):
 
 
 class Notes(io.TextIOWrapper):
-    """Standard error. A mission does not end because nobody can be told of it."""
+    """Standard error. It ignores failed writes: a mission must not end because a note cannot be printed."""
 
     def write(self, text: str) -> int:
-        """Write `text` if that can be."""
+        """Write `text` if possible."""
         with suppress(OSError):
             return super().write(text)
         return len(text)
 
     def flush(self) -> None:
-        """Write what is still held back if that can be."""
+        """Write the buffered text if possible."""
         with suppress(OSError):
             super().flush()
 
 
 def prepare_streams() -> None:
-    """Put streams of our own in place of Python's.
+    """Replace Python's standard streams by `Results` and `Notes`.
 
-    A stream that the caller has closed is opened first: else the next file to be opened, a recording perhaps, would
-    take its number, and with it all that is printed. Output that was closed is opened so that writing fails.
+    The function first opens the streams that the caller closed. Otherwise the next opened file, perhaps a recording,
+    would get the number of a closed stream and receive the printed text. It opens a closed output read-only, so that
+    writing fails.
     """
     for number, mode in enumerate((os.O_RDONLY, os.O_RDONLY, os.O_WRONLY)):
         try:
@@ -64,8 +65,8 @@ def prepare_streams() -> None:
         sys.stderr = _wrapped(Notes, 2, sys.stderr)
 
 
-def let_go_of_results() -> None:
-    """Drop what standard output could not take, so that the interpreter does not try again at its end."""
+def discard_unwritten_results() -> None:
+    """Drop the results that standard output did not take, so that the interpreter does not write them at its end."""
     try:
         sys.stdout.flush()
     except (SwarmError, UnreadError):
@@ -75,7 +76,7 @@ def let_go_of_results() -> None:
 
 
 def _wrapped(kind: type[io.TextIOWrapper], number: int, given: object) -> io.TextIOWrapper:
-    """A stream on descriptor `number`, encoded as the one that Python has made for it, if it has made one."""
+    """Return a stream on descriptor `number`, with the encoding of Python's own stream `given`, if there is one."""
     encoding = given.encoding if isinstance(given, io.TextIOWrapper) else "utf-8"
     raw = io.FileIO(number, "w", closefd=False)
     return kind(io.BufferedWriter(raw), encoding, "backslashreplace", line_buffering=number == 2 or raw.isatty())

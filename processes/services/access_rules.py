@@ -1,10 +1,20 @@
-"""Who may say and hear what on a secured bus, as rules for the router, by the name in the certificate.
+"""Access rules of a secured bus, which the router applies by the name in a process's certificate.
 
-Everything is denied but what is listed here. A UAV speaks under its own id alone, since whoever may
-become head is known by its key; it hears all fixes and reports, its own commands, the mission and
-the operator, and never the truth. Whoever starts UAVs on another host says nothing: it claims ids
-and hears the operator; the UAVs that it forks speak for themselves. What a rule lets in as `ingress`
-comes from the named process, what it lets out as `egress` goes to it.
+The router denies everything that no rule here allows.
+
+==========  ================================================  ==================================================
+Process     May publish                                       May receive
+==========  ================================================  ==================================================
+UAV         on its own keys only, also as head, since every   all fixes and reports, its own commands, the mission
+            key names its sender                              and the operator's events, but never a truth
+operator    the mission, its events                           all fixes, reports, commands and events
+recorder    its events                                        all messages
+visualiser  its events, scenes                                all messages of UAVs, the mission, all events
+join        nothing; it may claim ids, and its UAVs have      the operator's events
+            certificates of their own
+==========  ================================================  ==================================================
+
+`ingress` is traffic from the named process to the router, `egress` traffic from the router to it.
 """
 
 from __future__ import annotations
@@ -14,19 +24,19 @@ from typing import Any
 
 from edc_swarm.mission.configuration import JOIN, LIVE, OPERATOR, RECORDER, VISUALISER
 from edc_swarm.protocol.keys import ALL_ALIVE, PREFIX, Keys
-from processes.bus.abort_notice import WORD
+from processes.bus.abort_notice import NOTICE_KEY
 from processes.bus.operator_presence import GAVE_UP
 
 ANY_MISSION = "*"
-"""In the place of a mission's id: rules for whatever mission is flown at the router."""
+"""Wildcard for the mission's id, for a router that starts before its mission is known."""
 OPERATORS_ALIVE = f"{PREFIX}/*/alive/{OPERATOR}/*"
-"""What takes part finds the mission by: it cannot know its id before."""
+"""Liveliness key of operators, by which a process finds the id of the mission."""
 
 Rule = dict[str, Any]
 
 
 def access_control(mission: str, uavs: Sequence[str]) -> dict[str, Any]:
-    """Zenoh's `access_control` for one mission, or `ANY_MISSION`, and the UAVs that there may be."""
+    """Return Zenoh's `access_control` for one mission, or `ANY_MISSION`, and its possible UAVs."""
     keys = Keys(mission)
     shared = _shared_by_uavs(keys)
     rules = list(shared)
@@ -69,7 +79,7 @@ def _of_roles(keys: Keys) -> dict[str, list[Rule]]:
             *_answers(OPERATOR, [*asked, keys.claims, keys.orders("*"), keys.again(OPERATOR, "*")]),
             *_asks(OPERATOR, [keys.mission, keys.orders(RECORDER)]),
             _lives(OPERATOR, keys),
-            _rule(f"{OPERATOR} gives up", "ingress", "liveliness_token", [f"{WORD}/*"]),
+            _rule(f"{OPERATOR} gives up", "ingress", "liveliness_token", [f"{NOTICE_KEY}/*"]),
             *_sees_the_living(OPERATOR, keys.all_alive),
             _rule(f"{OPERATOR} looks for missions", "ingress", "liveliness_query", [ALL_ALIVE]),
         ],

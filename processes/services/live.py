@@ -1,6 +1,6 @@
-"""The live view: what the visualiser shows, served by the Foxglove WebSocket protocol.
+"""The live view: a server of the visualiser's scenes with the Foxglove WebSocket protocol.
 
-foxglove-sdk is optional (`pip install edc-swarm[live]`) and imported only here, when it is asked for.
+foxglove-sdk is optional (`pip install edc-swarm[live]`); only this module imports it, and only for `--live`.
 """
 
 from __future__ import annotations
@@ -19,19 +19,19 @@ from edc_swarm.viz.scenery import Shown
 HOST = "127.0.0.1"
 ANY_HOST = "0.0.0.0"
 PORT = 8765
-"""The port that viewers offer first."""
+"""Default port of viewers."""
 NOT_REPEATED = "/viz/log"
 
 
 @dataclass(frozen=True, slots=True)
 class Subscribed:
-    """A viewer wants to see a topic from now on."""
+    """The news that a viewer has subscribed to a topic."""
 
     topic: str
 
 
 def live_port() -> int:
-    """The port to serve on: the usual one, or a free one where that is taken.
+    """Return the port to serve on: `PORT`, or a free one if that is in use.
 
     Raises
     ------
@@ -49,9 +49,9 @@ def live_port() -> int:
 
 
 class Live:
-    """A server. Whoever subscribes is to be shown the last message of the topic at once: `repeat`.
+    """A server of scenes. The caller answers a new subscriber with the topic's last message: `repeat`.
 
-    A scene is a full snapshot, so showing it again harms nobody.
+    A scene is a full snapshot, so all other subscribers can receive it twice.
     """
 
     def __init__(self, host: str, port: int, tell: Callable[[Subscribed], None]) -> None:
@@ -59,7 +59,7 @@ class Live:
         from foxglove.websocket import ServerListener  # noqa: PLC0415
 
         class Listener(ServerListener):
-            """Only hands over: the server's threads never work here."""
+            """Callbacks of the server's threads, which only queue news."""
 
             def on_subscribe(self, client: Any, channel: Any) -> None:
                 del client
@@ -74,17 +74,17 @@ class Live:
         )
 
     def show(self, shown: Shown) -> None:
-        """Send to everyone who subscribes to its topic."""
+        """Send a scene to all subscribers of its topic."""
         self._last[shown.topic] = shown
         self._send(shown)
 
     def repeat(self, topic: str) -> None:
-        """Send the last message of a topic again."""
+        """Send the last message of a topic to its subscribers again."""
         if topic in self._last and topic != NOT_REPEATED:
             self._send(self._last[topic])
 
     def stop(self) -> None:
-        """Disconnect everyone."""
+        """Disconnect all viewers."""
         self._server.stop()
 
     def _send(self, shown: Shown) -> None:

@@ -1,8 +1,12 @@
-"""What the recorder and the visualiser are to do: told on standard input, or by the operator at a router.
+"""The orders (settings) of the recorder and the visualiser, from standard input or from the operator.
 
-`python -m processes.services.recorder` reads its orders, `python -m processes.services.recorder tcp/HOST:PORT` asks for
-them: a part that nobody has launched, such as a service of `compose.yaml`. On a secured bus it is told where its
-certificate is, `tls/HOST:PORT --certs FOLDER`.
+===================================================  ===========================================================
+Command line                                         Source of the orders
+===================================================  ===========================================================
+`python -m processes.services.recorder`              standard input, written by the launcher
+`... tcp/HOST:PORT`                                  the operator, through the router (for example in compose)
+`... tls/HOST:PORT --certs FOLDER`                   the same on a secured bus, with the certificate in FOLDER
+===================================================  ===========================================================
 """
 
 from __future__ import annotations
@@ -20,12 +24,12 @@ from msgspec import Struct
 
 from edc_swarm.errors import SwarmError
 from edc_swarm.protocol.keys import Keys
-from processes.bus.address import sought_router
+from processes.bus.address import unreachable_router
 from processes.bus.credentials import Credentials, check_certificates, credentials
-from processes.bus.operator_presence import LINGER_S, Operators
+from processes.bus.operator_presence import LINGER_S, OperatorPresence
 from processes.bus.session import try_client
 from processes.runtime.console import note
-from processes.runtime.loop import PATIENCE_S, START_TIMEOUT_S, What, in_words
+from processes.runtime.loop import PATIENCE_S, START_TIMEOUT_S, Awaited, in_words
 
 LOOK_EVERY_S = 0.1
 ASK_TIMEOUT_S = 2.0
@@ -36,45 +40,45 @@ Found = TypeVar("Found")
 
 
 def orders(kind: type[Kind], name: str) -> Kind:
-    """The orders of the part `name`, or of the part that the command line names; `name` is in its certificate."""
+    """Return the orders of the part `name`, or of the part on the command line; `name` is in its certificate."""
     if len(sys.argv) == 1:
         return msgspec.json.decode(sys.stdin.buffer.read(), type=kind)
-    told = _told(name)
-    endpoint, own = told.endpoint, credentials(told.certs, name)
+    arguments = _command_line(name)
+    endpoint, own = arguments.endpoint, credentials(arguments.certs, name)
     if own is not None:
         check_certificates(own.folder, [name])
-    session = await_found(lambda: try_client(endpoint, own), partial(sought_router, endpoint))
-    operators = Operators(session)
+    session = await_found(lambda: try_client(endpoint, own), partial(unreachable_router, endpoint))
+    operators = OperatorPresence(session)
     mission = await_found(lambda: operators.only_mission(endpoint), f"a mission at {endpoint}")
 
     def ask() -> bytes | None:
         operators.check_there(mission)
-        return asked(session, Keys(mission).orders(told.name))
+        return asked(session, Keys(mission).orders(arguments.name))
 
     payload = await_found(ask, f"orders from the operator of {mission}")
     session.close()
-    return msgspec.structs.replace(msgspec.json.decode(payload, type=kind), endpoint=endpoint, certs=told.certs)
+    return msgspec.structs.replace(msgspec.json.decode(payload, type=kind), endpoint=endpoint, certs=arguments.certs)
 
 
-def _told(name: str) -> Namespace:
-    """What the command line says."""
-    parser = ArgumentParser(description="A part of a mission that an operator somewhere runs.")
-    parser.add_argument("endpoint", help="the router, tcp/HOST:PORT")
-    parser.add_argument("name", nargs="?", default=name, help=f"whose orders to ask for ({name})")
-    parser.add_argument("--certs", default="", help="folder with the own certificate, on a secured bus")
+def _command_line(name: str) -> Namespace:
+    """Return the parsed command line of the part `name`."""
+    parser = ArgumentParser(description="Run one part of a mission whose operator runs elsewhere.")
+    parser.add_argument("endpoint", help="endpoint of the router, tcp/HOST:PORT")
+    parser.add_argument("name", nargs="?", default=name, help=f"name of the part whose orders to request ({name})")
+    parser.add_argument("--certs", default="", help="folder with the certificate of this part, on a secured bus")
     return parser.parse_args()
 
 
 def asked(session: zenoh.Session, key: str, payload: bytes | None = None) -> bytes | None:
-    """The first answer to a query, None when nobody answers."""
+    """Return the first answer to a query, None if there is none."""
     for reply in session.get(key, payload=payload, timeout=ASK_TIMEOUT_S):
         if reply.ok is not None:
             return reply.ok.payload.to_bytes()
     return None
 
 
-def await_found(look: Callable[[], Found | None], what: What) -> Found:
-    """Look again and again until there is something; after a while the user is told `what` is waited for."""
+def await_found(look: Callable[[], Found | None], what: Awaited) -> Found:
+    """Call `look` until it returns something; after a while, print `what` the process waits for."""
     start_s, told = time.monotonic(), False
     while (found := look()) is None:
         waited_s = time.monotonic() - start_s
@@ -88,11 +92,11 @@ def await_found(look: Callable[[], Found | None], what: What) -> Found:
 
 
 def outlast_operator(endpoint: str, mission: str, own: Credentials | None = None) -> None:
-    """Stay until the operator has gone, and a moment longer: services are ended with the first that leaves."""
+    """Wait until the operator has left, and a moment longer, since compose ends all services with the first one."""
     session = try_client(endpoint, own)
     if session is None:
         return
-    operators = Operators(session)
+    operators = OperatorPresence(session)
     while operators.away_s(mission) < LINGER_S:
         time.sleep(LOOK_EVERY_S)
     session.close()

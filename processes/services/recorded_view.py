@@ -1,4 +1,4 @@
-"""The view in a recording: what viewers show, and the layout that shows it."""
+"""The view in a recording: the scenes for viewers, and the layout that displays them."""
 
 from __future__ import annotations
 
@@ -12,17 +12,17 @@ from edc_swarm.viz.scenery import Shown
 
 
 def layout_bytes(mission: MissionMessage) -> bytes:
-    """The viewer's layout for a mission, as the file that a user imports."""
+    """Return the viewer's layout for a mission, as the content of a file for import."""
     return msgspec.json.format(msgspec.json.encode(layout(mission)), indent=2) + b"\n"
 
 
 def attach_layout(writer: RecordingWriter, mission: MissionMessage) -> None:
-    """Put the layout into the recording."""
+    """Attach the layout to the recording."""
     writer.attach(LAYOUT_ATTACHMENT, "application/json", layout_bytes(mission), mission.sent_ns)
 
 
 def write_shown(writer: RecordingWriter, shown: list[Shown]) -> None:
-    """Record what viewers show."""
+    """Record the scenes for viewers."""
     for each in shown:
         channel = channel_of(each.topic)
         assert channel is not None

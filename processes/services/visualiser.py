@@ -1,7 +1,7 @@
 """The visualiser: `python -m processes.services.visualiser [tcp/HOST:PORT [live]]`, with its orders, a `VizSettings`.
 
-It listens to the mission like the recorder, outside the link model, and publishes what viewers
-show. With `live_port` it also serves the Foxglove WebSocket protocol; as `live` it does nothing else.
+It receives the messages of the mission like the recorder, outside the link model, and publishes scenes for viewers.
+With `live_port` it also serves the Foxglove WebSocket protocol; as `live` it does only that.
 """
 
 from __future__ import annotations
@@ -29,7 +29,7 @@ from edc_swarm.recording.writer import Stamp
 from edc_swarm.viz.channels import ROOT
 from edc_swarm.viz.scenery import Scenery, Shown
 from processes.bus.credentials import credentials
-from processes.bus.operator_presence import GIVE_UP_S, Operators
+from processes.bus.operator_presence import OPERATOR_LOST_S, OperatorPresence
 from processes.bus.outbox import Outbox
 from processes.bus.session import hand_over, open_client
 from processes.bus.subscriptions import Gate, Heard, heard_from
@@ -41,17 +41,17 @@ from processes.services.live import HOST, Live, Subscribed
 from processes.services.orders import orders, outlast_operator
 
 NAME = VISUALISER
-IDLE_S = 0.25
+VIEW_IDLE_S = 0.25
 BURST_BYTES = 32_768
 PAUSE_S = 0.004
-OVERHEAD_BYTES = 512
-"""What a small message costs beside its bytes."""
-KEPT_BYTES = 16 << 20
-"""What is kept to be sent again: a minute of the scenes of 50 UAVs."""
+MESSAGE_COST_BYTES = 512
+"""Overhead of a message in memory, besides its bytes."""
+KEPT_SCENES_BYTES = 16 << 20
+"""Size of the buffer for retransmission: a minute of the scenes of 50 UAVs."""
 
 
 class VizSettings(Struct, frozen=True, kw_only=True):
-    """What the visualiser must be told. `live_port` is 0 for no live view; without `records` there is nothing else."""
+    """Settings of the visualiser. `live_port` is 0 for no live view; without `records` there is only the live view."""
 
     endpoint: str
     mission: str
@@ -64,8 +64,8 @@ class VizSettings(Struct, frozen=True, kw_only=True):
 
 
 @dataclass(frozen=True, slots=True)
-class _Said:
-    """Bytes from the bus and when they came."""
+class _Received:
+    """A payload from the bus with its time of receipt."""
 
     key: str
     payload: bytes
@@ -73,15 +73,15 @@ class _Said:
 
 
 @dataclass(frozen=True, slots=True)
-class _Stop:
+class _StopShowing:
     """The order to end."""
 
 
-Item = _Said | Subscribed | _Stop | zenoh.Query
+Item = _Received | Subscribed | _StopShowing | zenoh.Query
 
 
 class Visualiser:
-    """Shows one mission."""
+    """The visualiser of one mission."""
 
     def __init__(self, settings: VizSettings) -> None:
         self._keys = Keys(settings.mission)
@@ -100,21 +100,21 @@ class Visualiser:
             self._live = Live(settings.live_host, settings.live_port, self._inbox.put_always)
         self._session = open_client(settings.endpoint, credentials(settings.certs, NAME), observer=True)
         keys, heard = self._keys, hand_over(self._take)
-        self._outbox = Outbox(self._session, keys.again(NAME, self._instance), self._inbox, KEPT_BYTES)
+        self._outbox = Outbox(self._session, keys.again(NAME, self._instance), self._inbox, KEPT_SCENES_BYTES)
         for key in (keys.mission, f"{keys.root}/uav/**", f"{keys.root}/head/**", keys.event("*")):
             self._session.declare_subscriber(key, heard, allowed_origin=zenoh.Locality.REMOTE)
         self._session.get(keys.mission, hand_over(self._take_reply), consolidation=zenoh.ConsolidationMode.NONE)
         if settings.records:
             self._token = self._session.liveliness().declare_token(keys.alive(NAME, self._instance))
         self._mission = settings.mission
-        self._operators = None if settings.parent else Operators(self._session)
+        self._operators = None if settings.parent else OperatorPresence(self._session)
 
     def stop(self) -> None:
-        """Ask to end; may be called from a signal handler."""
-        self._inbox.put_always(_Stop())
+        """Request the end; may be called from a signal handler."""
+        self._inbox.put_always(_StopShowing())
 
     def show(self) -> None:
-        """Publish scenes until the operator says that the mission is over, then the last word."""
+        """Publish scenes until the operator ends the mission, then a `closed` event."""
         while not self._over:
             for item in self._inbox.wait(self._patience_s(), SETTLE_S):
                 self._take_item(item)
@@ -126,23 +126,23 @@ class Visualiser:
         self._close()
 
     def _is_deserted(self) -> bool:
-        """Whether the operator has gone for good without a last word."""
-        return self._operators is not None and self._operators.away_s(self._mission) > GIVE_UP_S
+        """Return True if the operator has been away for too long without a `closed` event."""
+        return self._operators is not None and self._operators.away_s(self._mission) > OPERATOR_LOST_S
 
     def _patience_s(self) -> float:
         due_ns = self._scenery.next_ns
-        return IDLE_S if due_ns is None else min(IDLE_S, max(0.0, (due_ns - self._clock.now_ns()) / 1e9))
+        return VIEW_IDLE_S if due_ns is None else min(VIEW_IDLE_S, max(0.0, (due_ns - self._clock.now_ns()) / 1e9))
 
     def _take_item(self, item: Item) -> None:
         match item:
-            case _Stop():
+            case _StopShowing():
                 self._over = True
             case Subscribed(topic) if self._live is not None:
                 self._live.repeat(topic)
             case zenoh.Query():
                 if self._outbox.hear(item):
                     self._outbox.answer()
-            case _Said(key, payload, time_ns):
+            case _Received(key, payload, time_ns):
                 self._publish(self._scenery.advance(time_ns))
                 self._hear(key, payload, time_ns)
 
@@ -172,14 +172,14 @@ class Visualiser:
         self._pause(len(shown.payload))
 
     def _pause(self, size: int) -> None:
-        """Let the bus take what was put: scenes are large, and it drops what comes too fast."""
-        self._unsent += size + OVERHEAD_BYTES
+        """Wait until the bus has taken a scene, since it drops large messages that come too fast."""
+        self._unsent += size + MESSAGE_COST_BYTES
         if self._unsent >= BURST_BYTES:
             self._unsent = 0
             time.sleep(PAUSE_S)
 
     def _close(self) -> None:
-        """Say how many messages of each topic there were; in the record viewers' messages carry no numbers."""
+        """Publish the number of scenes of each topic in a `closed` event, since scenes carry no sequence numbers."""
         self._publish(self._scenery.advance(self._clock.now_ns()))
         self._tell(EventKind.CLOSED, msgspec.json.encode(self._last).decode())
         self._outbox.flush()
@@ -189,7 +189,7 @@ class Visualiser:
             self._live.stop()
 
     def _tell(self, kind: EventKind, detail: str) -> None:
-        """Publish an event; who only shows live says nothing on the bus."""
+        """Publish an event; a live view only publishes nothing on the bus."""
         if not self._records:
             return
         seq, now_ns = next(self._event_seq), self._clock.now_ns()
@@ -198,7 +198,7 @@ class Visualiser:
 
     def _take(self, sample: zenoh.Sample) -> None:
         heard = heard_from(sample)
-        self._inbox.put(_Said(heard.key, heard.payload, self._clock.now_ns()), len(heard.payload))
+        self._inbox.put(_Received(heard.key, heard.payload, self._clock.now_ns()), len(heard.payload))
 
     def _take_reply(self, reply: zenoh.Reply) -> None:
         if reply.ok is not None:
@@ -206,7 +206,8 @@ class Visualiser:
 
 
 def main() -> int:
-    """Show one mission."""
+    """Run the visualiser for one mission, and return the exit status."""
+
     settings = orders(VizSettings, NAME)
     if settings.parent:
         die_with_parent(settings.parent)

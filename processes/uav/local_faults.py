@@ -1,60 +1,55 @@
-"""Faults that a UAV process brings upon itself when the operator says so.
+"""Faults of a UAV's machine, carried out in its process when the operator announces them.
 
-Processes die and freeze from outside; links, clocks, GPS receivers and solvers go wrong in here.
+Hosts kill and freeze processes from outside; links, clocks, GPS receivers and solvers go wrong in here.
 """
 
 from __future__ import annotations
 
-from typing import cast
-
 from edc_swarm.agent.node import GpsChanged, NodeEvent, Tick
-from edc_swarm.emulation.links import LinkEmulator, cut_pair
-from edc_swarm.errors import MissionError
+from edc_swarm.emulation.links import LinkEmulator
+from edc_swarm.emulation.machine import MACHINE_FAULTS
 from edc_swarm.mission.configuration import GpsModel, Mission
-from edc_swarm.mission.faults import Fault, parse_fault
+from edc_swarm.mission.faults import ProcessFault, SlowSolver, read_fault
 from processes.runtime.clock import MissionClock
 from processes.uav.planner_loader import SlowPlanner
 
-NS_PER_MS = 1_000_000
 
+class LocalFaults:
+    """One UAV's links, clock, GPS receiver and planner, as faults change them (`emulation.machine.Machine`).
 
-class Faulty:
-    """Applies the operator's faults to one UAV's links, clock, GPS receiver and planner."""
+    Attributes
+    ----------
+    planner
+        The planner that a fault slows down; None until it is loaded.
+    """
 
     def __init__(self, mission: Mission, uav: str, links: LinkEmulator, clock: MissionClock) -> None:
         self._mission = mission
-        self._uav = uav
-        self._links = links
         self._clock = clock
+        self._events: list[NodeEvent] = []
+        self.uav = uav
+        self.links = links
         self.planner: SlowPlanner | None = None
 
-    def suffer(self, text: str) -> list[NodeEvent]:
-        """Apply the fault in `text` if it is about this UAV; events for the node that follow."""
-        try:
-            fault = parse_fault(text, self._mission.dt_s)
-        except MissionError:
-            return []
-        match fault.verb:
-            case "partition" | "heal" | "link":
-                self._change_links(fault)
-            case "clock" | "gps" | "slow" if fault.target == self._uav:
-                return self._change_self(fault)
-        return []
+    def apply(self, text: str) -> list[NodeEvent]:
+        """Carry out the fault in `text` if it concerns this UAV; return the events for the node that follow."""
+        fault = read_fault(text, self._mission.dt_s)
+        if fault is not None and not isinstance(fault, ProcessFault):
+            MACHINE_FAULTS.carry_out(self, fault)
+        events, self._events = self._events, []
+        return events
 
-    def _change_links(self, fault: Fault) -> None:
-        if fault.verb == "heal":
-            self._links.heal()
-        elif fault.verb == "link":
-            self._links.add_rule(fault.link())
-        else:
-            for cut in cut_pair(fault.left, fault.right, fault.at_s, fault.end_s, "one-way" in fault.flags):
-                self._links.add_cut(cut)
+    def set_clock(self, offset_ns: int, drift_ppm: float) -> None:
+        """Let the clock be `offset_ns` ahead from now on, and gain `drift_ppm`."""
+        self._clock.set_off(offset_ns, drift_ppm)
+        self._events.append(Tick())
 
-    def _change_self(self, fault: Fault) -> list[NodeEvent]:
-        if fault.verb == "gps":
-            return [GpsChanged(cast("GpsModel", fault.flags[0]))]
-        if fault.verb == "clock":
-            self._clock.set_off(round(fault.number("offset_ms") * NS_PER_MS), fault.number("drift_ppm"))
-        elif self.planner is not None:
-            self.planner.slow_down(fault.number("by_ms") / 1e3, fault.for_s / self._mission.time_scale)
-        return [Tick()]
+    def set_gps_model(self, model: GpsModel) -> None:
+        """Let the GPS receiver err by `model`."""
+        self._events.append(GpsChanged(model))
+
+    def slow_down(self, fault: SlowSolver) -> None:
+        """Let every plan take longer while `fault` lasts."""
+        if self.planner is not None:
+            self.planner.slow_down(fault.by_ms / 1e3, fault.for_s / self._mission.time_scale)
+        self._events.append(Tick())

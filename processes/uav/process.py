@@ -1,8 +1,7 @@
 """One UAV: `python -m processes.uav.process --endpoint tcp/HOST:PORT --mission ID --uav ID --state FOLDER`.
 
-One loop feeds `UavNode` with what came from the bus and with its own clock, and carries the effects
-out in their order. Zenoh's callbacks only hand over to the loop, and no Zenoh call is made from a
-callback.
+One loop feeds `UavNode` with the messages from the bus and the time of its clock, and carries out the
+effects in their order. Zenoh's callbacks only put items into the inbox; they never call Zenoh.
 """
 
 from __future__ import annotations
@@ -24,6 +23,7 @@ from msgspec import Struct
 
 from edc_swarm.agent.node import (
     Effect,
+    Land,
     Listen,
     NodeEvent,
     PeerGone,
@@ -31,7 +31,6 @@ from edc_swarm.agent.node import (
     PlannerReady,
     Publish,
     Received,
-    Stop,
     Tick,
     UavNode,
     WantPlanner,
@@ -41,7 +40,6 @@ from edc_swarm.errors import InputError, SwarmError
 from edc_swarm.mission.configuration import NS_PER_S
 from edc_swarm.planner.interface import Planner
 from edc_swarm.protocol.claims import LAUNCHED, instance_name
-from edc_swarm.protocol.codec import encode
 from edc_swarm.protocol.events import EventKind
 from edc_swarm.protocol.keys import Keys
 from edc_swarm.protocol.messages import Event, Message, MissionMessage, Truth
@@ -49,11 +47,12 @@ from processes.bus.credentials import credentials
 from processes.bus.outbox import Outbox
 from processes.bus.peers import Peers
 from processes.bus.session import is_connected, open_client
-from processes.bus.subscriptions import Ears, Gate, Heard, Item, Postbox, Token, sender_of
+from processes.bus.subscriptions import Gate, Heard, Item, Postbox, Token, UavSubscriptions, sender_of
 from processes.runtime.clock import MissionClock
 from processes.runtime.inbox import Inbox
-from processes.uav.local_faults import Faulty
+from processes.uav.local_faults import LocalFaults
 from processes.uav.planner_loader import SlowPlanner, load_planner
+from processes.uav.publisher import TRUTH_DELAY_S, Publisher
 from processes.uav.response_time import measured_response_ms
 from processes.uav.state import UavState
 
@@ -62,18 +61,17 @@ IDLE_S = 1.0
 RETRY_S = 0.02
 """Longest wait of the loop while messages wait for a router."""
 STANDBY_SETTLE_S = 0.002
-TRUTH_WAITS_S = 0.02
-"""The truth, which is for the record, is said when nothing has come for so long: a slot's start is for the fixes."""
+"""Time in which a standby lets the fixes of a slot's start gather."""
 SPARE_S = 0.005
-"""With less time to the next thing to be done, nobody is answered who asks for old messages."""
+"""Least time to the next task in which the UAV answers a retransmission request."""
 
 
 class UavSettings(Struct, frozen=True, kw_only=True):
-    """What a UAV process must be told; all else is in the mission message.
+    """Settings of a UAV process; the mission message has all the rest.
 
     `certs`: folder with the own certificate on a secured bus. `measure_response`: measure the
-    response time before connecting, not when the mission begins. `claimant`: whom the id was issued
-    to, "" under the launcher. `clock_ahead_ns`: anchor of the clock of whoever started it, None for an own one.
+    response time before connecting, not when the mission begins. `claimant`: holder of the id, "" under
+    the launcher. `clock_ahead_ns`: offset of the starting process's clock, None for an own one.
     """
 
     endpoint: str
@@ -88,51 +86,51 @@ class UavSettings(Struct, frozen=True, kw_only=True):
 
 @dataclass(frozen=True, slots=True)
 class Leave:
-    """The order to close and go."""
+    """Order to close and end."""
 
 
 class UavProcess:
-    """A UAV on the bus, from its connection to its last word."""
+    """A UAV on the bus, from its connection to its last message."""
 
     def __init__(self, settings: UavSettings) -> None:
         self._settings = settings
-        self._keys = Keys(settings.mission)
         self._state = UavState(Path(settings.state), settings.uav)
         self._instance = instance_name(f"{os.getpid()}-{secrets.token_hex(4)}", settings.claimant)
         self._clock = MissionClock(settings.clock_ahead_ns)
         self._inbox: Inbox[Item] = Inbox()
-        self._gate = Gate(self._tell_malformed)
+        self._gate = Gate(self._report_malformed)
         self._peers = Peers()
         self._flight: Flight | None = None
         self._leaving = False
-        self._untold: Truth | None = None
         self._response_ms = measured_response_ms() if settings.measure_response else 0.0
         self._session = open_client(settings.endpoint, credentials(settings.certs, settings.uav))
-        self._outbox = Outbox(self._session, self._keys.again(settings.uav, self._instance), self._inbox)
-        self._ears = Ears(self._session, self._keys, settings.uav, self._inbox)
-        self._token = self._session.liveliness().declare_token(self._keys.alive(settings.uav, self._instance))
-        self._ears.ask_for_mission()
+        keys = Keys(settings.mission)
+        self._outbox = Outbox(self._session, keys.again(settings.uav, self._instance), self._inbox)
+        self._publisher = Publisher(keys, self._outbox, self._clock)
+        self._subscriptions = UavSubscriptions(self._session, keys, settings.uav, self._inbox)
+        self._token = self._session.liveliness().declare_token(keys.alive(settings.uav, self._instance))
+        self._subscriptions.ask_for_mission()
 
     def leave(self) -> None:
-        """Ask the loop to end; may be called from a signal handler."""
+        """Order the loop to end; a signal handler may call this."""
         self._inbox.put_always(Leave())
 
     def run(self) -> None:
-        """Work until told to leave, then say the last sequence numbers and go."""
+        """Work until the order to leave, then publish the last sequence numbers and end."""
         while not self._leaving:
             for item in self._wait():
                 self._take(item)
             self._deliver_postponed()
-            self._look_for_gone_peers()
+            self._check_peers()
             self._tick()
-            self._look_at_clock()
+            self._check_clock()
             self._outbox.flush()
         self._close()
 
     def _wait(self) -> list[Item]:
         timeout_s = min(self._timeout_s(), RETRY_S if self._outbox.holds_back else IDLE_S)
-        if self._untold is not None:
-            timeout_s = min(timeout_s, TRUTH_WAITS_S)
+        if self._publisher.delays_truth:
+            timeout_s = min(timeout_s, TRUTH_DELAY_S)
         if self._outbox.is_asked and timeout_s > SPARE_S:
             self._outbox.answer()
             timeout_s = 0.0
@@ -140,13 +138,13 @@ class UavProcess:
         items = self._inbox.wait(timeout_s, min(self._settle_s, max(timeout_s, 0.0)))
         self._outbox.note_delay(time.monotonic() - start_s - timeout_s)
         if not items:
-            self._tell_truth()
+            self._publisher.send_truth()
         return items
 
     @property
     def _settle_s(self) -> float:
-        """A standby lets the fixes of a slot's start gather: until it leads, the processor is the head's."""
-        stands_by = self._flight is not None and self._ears.hears_fixes and not self._flight.node.leads
+        """Time in which a standby lets fixes gather, 0 for others: a standby leaves the processor to the head."""
+        stands_by = self._flight is not None and self._subscriptions.hears_fixes and not self._flight.node.leads
         return STANDBY_SETTLE_S if stands_by else 0.0
 
     def _timeout_s(self) -> float:
@@ -181,21 +179,17 @@ class UavProcess:
             case Event(source="operator"):
                 self._obey(message)
             case Truth():
-                self._place(message)
+                if self._flight is not None:
+                    self._flight.place(message)
             case _:
                 self._receive(message, heard.at_ns)
 
-    def _place(self, truth: Truth) -> None:
-        """Tell the emulated radio where a UAV truly is."""
-        if self._flight is not None:
-            self._flight.postbox.links.place(truth.uav, truth.to_x_m, truth.to_y_m)
-
-    def _tell_malformed(self, detail: str) -> None:
+    def _report_malformed(self, detail: str) -> None:
         if self._flight is not None:
             self._carry_out([self._flight.node.event(EventKind.MALFORMED, detail)])
 
     def _begin(self, mission: MissionMessage) -> None:
-        """Make the node of this mission; a mission that has begun is never replaced."""
+        """Make the node of this mission; a second mission never replaces the first."""
         if self._flight is not None:
             return
         entry = next((entry for entry in mission.roster if entry.uav == self._settings.uav), None)
@@ -203,7 +197,7 @@ class UavProcess:
             raise InputError("uav", self._settings.uav, f"in the roster of mission {mission.name}")
         self._clock.check_epoch(mission)
         if mission.claimant_of(entry.uav) != self._settings.claimant:
-            raise InputError("uav", entry.uav, f"an id that mission {mission.name} has issued to nobody else")
+            raise InputError("uav", entry.uav, f"an id that mission {mission.name} has not issued to another claimant")
         if mission.elect == "response-time" and not self._response_ms:
             self._response_ms = measured_response_ms()
         node = UavNode(
@@ -218,19 +212,19 @@ class UavProcess:
         self._gate.know(mission)
         postbox = Postbox(LinkEmulator(mission, entry.uav))
         if have_range(mission):
-            self._ears.listen_to_truths()
-        self._flight = Flight(mission, node, postbox, Faulty(mission, entry.uav, postbox.links, self._clock))
+            self._subscriptions.listen_to_truths()
+        self._flight = Flight(mission, node, postbox, LocalFaults(mission, entry.uav, postbox.links, self._clock))
 
     def _obey(self, event: Event) -> None:
-        """Do what the operator's event says: end, or suffer a fault."""
+        """Carry out the operator's event: end, or apply a fault."""
         if event.kind == EventKind.END:
             self._leaving = True
         elif event.kind == EventKind.FAULT and self._flight is not None:
-            for node_event in self._flight.faulty.suffer(event.detail):
+            for node_event in self._flight.faults.apply(event.detail):
                 self._step(node_event)
 
     def _receive(self, message: Message, at_ns: int) -> None:
-        """Hand on a message that came at `at_ns` of the monotonic clock as the link model says."""
+        """Pass a message that came at `at_ns` of the monotonic clock through the link model to the node."""
         if self._flight is None or sender_of(message) == self._settings.uav:
             return
         now_ns = self._clock.now_ns() - (time.monotonic_ns() - at_ns)
@@ -243,8 +237,8 @@ class UavProcess:
         while (message := self._flight.postbox.take_due(self._clock.now_ns())) is not None:
             self._step(Received(message))
 
-    def _look_for_gone_peers(self) -> None:
-        """Believe a vanished token only while the own link to the router is up and not cut off."""
+    def _check_peers(self) -> None:
+        """Report a gone peer to the node, if the own session is up and no fault cuts the link to that peer."""
         now_ns = self._clock.now_ns()
         for uav in self._peers.gone(now_ns):
             flight = self._flight
@@ -254,11 +248,11 @@ class UavProcess:
                 self._step(PeerGone(uav))
 
     def _tick(self) -> None:
-        """Tick when the time has come that the node named before the wait."""
+        """Step the node with a `Tick` if the wake-up time that it named before the wait has come."""
         if self._flight is not None and self._clock.now_ns() >= self._flight.wake_ns:
             self._step(Tick())
 
-    def _look_at_clock(self) -> None:
+    def _check_clock(self) -> None:
         if self._flight is not None and (jump := self._clock.jump()) is not None:
             self._carry_out([self._flight.node.event(EventKind.CLOCK_JUMP, jump)])
 
@@ -274,74 +268,62 @@ class UavProcess:
                 case Persist(promise, airframe):
                     self._state.write(promise, airframe)
                 case Publish(message):
-                    self._publish(message)
+                    self._publisher.publish(message)
+                    if isinstance(message, Truth) and self._flight is not None:
+                        self._flight.place(message)
                 case Listen(all_fixes):
-                    self._ears.listen_to_fixes(all_fixes)
+                    self._subscriptions.listen_to_fixes(all_fixes)
                 case WantPlanner():
-                    self._want_planner()
-                case Stop():
+                    assert self._flight is not None
+                    load_planner(self._flight.mission, partial(self._take_planner, self._flight.faults))
+                case Land():
                     self._leaving = True
         self._outbox.flush()
 
-    def _publish(self, message: Message) -> None:
-        if isinstance(message, Truth):
-            self._tell_truth()
-            self._place(message)
-            self._untold = message
-        else:
-            self._say(message)
-
-    def _tell_truth(self) -> None:
-        truth, self._untold = self._untold, None
-        if truth is not None:
-            self._say(truth)
-
-    def _say(self, message: Message) -> None:
-        stamped = msgspec.structs.replace(message, sent_ns=self._clock.now_ns())
-        self._outbox.put(self._keys.of(stamped), encode(stamped), stamped.seq)
-
-    def _want_planner(self) -> None:
-        assert self._flight is not None
-        load_planner(self._flight.mission, partial(self._take_planner, self._flight.faulty))
-
-    def _take_planner(self, faulty: Faulty, planner: Planner) -> None:
-        faulty.planner = SlowPlanner(planner)
-        self._inbox.put_always(PlannerReady(faulty.planner))
+    def _take_planner(self, faults: LocalFaults, planner: Planner) -> None:
+        faults.planner = SlowPlanner(planner)
+        self._inbox.put_always(PlannerReady(faults.planner))
 
     def _close(self) -> None:
-        self._tell_truth()
+        self._publisher.send_truth()
         if self._flight is not None:
-            self._tell_delay_error(self._flight)
+            self._carry_out(self._flight.delay_error())
             last = msgspec.json.encode(self._flight.node.last_seqs).decode()
             self._carry_out([self._flight.node.event(EventKind.CLOSED, last)])
         self._outbox.stay(self._inbox)
         self._session.close()
 
-    def _tell_delay_error(self, flight: Flight) -> None:
-        error = flight.postbox.delay_error
-        if error is not None:
-            self._carry_out([flight.node.event(EventKind.DELAY_ERROR, msgspec.json.encode(error).decode())])
-
 
 @dataclass(slots=True)
 class Flight:
-    """What there is once the mission is known."""
+    """The parts of a UAV process that need the mission."""
 
     mission: MissionMessage
     node: UavNode
     postbox: Postbox
-    faulty: Faulty
+    faults: LocalFaults
     wake_ns: int = 0
 
     def mission_s(self, now_ns: int) -> float:
-        """Mission seconds at `now_ns` of the own clock."""
+        """Return the mission seconds at `now_ns` of the own clock."""
         return mission_s(now_ns - self.mission.epoch_ns, self.mission.time_scale)
 
+    def place(self, truth: Truth) -> None:
+        """Give the emulated radio the true position of a UAV."""
+        self.postbox.links.place(truth.uav, truth.to_x_m, truth.to_y_m)
 
-def fly(settings: UavSettings, *, obey_ctrl_c: bool) -> int:
-    """Be the UAV of `settings` until the mission ends; the exit status.
+    def delay_error(self) -> list[Effect]:
+        """Return the event about the lateness of postponed messages, none if there were none."""
+        error = self.postbox.delay_error
+        if error is None:
+            return []
+        return [self.node.event(EventKind.DELAY_ERROR, msgspec.json.encode(error).decode())]
 
-    The launcher's UAVs leave Ctrl-C to the launcher, which ends them in order.
+
+def run_uav(settings: UavSettings, *, obey_ctrl_c: bool) -> int:
+    """Run the UAV of `settings` until the mission ends, and return the exit status.
+
+    UAVs of the launcher ignore Ctrl-C: the launcher ends them in order.
     """
     try:
         process = UavProcess(settings)
@@ -355,20 +337,20 @@ def fly(settings: UavSettings, *, obey_ctrl_c: bool) -> int:
 
 
 def main() -> int:
-    """Fly one UAV that nobody forked."""
+    """Run one UAV that no fork source has forked."""
     parser = argparse.ArgumentParser(prog="python -m processes.uav.process", description="One UAV on the bus.")
     for name, text in (
         ("endpoint", "the router, tcp/HOST:PORT"),
         ("mission", "id of the mission"),
         ("uav", "own id, one of the roster"),
-        ("state", "folder with the files of promise and airframe"),
+        ("state", "folder with the state files of promise and airframe"),
     ):
         parser.add_argument(f"--{name}", required=True, help=text)
     parser.add_argument("--certs", default="", help="folder with the own certificate, on a secured bus")
-    return fly(UavSettings(**vars(parser.parse_args())), obey_ctrl_c=True)
+    return run_uav(UavSettings(**vars(parser.parse_args())), obey_ctrl_c=True)
 
 
-__all__ = ["UavProcess", "UavSettings", "fly", "main"]
+__all__ = ["UavProcess", "UavSettings", "main", "run_uav"]
 
 if __name__ == "__main__":
     sys.exit(main())

@@ -1,4 +1,4 @@
-"""The response time of this computer: how long planning a reference slot takes it."""
+"""The response time of this computer: its processor time for planning a reference slot."""
 
 from __future__ import annotations
 
@@ -15,10 +15,10 @@ TRIALS = 3
 
 
 def measured_response_ms() -> float:
-    """Milliseconds that the reference slot takes, the same slot for every UAV and mission.
+    """Return the milliseconds of the reference slot, which is the same for every UAV and mission.
 
-    Processor time, not wall time: K processes that measure at once on few cores would otherwise
-    measure one another.
+    The function measures processor time: wall time would include the other processes that measure at
+    the same time.
     """
     mission = Mission()
     warm_planner(mission)
@@ -35,7 +35,7 @@ def measured_response_ms() -> float:
 
 
 def _reference_slot(mission: Mission) -> PlanRequest:
-    """UAVs on a ring, as close as may be, each bound for the opposite side."""
+    """Return the plan request for UAVs on a ring, as close as allowed, each bound for the opposite side."""
     radius_m = 1.1 * mission.r_m / math.sin(math.pi / UAVS)
     angles = [math.tau * k / UAVS for k in range(UAVS)]
     ring_m = [(radius_m * math.cos(angle), radius_m * math.sin(angle)) for angle in angles]

@@ -1,9 +1,9 @@
-"""What a UAV keeps on disk: its promise, and the emulated body that outlives the process.
+"""The state of a UAV on disk: its promise, and the emulated airframe that outlives the process.
 
-Two files, so that a test or a fault can take away the memory and leave the vehicle where it is. The
-fault model is the death of a process, not of the machine: what a completed `pwrite` has given to
-the kernel survives SIGKILL, so no fsync is needed (with one, a slow disk would make ticks late). A
-record is far smaller than a page and is written by one call, so it is never half there.
+These are two files, so that a test or a fault can remove the promise and leave the vehicle in its place.
+The fault model is the death of a process, not of the machine: a completed `pwrite` survives SIGKILL, so
+no fsync is needed (with one, a slow disk would make ticks late). A record is far smaller than a page and
+one call writes it, so no reader sees half of it.
 """
 
 from __future__ import annotations
@@ -26,7 +26,7 @@ Record = TypeVar("Record", bound=Struct)
 
 
 class StateFile(Generic[Record]):
-    """One record of fixed size, locked for as long as this process lives."""
+    """File with one record of fixed size, locked until this process ends."""
 
     def __init__(self, path: Path, kind: type[Record]) -> None:
         self._kind = kind
@@ -37,7 +37,7 @@ class StateFile(Generic[Record]):
             raise InputError("state file", str(path), "of a UAV that no other process flies") from None
 
     def read(self) -> Record | None:
-        """The record, or None when the bytes are no such record."""
+        """Return the record, or None if the bytes are no such record."""
         try:
             return msgspec.json.decode(os.pread(self._file, RECORD_BYTES, 0).rstrip(), type=self._kind)
         except msgspec.DecodeError:
@@ -51,7 +51,7 @@ class StateFile(Generic[Record]):
 class UavState:
     """Promise and airframe of one UAV in `folder`.
 
-    A missing or unreadable promise is a lost memory: `promise` is then None for good.
+    A missing or unreadable promise is a lost memory: `promise` then stays None.
     """
 
     def __init__(self, folder: Path, uav: str) -> None:
@@ -65,14 +65,14 @@ class UavState:
         self.promise = self._promise.read() if self._promise is not None else None
 
     def write(self, promise: Promise | None, airframe: Airframe) -> None:
-        """Keep what was promised, then where the body is."""
+        """Write the promise, if there is one, and then the airframe."""
         if promise is not None and self._promise is not None:
             self._promise.write(promise)
         self._airframe.write(airframe)
 
 
 def create_state(folder: Path, entry: RosterEntry) -> None:
-    """Make the files of a new UAV: term 0 and the roster start.
+    """Create the files of a new UAV, with term 0 and the start position of the roster.
 
     Raises
     ------
@@ -86,17 +86,17 @@ def create_state(folder: Path, entry: RosterEntry) -> None:
         path.write_bytes(_padded(first_airframe(entry)))
     except OSError as error:
         for made in (promise_path(folder, entry.uav), _airframe_path(folder, entry.uav)):
-            made.unlink(missing_ok=True)  # Half a file would pass for a lost memory.
+            made.unlink(missing_ok=True)  # A later run would take half a file for a lost memory.
         raise InputError("state file", path.name, f"on a disk that can be written: {folder}: {_why(error)}") from None
 
 
 def has_state(folder: Path, uav: str) -> bool:
-    """Whether `uav` has been made; its promise may have been lost since."""
+    """Return True if the files of `uav` were created; its promise may be lost since."""
     return _airframe_path(folder, uav).exists()
 
 
 def promise_path(folder: Path, uav: str) -> Path:
-    """Where the promise of `uav` is."""
+    """Return the path of the promise of `uav`."""
     return folder / f"{uav}.promise"
 
 

@@ -1,4 +1,4 @@
-"""The report page in a real browser: it draws, it plays, it complains about nothing."""
+"""The report page in a real browser draws, plays, and reports no error."""
 
 from __future__ import annotations
 
@@ -43,7 +43,7 @@ MISSIONS = {
 
 @pytest.fixture(scope="module", params=MISSIONS)
 def page(request: pytest.FixtureRequest, tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """The page of a mission of 10 and of 50 UAVs."""
+    """Return the page of a mission of 10 and of 50 UAVs."""
     recording = tmp_path_factory.mktemp("report") / "run.mcap"
     main(["sim", *MISSIONS[request.param], "--out", str(recording), "--no-viz", "--json"])
     assert main(["report", str(recording)]) == 0
@@ -52,7 +52,7 @@ def page(request: pytest.FixtureRequest, tmp_path_factory: pytest.TempPathFactor
 
 @pytest.fixture(scope="module")
 def browser(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Any]:
-    """A browser with an empty profile."""
+    """Yield a browser with an empty profile."""
     options = webdriver.ChromeOptions()
     options.binary_location = str(CHROMIUM)
     profile = tmp_path_factory.mktemp("profile")
@@ -65,7 +65,7 @@ def browser(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Any]:
 
 
 def test_the_page_draws_and_its_slider_moves_everything(page: Path, browser: Any) -> None:
-    """Without a word on the console: the map, five plots, and another picture at another time."""
+    """The console is empty, there are a map and five plots, and another time gives another picture."""
     browser.get(page.as_uri())
     assert len(browser.find_elements(By.CSS_SELECTOR, "#plots svg")) == 5
     before = browser.execute_script("return document.getElementById('map').toDataURL()")
@@ -77,7 +77,7 @@ def test_the_page_draws_and_its_slider_moves_everything(page: Path, browser: Any
 
 
 def test_nothing_is_cut_off_or_lies_over_another(page: Path, browser: Any) -> None:
-    """From a telephone to a wall nothing is wider than the window, and no two texts of a plot overlap."""
+    """At every width nothing exceeds the window, and no two texts of a plot overlap."""
     for width in (2200, 1400, 1000, 620, 400):
         screen = {"width": width, "height": 1500, "deviceScaleFactor": 1, "mobile": False}
         browser.execute_cdp_cmd("Emulation.setDeviceMetricsOverride", screen)
@@ -89,7 +89,7 @@ def test_nothing_is_cut_off_or_lies_over_another(page: Path, browser: Any) -> No
 
 
 def test_plots_say_their_values_at_the_time_of_the_slider(page: Path, browser: Any) -> None:
-    """The last value at or before it, as in the plot's own data."""
+    """A plot shows the last value at or before the slider's time, as in its data."""
     browser.get(page.as_uri())
     seek(browser, 3.2)
     data = json.loads(browser.execute_script("return document.getElementById('data').textContent"))
@@ -100,7 +100,7 @@ def test_plots_say_their_values_at_the_time_of_the_slider(page: Path, browser: A
 
 
 def test_values_stand_in_the_order_of_the_legend(page: Path, browser: Any, tmp_path: Path) -> None:
-    """Which of two is the median and which the greatest is said once."""
+    """The legend alone tells median and greatest apart."""
     html = page.read_text(encoding="utf-8")
     (text,) = re.findall(r'<script[^>]*id="data"[^>]*>(.*?)</script>', html, re.DOTALL)
     data = json.loads(text)
@@ -120,7 +120,7 @@ def test_values_stand_in_the_order_of_the_legend(page: Path, browser: Any, tmp_p
 
 
 def test_playing_moves_the_time_until_it_is_paused(page: Path, browser: Any) -> None:
-    """The button says what it will do next."""
+    """The button has the name of its next action."""
     browser.get(page.as_uri())
     play = browser.find_element(By.ID, "play")
     play.click()
@@ -135,7 +135,7 @@ def test_playing_moves_the_time_until_it_is_paused(page: Path, browser: Any) -> 
 
 
 def test_a_click_or_a_drag_on_a_plot_goes_there_and_faults_are_marked(page: Path, browser: Any) -> None:
-    """On every plot and below the slider."""
+    """This works on every plot, and faults are marked on every plot and below the slider."""
     browser.get(page.as_uri())
     assert len(browser.find_elements(By.CSS_SELECTOR, "#plots line.fault")) == 5
     assert len(browser.find_elements(By.CSS_SELECTOR, "#marks polygon.fault")) == 1
@@ -151,7 +151,7 @@ def test_a_click_or_a_drag_on_a_plot_goes_there_and_faults_are_marked(page: Path
 
 
 def test_the_dark_scheme_is_dark(page: Path, browser: Any) -> None:
-    """The page follows the system, the canvas too."""
+    """The page and its canvas follow the system's colour scheme."""
     browser.get(page.as_uri())
     light = browser.execute_script("return document.getElementById('map').toDataURL()")
     features = [{"name": "prefers-color-scheme", "value": "dark"}]
@@ -164,7 +164,7 @@ def test_the_dark_scheme_is_dark(page: Path, browser: Any) -> None:
 
 
 def seek(browser: Any, time_s: float) -> None:
-    """Move the slider as a hand does."""
+    """Move the slider like a user."""
     browser.execute_script(
         "const s = document.getElementById('slider'); s.value = arguments[0]; s.dispatchEvent(new Event('input'))",
         time_s,
@@ -172,7 +172,7 @@ def seek(browser: Any, time_s: float) -> None:
 
 
 def slider(browser: Any) -> float:
-    """Where the slider is."""
+    """Return the slider's position."""
     return float(browser.execute_script("return Number(document.getElementById('slider').value)"))
 
 

@@ -1,4 +1,4 @@
-"""Real processes on loopback: the command as a user starts it, and proof that nothing is left of it."""
+"""Fixtures for real processes on loopback: they start the command as a user does, and leave no process behind."""
 
 from __future__ import annotations
 
@@ -10,6 +10,7 @@ import sys
 import time
 import uuid
 from collections.abc import Callable, Iterator
+from contextlib import suppress
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -25,13 +26,13 @@ from processes.bus.address import free_endpoint
 MARK = "EDC_SWARM_TEST"
 DEADLINE_S = 120.0
 
-# A shell lets what it puts into the background ignore Ctrl-C, and so would all that these tests start.
+# A shell makes its background jobs ignore Ctrl-C, and the processes of these tests would inherit that.
 signal.signal(signal.SIGINT, signal.default_int_handler)
 
 
 @dataclass
 class Ended:
-    """How a command ended."""
+    """The outcome of a command: status, output, recording."""
 
     status: int
     stdout: str
@@ -40,12 +41,12 @@ class Ended:
 
     @property
     def json(self) -> dict[str, Any]:
-        """What it said on standard output."""
+        """The standard output, decoded."""
         return json.loads(self.stdout)
 
     @property
     def recording(self) -> Recording:
-        """What it recorded."""
+        """The recording of the command."""
         return read_recording(self.path)
 
 
@@ -58,16 +59,16 @@ class Started:
     mark: str
 
     def pids(self, module: str = "") -> list[int]:
-        """Ids of its living processes, those whose command line has `module`."""
+        """Return the ids of its living processes whose command line has `module`."""
         return [pid for pid in _marked(self.mark) if module in _command_line(pid)]
 
     def await_file(self, found: Callable[[], bool]) -> None:
-        """Wait until something is there, for as long as the command lives."""
+        """Wait for a condition while the command is alive."""
         await_true(lambda: found() or self.process.poll() is not None)
         assert self.process.poll() is None, self.process.communicate()
 
     def await_flight(self, uavs: int) -> None:
-        """Wait until the UAV processes are there and fixes are in what the recorder has flushed."""
+        """Wait until the UAV processes run and the recorder has flushed fixes."""
         self.await_file(lambda: len(self.uav_pids()) == uavs and self._has_fixes())
 
     def _has_fixes(self) -> bool:
@@ -77,12 +78,12 @@ class Started:
             return False
 
     def uav_pids(self) -> list[int]:
-        """Ids of the UAV processes: the children of the fork source."""
+        """Return the ids of the UAV processes: the children of the fork source."""
         forked = self.pids("processes.host.fork_source")
         return [pid for pid in forked if _parent(pid) in forked]
 
     def end(self) -> Ended:
-        """Wait for the end; nothing may be left running."""
+        """Wait for the end of the command; all its processes must end."""
         try:
             stdout, stderr = self.process.communicate(timeout=DEADLINE_S)
         finally:
@@ -96,7 +97,7 @@ Fly = Callable[..., Started]
 
 @pytest.fixture
 def start(tmp_path: Path) -> Iterator[Fly]:
-    """Start `edc-swarm` with arguments; whatever is left of it at the end is killed."""
+    """Start `edc-swarm` with arguments; kill the processes that are left at the end."""
     started: list[Started] = []
 
     def go(*arguments: str, name: str = "run.mcap", prefix: tuple[str, ...] = ()) -> Started:
@@ -106,13 +107,14 @@ def start(tmp_path: Path) -> Iterator[Fly]:
     yield go
     for command in started:
         for pid in _marked(command.mark):
-            os.kill(pid, signal.SIGKILL)
+            with suppress(ProcessLookupError):  # it may have ended since it was listed
+                os.kill(pid, signal.SIGKILL)
         command.process.communicate()
 
 
 @pytest.fixture
 def run(start: Fly) -> Callable[..., Ended]:
-    """Fly a mission four times as fast as the clock, to its end; no message may be missing."""
+    """Fly a mission at time scale 4 to its end; the recording must have no sequence gap."""
 
     def go(*arguments: str, **options: Any) -> Ended:
         ended = start("run", "--json", "--time-scale", "4", *arguments, **options).end()
@@ -125,7 +127,7 @@ def run(start: Fly) -> Callable[..., Ended]:
 
 @pytest.fixture
 def endpoint() -> Iterator[str]:
-    """A router of its own process."""
+    """Start a router process, and yield its address."""
     address = free_endpoint()
     router = subprocess.Popen([sys.executable, "-m", "processes.services.router", address], stdout=subprocess.PIPE)
     assert router.stdout is not None
@@ -137,7 +139,7 @@ def endpoint() -> Iterator[str]:
 
 
 def start_command(*arguments: str, path: Path, prefix: tuple[str, ...] = ()) -> Started:
-    """Start the command line with a mark in the environment."""
+    """Start the command with a mark in the environment."""
     mark = uuid.uuid4().hex
     out = ("--out", str(path)) if arguments[0] in {"run", "sim"} and "--out" not in arguments else ()
     process = subprocess.Popen(
@@ -151,7 +153,7 @@ def start_command(*arguments: str, path: Path, prefix: tuple[str, ...] = ()) -> 
 
 
 def await_true(found: Callable[[], bool], deadline_s: float = DEADLINE_S) -> None:
-    """Wait for what is bound to happen."""
+    """Wait for a condition that must come true."""
     end_s = time.monotonic() + deadline_s
     while not found():
         assert time.monotonic() < end_s, "waited in vain"

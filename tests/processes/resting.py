@@ -1,4 +1,4 @@
-"""A planner that lets nobody move."""
+"""A planner that moves no UAV."""
 
 from __future__ import annotations
 
@@ -7,11 +7,11 @@ from edc_swarm.planner.interface import Plan, PlanRequest, Stopwatch
 
 
 class Resting:
-    """All stay where they are, in every slot."""
+    """Planner that keeps all UAVs in their places, in every slot."""
 
     def __init__(self, mission: Mission, stopwatch: Stopwatch) -> None:
         del mission, stopwatch
 
     def plan(self, request: PlanRequest) -> Plan:
-        """Nobody is to move."""
+        """Return a plan in which no UAV moves."""
         return Plan([(float(x), float(y)) for x, y in request.position_m], "no-qp-needed")

@@ -1,8 +1,8 @@
-"""A rogue on a secured bus: a process of its own that says what it did and heard, as JSON.
+"""A rogue on a secured bus: a process of its own that prints its actions and the messages that it heard, as JSON.
 
 python -m tests.processes.rogue ENDPOINT FOLDER NAME RECORDING
 
-It knows of the mission what has been recorded, so that who hears nothing can forge as well as who does.
+It reads the mission from the recording, so a rogue that hears nothing can forge as well as one that hears all.
 """
 
 from __future__ import annotations
@@ -18,7 +18,7 @@ import msgspec
 import zenoh
 
 from edc_swarm.mission.configuration import JOIN
-from edc_swarm.protocol.claims import Claim
+from edc_swarm.protocol.claims import IdClaim
 from edc_swarm.protocol.codec import encode
 from edc_swarm.protocol.keys import Keys
 from edc_swarm.protocol.messages import Command, Event, Fix, Message, Report, Truth
@@ -35,7 +35,7 @@ LISTENS_S = 2.0
 
 
 def main() -> int:
-    """Misbehave in the name of `NAME` in every way there is."""
+    """Misbehave in the name of `NAME` in every known way."""
     endpoint, folder, name, recorded = sys.argv[1:]
     try:
         session = open_client(endpoint, Credentials(Path(folder), name), timeout_ms=1500)
@@ -56,7 +56,7 @@ def main() -> int:
         session.get(key, take, payload=again)
     time.sleep(LISTENS_S)
     stolen = [session.liveliness().declare_token(keys.alive(who, f"{INSTANCE}-{name}")) for who in ("u001", JOIN)]
-    claim = msgspec.json.encode(Claim(claimant=CLAIMANT, uavs=1, among=["u001"]))
+    claim = msgspec.json.encode(IdClaim(claimant=CLAIMANT, uavs=1, among=["u001"]))
     session.get(keys.claims, hand_over(lambda r: heard.update(["claim answered"] if r.ok else [])), payload=claim)
     for message in _forged(newest, "u001"):
         put(session, keys.of(message), encode(message))
@@ -82,7 +82,7 @@ def _hear(sample: zenoh.Sample, heard: Counter[str], newest: dict[str, Fix]) -> 
 
 
 def _forged(newest: dict[str, Fix], victim: str) -> list[Message]:
-    """What only the victim, its head, or the operator may say."""
+    """Return messages that only the victim, its head, or the operator may publish."""
     now: dict[str, Any] = {"instance": INSTANCE, "slot": newest[victim].slot, "sent_ns": time.time_ns()}
     ends = {"from_x_m": 0.0, "from_y_m": 0.0, "to_x_m": 9.0, "to_y_m": 9.0}
     return [
@@ -96,7 +96,7 @@ def _forged(newest: dict[str, Fix], victim: str) -> list[Message]:
 
 
 def _claims(newest: dict[str, Fix], name: str) -> list[Message]:
-    """Under its own id, as if it led, but without a quorum."""
+    """Return messages of the rogue as a head under its own id, without a quorum."""
     messages: list[Message] = []
     slot = max(fix.slot for fix in newest.values())
     for seq, (status, quorum) in enumerate((s, q) for s in ("planned", "claim", "no-qp-needed") for q in (1, 3)):
@@ -106,7 +106,7 @@ def _claims(newest: dict[str, Fix], name: str) -> list[Message]:
 
 
 def _commands(newest: dict[str, Fix], head: str) -> list[Message]:
-    """To everybody, for the next slots, from where each is, of the term that each grants and of a new one."""
+    """Return commands to every UAV for the next slots, from its position, of its granted term and of a new one."""
     return [
         Command(
             head=head,

@@ -1,4 +1,4 @@
-"""What has not arrived is asked for again: a recorder, a router, and publishers whose messages are lost."""
+"""Retransmission of lost messages, with a recorder, a router, and publishers in real processes."""
 
 from __future__ import annotations
 
@@ -28,7 +28,8 @@ from processes.bus import outbox
 from processes.bus.outbox import Outbox
 from processes.bus.session import hand_over, open_client
 from processes.runtime.inbox import Inbox
-from processes.services.recorder import MAX_FOREIGN_KEYS, RecorderSettings
+from processes.services.recorder import RecorderSettings
+from processes.services.recording_file import MAX_FOREIGN_KEYS
 from tests.processes.conftest import await_true
 
 KEYS = Keys("m")
@@ -37,7 +38,7 @@ SCENE = f"{KEYS.root}/viz/uavs"
 
 
 class Bench:
-    """A recorder of its own process, and a session for whoever publishes."""
+    """A recorder in a process of its own, with a session for the publishers."""
 
     def __init__(self, endpoint: str, folder: Path) -> None:
         self.out = folder / "run.mcap"
@@ -58,17 +59,17 @@ class Bench:
         self.put(KEYS.mission, encode(self.mission))
 
     def put(self, key: str, payload: bytes) -> None:
-        """Publish something that nobody is asked for again."""
+        """Publish a message that no publisher keeps for retransmission."""
         self.session.put(key, payload, congestion_control=zenoh.CongestionControl.BLOCK)
 
     def say_last_word(self) -> None:
-        """Say, as the operator, that nothing more comes."""
+        """Publish the operator's `closed` event."""
         tails = msgspec.json.encode({KEYS.mission: 0}).decode()
         last = Event(source="operator", instance="o-1", sent_ns=time.time_ns(), kind="closed", detail=tails)
         self.put(KEYS.event("operator"), encode(last))
 
     def end(self) -> list[Raw]:
-        """Wait for the recorder; what was recorded, in the order of the file."""
+        """Wait for the end of the recorder, and return the recorded messages in the order of the file."""
         assert self.recorder.wait(30) == 0
         self.session.close()
         return list(McapFile(self.out).messages())
@@ -76,7 +77,7 @@ class Bench:
 
 @pytest.fixture
 def bench(endpoint: str, tmp_path: Path) -> Iterator[Bench]:
-    """A recorder that has begun."""
+    """Yield a recorder that has begun."""
     made = Bench(endpoint, tmp_path)
     yield made
     made.recorder.kill()
@@ -84,13 +85,13 @@ def bench(endpoint: str, tmp_path: Path) -> Iterator[Bench]:
 
 
 def fix(seq: int) -> bytes:
-    """A fix of u001."""
+    """Return a fix of u001."""
     place = {"x_m": 0.0, "y_m": 0.0, "r_m": 5.0, "waypoint_x_m": 0.0, "waypoint_y_m": 0.0}
     return encode(Fix(uav="u001", instance="p-1", seq=seq, sent_ns=time.time_ns(), slot=seq, **place))
 
 
 def closed(source: str, tails: dict[str, int]) -> bytes:
-    """A publisher's last word."""
+    """Return a publisher's `closed` event."""
     detail = msgspec.json.encode(tails).decode()
     return encode(Event(source=source, instance="p-1", sent_ns=time.time_ns(), kind="closed", detail=detail))
 
@@ -100,7 +101,7 @@ Lose = Callable[[str, set[int]], None]
 
 @pytest.fixture
 def lose(monkeypatch: pytest.MonkeyPatch) -> Lose:
-    """Let the bus swallow messages of a key that were handed to it, by the order in which they were."""
+    """Make the bus lose messages of a key, selected by their order."""
     real, lost, counts = outbox.put, dict[str, set[int]](), dict[str, int]()
 
     def put(session: zenoh.Session, key: str, payload: bytes, attachment: bytes) -> None:
@@ -113,7 +114,7 @@ def lose(monkeypatch: pytest.MonkeyPatch) -> Lose:
 
 
 def test_lost_messages_are_recorded_once_as_they_were(bench: Bench, lose: Lose) -> None:
-    """In the midst and at the end, scenes too: verbatim, with their numbers and times, recorded when they came."""
+    """Messages lost within a stream and at its end, and scenes, are recorded unchanged, at their time of arrival."""
     inbox = Inbox[object]()
     uav = Outbox(bench.session, KEYS.again("u001", "p-1"), inbox)
     viz_inbox = Inbox[object]()
@@ -152,7 +153,7 @@ def test_lost_messages_are_recorded_once_as_they_were(bench: Bench, lose: Lose) 
 
 
 def test_what_the_publisher_no_longer_keeps_stays_a_gap(bench: Bench, lose: Lose) -> None:
-    """The rest of the hole is recorded, and the check says what is missing."""
+    """The rest of the gap is recorded, and the check names the missing messages."""
     inbox = Inbox[object]()
     room = sum(len(fix(seq)) + OVERHEAD_BYTES for seq in range(4)) + 100
     uav = Outbox(bench.session, KEYS.again("u001", "p-1"), inbox, room)
@@ -173,7 +174,7 @@ def test_what_the_publisher_no_longer_keeps_stays_a_gap(bench: Bench, lose: Lose
 
 
 def test_the_recorder_waits_for_answers_after_the_last_word(bench: Bench, lose: Lose) -> None:
-    """The operator's last word may come before the last answers of those who fly."""
+    """The operator's `closed` event may come before the last answers of the UAVs."""
     inbox = Inbox[object]()
     uav = Outbox(bench.session, KEYS.again("u001", "p-1"), inbox)
     lose(FIX, {1, 2})
@@ -187,7 +188,7 @@ def test_the_recorder_waits_for_answers_after_the_last_word(bench: Bench, lose: 
 
 
 def test_what_waits_for_a_router_is_said_in_the_end(bench: Bench, monkeypatch: pytest.MonkeyPatch) -> None:
-    """Also when the router comes back after the last word."""
+    """The messages arrive even if the router returns after the `closed` event."""
     inbox, routers = Inbox[object](), list[str]()
     monkeypatch.setattr(outbox, "is_connected", lambda _: bool(routers))
     uav = Outbox(bench.session, KEYS.again("u001", "p-1"), inbox)
@@ -204,7 +205,7 @@ def test_what_waits_for_a_router_is_said_in_the_end(bench: Bench, monkeypatch: p
 
 
 def test_what_is_no_ask_is_left_alone(endpoint: str) -> None:
-    """Noise in the place of an ask is nobody else's; a query on another key is."""
+    """An invalid request gets no answer from other publishers; a query on another key does."""
     again_key, heard = KEYS.again("u001", "p-1"), dict[str, bool]()
     with open_client(endpoint) as asker, open_client(endpoint) as session:
         inbox = Inbox[zenoh.Query]()
@@ -225,7 +226,7 @@ def test_what_is_no_ask_is_left_alone(endpoint: str) -> None:
 
 
 def test_what_is_fetched_takes_no_more_room_than_what_comes_by_itself(bench: Bench, lose: Lose) -> None:
-    """Keys of nobody are recorded up to their number, whoever names them in its last word."""
+    """The limit on foreign keys holds for keys in a `closed` event too."""
     inbox = Inbox[object]()
     uav = Outbox(bench.session, KEYS.again("u001", "p-1"), inbox)
     keys = [f"{KEYS.event('u001')}/{number}" for number in range(MAX_FOREIGN_KEYS + 200)]
@@ -244,7 +245,7 @@ def test_what_is_fetched_takes_no_more_room_than_what_comes_by_itself(bench: Ben
 
 
 def test_an_answer_is_taken_for_what_was_asked_and_nothing_else(bench: Bench) -> None:
-    """Neither noise, nor what says that it is another's or another number, nor what is not missing."""
+    """The recorder ignores noise, answers of another publisher or number, and messages that are not missing."""
     inbox = Inbox[zenoh.Query]()
     bench.session.declare_queryable(KEYS.again("u001", "p-1"), hand_over(inbox.put))
     right = fix(1)

@@ -1,4 +1,4 @@
-"""The wall clock jumps while a mission is flown: nothing but the record takes notice."""
+"""Jumps of the wall clock during a mission: they change nothing but the recorded events."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from edc_swarm.mission.configuration import Mission
 from edc_swarm.mission.roster import complete_mission
 from edc_swarm.protocol.events import EventKind
 from edc_swarm.protocol.messages import mission_message
-from processes.runtime.clock import MOST_JUMPS_TOLD, MissionClock
+from processes.runtime.clock import MAX_REPORTED_JUMPS, MissionClock
 from tests.processes.conftest import Fly
 
 S = 10**9
@@ -24,7 +24,7 @@ MOST_SLOTS = 60
 
 @pytest.fixture(scope="module")
 def shim(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """A library that sets the wall clock of whoever loads it."""
+    """Compile a library that sets the wall clock of the process that loads it."""
     compiler = shutil.which("cc")
     if compiler is None:
         pytest.skip("no C compiler")
@@ -36,7 +36,7 @@ def shim(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 @pytest.mark.parametrize("by_s", [3600, -3600, 2, -2])
 def test_a_mission_does_not_follow_the_wall_clock(start: Fly, shim: Path, tmp_path: Path, by_s: int):
-    """All arrive as if it had not been set, also one that starts after it; every process tells of it once."""
+    """All UAVs arrive as without the jump, a UAV started after it too; every process reports the jump once."""
     file = tmp_path / "jump"
     setting = ("env", f"LD_PRELOAD={shim}", f"JUMP_FILE={file}", f"JUMP_BY={by_s}")
     fault = ("--fault", "kill u002 @10 for 1s")
@@ -59,7 +59,7 @@ def test_a_mission_does_not_follow_the_wall_clock(start: Fly, shim: Path, tmp_pa
 
 
 def test_who_starts_later_takes_over_the_anchor(monkeypatch: pytest.MonkeyPatch):
-    """A process that starts after a jump shows the same time as the one that started it."""
+    """A process that starts after a jump shows the same time as the process that started it."""
     first = MissionClock()
     true_ns = time.time_ns
     monkeypatch.setattr(time, "time_ns", lambda: true_ns() + 3600 * S)
@@ -68,7 +68,7 @@ def test_who_starts_later_takes_over_the_anchor(monkeypatch: pytest.MonkeyPatch)
 
 
 def test_jumps_are_told_once_each_and_not_without_end(monkeypatch: pytest.MonkeyPatch):
-    """A slew is no jump, and a clock that is set all the time does not fill the record."""
+    """A slew is no jump, and a clock that jumps all the time does not fill the recording."""
     clock, true_ns, off_ns = MissionClock(), time.time_ns, 0
     monkeypatch.setattr(time, "time_ns", lambda: true_ns() + off_ns)
     for _ in range(100):
@@ -81,7 +81,7 @@ def test_jumps_are_told_once_each_and_not_without_end(monkeypatch: pytest.Monkey
     for _ in range(100):
         off_ns += 5 * S
         told += clock.jump() is not None
-    assert told == MOST_JUMPS_TOLD - 1
+    assert told == MAX_REPORTED_JUMPS - 1
 
 
 @pytest.mark.parametrize(
@@ -89,7 +89,7 @@ def test_jumps_are_told_once_each_and_not_without_end(monkeypatch: pytest.Monkey
     [(-3600, "clock of this host is behind"), (10**6, "clock of this host is ahead")],
 )
 def test_a_host_with_another_time_does_not_wait_in_silence(off_s: int, reason: str):
-    """It says by how much; a clock that is a little off is the fault `clock`, which missions survive."""
+    """The error states the difference; a small one is like the fault `clock`, which missions survive."""
     clock = MissionClock()
     mission = mission_message(complete_mission(Mission(uavs=3)), clock.now_ns())
     clock.check_epoch(mission)

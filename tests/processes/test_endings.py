@@ -1,4 +1,4 @@
-"""However a run ends, nothing is left running and the recording can be read."""
+"""Ends of a run: whatever the cause, no process is left and the recording is readable."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ from tests.processes.conftest import await_true
 
 
 def test_ctrl_c_in_flight_leaves_a_whole_recording(start):
-    """Every process gets to say its last word: the record is finished, not recovered."""
+    """Every process publishes its last message: the recording is finished, not recovered."""
     command = start("run", "--json")
     command.await_flight(10)
     command.process.send_signal(signal.SIGINT)
@@ -38,7 +38,7 @@ def test_ctrl_c_in_flight_leaves_a_whole_recording(start):
 
 
 def test_ctrl_c_at_the_start(start):
-    """Before anything is connected there is nothing to close, but all must end."""
+    """Before the connection there is nothing to close, but all processes must end."""
     command = start("run")
     command.await_file(lambda: bool(command.pids("processes.host.fork_source")))
     command.process.send_signal(signal.SIGINT)
@@ -59,7 +59,7 @@ def test_kill_of_the_command_ends_its_children_even_frozen_ones(start):
 
 @pytest.mark.long
 def test_what_a_killed_run_has_left_is_recovered_at_the_next_start(start, run, tmp_path: Path):
-    """The original stays beside what could be read of it."""
+    """The next run recovers the recording and keeps the original."""
     command = start("run", name="killed.mcap")
     command.await_flight(10)
     command.process.kill()
@@ -72,7 +72,7 @@ def test_what_a_killed_run_has_left_is_recovered_at_the_next_start(start, run, t
 
 @pytest.mark.long
 def test_a_recorder_killed_by_hand_ends_the_run_and_what_it_flushed_is_recovered(start):
-    """Without a record a run is of no use; an independent reader and every checker take what there is of it."""
+    """The run ends without a recorder; an independent reader and every checker read the recovered recording."""
     command = start("run", "--json")
     command.await_flight(10)
     flushed = read_recording(command.path.with_name(command.path.name + ".part"), salvage=True).message_count
@@ -90,12 +90,12 @@ def test_a_recorder_killed_by_hand_ends_the_run_and_what_it_flushed_is_recovered
     assert {path.name for path in ended.path.parent.iterdir()} == {ended.path.name}
 
 
-@pytest.mark.parametrize("part", ["router", "fork-source"])
-def test_a_part_killed_by_hand_fails_the_mission(start, part: str):
-    """It is no bad input: status 1, the cause in one line, and what was recorded says who is not home."""
+@pytest.mark.parametrize(("part", "module"), [("router", "services.router"), ("fork-source", "host.fork_source")])
+def test_a_part_killed_by_hand_fails_the_mission(start, part: str, module: str):
+    """The input is not at fault: status 1, the cause in one line, and the summary names the UAVs not home."""
     command = start("run", "--json")
     command.await_flight(10)
-    os.kill(command.pids(f"processes.{part.replace('-', '_')}")[0], signal.SIGKILL)
+    os.kill(command.pids(f"processes.{module}")[0], signal.SIGKILL)
     ended = command.end()
     assert ended.status == 1
     assert f"error: the {part} was ended by SIGKILL: it said nothing" in ended.stderr.splitlines()
@@ -105,7 +105,7 @@ def test_a_part_killed_by_hand_fails_the_mission(start, part: str):
 
 @pytest.mark.long
 def test_a_full_disk_is_an_error_with_a_name(start):
-    """A limit on the size of files stands in for the full disk: both are errors of `write`."""
+    """A limit on the size of files replaces the full disk: both are errors of `write`."""
     limited = ("bash", "-c", 'ulimit -f 64; exec "$@"', "limited")
     ended = start("run", "--uavs", "10", "--time-scale", "4", prefix=limited).end()
     assert ended.status == 2
@@ -114,7 +114,7 @@ def test_a_full_disk_is_an_error_with_a_name(start):
 
 
 def test_an_existing_recording_is_kept_until_the_new_one_is_whole(start, tmp_path: Path):
-    """Neither without --force nor by a run with it that never finished."""
+    """Neither a run without --force nor an unfinished run with it replaces the recording."""
     kept = tmp_path / "run.mcap"
     kept.write_bytes(b"old")
     assert start("run").end().status == 2
@@ -126,7 +126,7 @@ def test_an_existing_recording_is_kept_until_the_new_one_is_whole(start, tmp_pat
 
 
 def test_other_signals_end_in_order_too(start):
-    """A closed terminal is no reason to lose the record."""
+    """A closed terminal does not cost the recording."""
     command = start("run", "--uavs", "3")
     command.await_flight(3)
     command.process.send_signal(signal.SIGHUP)
@@ -135,7 +135,7 @@ def test_other_signals_end_in_order_too(start):
 
 @pytest.mark.long
 def test_a_simulation_keeps_its_recording_from_those_beside_it(start, tmp_path: Path):
-    """Several in one folder: none takes another's for what a killed run has left."""
+    """A run does not recover the part of another run in progress in the same folder."""
     command = start("sim", "--json", "--uavs", "30", "--area", "20000")
     part = command.path.with_name(command.path.name + ".part")
     command.await_file(lambda: part.exists() and part.stat().st_size > 0)
@@ -146,7 +146,7 @@ def test_a_simulation_keeps_its_recording_from_those_beside_it(start, tmp_path: 
 
 @pytest.mark.parametrize(("limit", "status"), [("ulimit -Sn 32", 0), ("ulimit -n 60", 2)])
 def test_open_files_are_enough_or_their_limit_is_named(start, limit: str, status: int):
-    """A low soft limit is raised; a low hard limit is one line, before anything starts."""
+    """The command raises a low soft limit; for a low hard limit it prints one line and starts nothing."""
     limited = ("bash", "-c", f'{limit}; exec "$@"', "limited")
     ended = start("run", "--uavs", "12", "--time-scale", "4", prefix=limited).end()
     assert ended.status == status, ended.stderr
@@ -157,7 +157,7 @@ def test_open_files_are_enough_or_their_limit_is_named(start, limit: str, status
 
 @pytest.fixture
 def tiny_disk(tmp_path: Path) -> Iterator[Path]:
-    """A file system of 64 kB."""
+    """Mount a file system of 64 kB."""
     folder = tmp_path / "tiny"
     folder.mkdir()
     mounted = subprocess.run(
@@ -170,7 +170,7 @@ def tiny_disk(tmp_path: Path) -> Iterator[Path]:
 
 
 def test_a_disk_that_fills_in_flight_is_named_with_what_can_be_recovered(start, tiny_disk: Path):
-    """A real full disk: the folder, the reason and the part, in one line."""
+    """On a really full disk, one line names the folder, the reason and the part."""
     path = tiny_disk / "run.mcap"
     ended = start("run", "--uavs", "3", "--time-scale", "4", "--out", str(path)).end()
     assert ended.status == 2, ended.stderr
@@ -180,7 +180,7 @@ def test_a_disk_that_fills_in_flight_is_named_with_what_can_be_recovered(start, 
 
 
 def test_promises_on_a_full_disk_are_an_error_with_a_name(tiny_disk: Path):
-    """Nothing half made is left."""
+    """A failed creation leaves no half file."""
     with contextlib.suppress(OSError):
         (tiny_disk / "filler").write_bytes(bytes(1 << 20))
     with pytest.raises(InputError, match=rf"u001\.promise.*{tiny_disk}: no space left on device"):

@@ -1,4 +1,4 @@
-"""The examples run."""
+"""Tests of the examples."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ NOTEBOOK = Path(__file__).parents[2] / "examples" / "energy_notebook.py"
 
 
 def test_energy_notebook(tmp_path: Path) -> None:
-    """The notebook runs as a script, says what it found and draws a picture."""
+    """The notebook runs as a script, prints its results and draws a picture."""
     picture = tmp_path / "energy.png"
     said = subprocess.run(
         [sys.executable, str(NOTEBOOK), str(picture)],

@@ -1,4 +1,4 @@
-"""Hostile neighbours on a bus that lets everybody in: an old recording replayed, then noise and lies on every key."""
+"""Hostile neighbours on an open bus: a replay of an old recording, then noise and lies on every key."""
 
 from __future__ import annotations
 
@@ -23,10 +23,10 @@ UAVS = ("--uavs", "5", "--seed", "3", "--speed-max", "3")
 
 
 def test_neither_replays_nor_fuzzed_bytes_disturb_a_mission(start: Fly, tmp_path: Path):
-    """Every guarantee holds, everybody arrives, nobody crashes, no term moves; it is told of and dropped.
+    """Every guarantee holds, all UAVs arrive, no process crashes, no term moves; all noise is reported and dropped.
 
-    The replays are of a mission with the same UAVs, starts and targets: once as it was, under its
-    own mission id, and once rewritten as if it were this mission's, its end included.
+    The replays are of a mission with the same UAVs, starts and targets: once unchanged, under its own
+    mission id, and once rewritten under the id of this mission, its end included.
     """
     old, endpoint = tmp_path / "old.mcap", free_endpoint()
     assert start("sim", *UAVS, "--json", name="old.mcap").end().status == 0
@@ -63,7 +63,7 @@ def _mission(flown: Started) -> str:
 
 
 def _rewrite(source: Path, target: Path, mission: str) -> None:
-    """The same messages on the keys of another mission, and in its name."""
+    """Return the same messages on the keys and with the name of another mission."""
     file, old = McapFile(source), read_recording(source).mission.name
     messages = list(file.messages())
     with target.open("wb") as stream:

@@ -21,7 +21,7 @@ pytestmark = pytest.mark.timing
 HOME, NEAR, FAR = (f"edc{os.getpid()}-{name}" for name in ("home", "near", "far"))
 PORT = 7447
 SETTLED = 12
-"""So many slots after the cut, a lease and an election, the others have a head again, whoever was cut off."""
+"""Slots after the cut until the others have a head again, whichever UAV was cut off: a lease and an election."""
 
 
 def ip(*words: str) -> None:
@@ -31,7 +31,7 @@ def ip(*words: str) -> None:
 
 @pytest.fixture
 def hosts() -> Iterator[dict[str, str]]:
-    """Three hosts, two of them linked to the first; where each finds the router of the first."""
+    """Make three hosts, two of them linked to the first; yield the router's address for each of them."""
     if os.geteuid() != 0 or shutil.which("ip") is None:
         pytest.skip("network namespaces need root and the tool ip (package iproute2)")
     try:
@@ -47,7 +47,7 @@ def hosts() -> Iterator[dict[str, str]]:
 
 
 def link(name: str, net: str) -> str:
-    """Lay a cable between a host and the first one; the router's address at its end."""
+    """Link a host with the first one; return the router's address on that link."""
     ip("-n", HOME, "link", "add", end_of(name), "type", "veth", "peer", "name", "eth0", "netns", name)
     for host, device, address in ((HOME, end_of(name), f"{net}.1/24"), (name, "eth0", f"{net}.2/24")):
         ip("-n", host, "addr", "add", address, "dev", device)
@@ -56,17 +56,17 @@ def link(name: str, net: str) -> str:
 
 
 def end_of(name: str) -> str:
-    """The first host's end of the cable to another."""
+    """Return the first host's end of the link to another host."""
     return f"to-{name.rpartition('-')[2]}"
 
 
 def on(name: str) -> tuple[str, ...]:
-    """The words that start a command on a host."""
+    """Return the words that start a command on a host."""
     return ("ip", "netns", "exec", name)
 
 
 def newest_slot(run: Started) -> int:
-    """The newest slot that the recorder has flushed."""
+    """Return the newest slot that the recorder has flushed."""
     try:
         recording = read_recording(run.path.with_name(run.path.name + ".part"), salvage=True)
     except RecordingError:
@@ -76,7 +76,7 @@ def newest_slot(run: Started) -> int:
 
 @pytest.mark.parametrize("secured", [False, True], ids=["open", "secured"])
 def test_a_cut_link_between_hosts(hosts: dict[str, str], start, tmp_path: Path, secured: bool):
-    """The far host's UAVs hold while it is cut off, the others fly on; in the end all arrive and all is recorded."""
+    """The far host's UAVs hold during the cut, the others fly on; finally all arrive and all is recorded."""
     protocol, certs = ("tls", ("--certs", str(tmp_path / "certs"))) if secured else ("tcp", ())
     if secured:
         write_certificates(tmp_path / "certs", uav_ids(9), hosts=[address.split(":")[0] for address in hosts.values()])

@@ -1,4 +1,4 @@
-"""`edc-swarm join`: UAVs flown by others, and a mission in which everything is run by others."""
+"""`edc-swarm join`: UAVs on other hosts, and missions in which others run every part."""
 
 from __future__ import annotations
 
@@ -13,15 +13,15 @@ import msgspec
 import pytest
 
 from edc_swarm.mission.configuration import JOIN, OPERATOR
-from edc_swarm.protocol.claims import Claim, Issued
+from edc_swarm.protocol.claims import IdClaim, Issued
 from edc_swarm.protocol.keys import PREFIX, Keys
 from edc_swarm.recording.model import Recording
 from edc_swarm.recording.reader import read_recording
 from edc_swarm.recording.sequences import find_gaps, unknown_tails
-from processes.bus.abort_notice import WORD
+from processes.bus.abort_notice import NOTICE_KEY
 from processes.bus.address import free_endpoint
 from processes.bus.credentials import Credentials
-from processes.bus.operator_presence import Operators
+from processes.bus.operator_presence import OperatorPresence
 from processes.bus.session import open_client, put
 from processes.host.certificates import write_certificates
 from processes.services.orders import asked, await_found
@@ -33,22 +33,22 @@ FAST = ("--json", "--time-scale", "4", "--uavs", "5", "--area", "3000")
 
 
 def broken(ended: Ended) -> set[str]:
-    """Guarantees that are broken."""
+    """Return the guarantees that are broken."""
     return {verdict["guarantee"] for verdict in ended.json["guarantees"] if verdict["status"] == "broken"}
 
 
 def ids_of(joined: Started, folder: Path, count: int = 1) -> set[str]:
-    """The ids that a joiner with a folder of state flies."""
+    """Return the ids that a joiner with a state folder flies."""
     joined.await_file(lambda: len(list(folder.glob("missions/*/*.promise"))) == count)
     return {file.stem for file in folder.glob("missions/*/*.promise")}
 
 
 def claimed(address: str, uavs: int, own: Credentials | None = None) -> set[str]:
-    """The ids that a claimant gets which then leaves without flying any: with them the mission would begin."""
+    """Return the ids of a claimant that leaves without flying them; if it flew them, the mission would begin."""
     with open_client(address, own) as session:
-        operators = Operators(session)
+        operators = OperatorPresence(session)
         mission = await_found(lambda: operators.only_mission(address), "the mission")
-        claim = msgspec.json.encode(Claim(claimant="c" * 16, uavs=uavs))
+        claim = msgspec.json.encode(IdClaim(claimant="c" * 16, uavs=uavs))
         answer = asked(session, Keys(mission).claims, claim)
         assert answer is not None
         with session.liveliness().declare_token(Keys(mission).alive(JOIN, "c" * 16)):
@@ -56,7 +56,7 @@ def claimed(address: str, uavs: int, own: Credentials | None = None) -> set[str]
 
 
 def await_gone(address: str, name: str) -> None:
-    """Wait until nobody of that name is on the bus."""
+    """Wait until no process of that name is on the bus."""
     with open_client(address) as session:
         tokens = f"{PREFIX}/*/alive/{name}/*"
         await_true(lambda: not [reply for reply in session.liveliness().get(tokens) if reply.ok is not None])
@@ -64,7 +64,7 @@ def await_gone(address: str, name: str) -> None:
 
 @pytest.fixture
 def hosted(start) -> Callable[..., tuple[Started, str]]:
-    """Start a run of five UAVs that leaves some to others: the command, and its router's address."""
+    """Start a run of five UAVs that leaves `remote` of them to joiners; return it and its router's address."""
 
     def go(remote: int, *arguments: str) -> tuple[Started, str]:
         address = free_endpoint()
@@ -74,7 +74,7 @@ def hosted(start) -> Callable[..., tuple[Started, str]]:
 
 
 def test_two_hosts_fly_one_mission(start, hosted):
-    """Each id by one claimant, each joiner ends with the mission."""
+    """Each id has one claimant, and each joiner ends with the mission."""
     run, address = hosted(3)
     joined = [start("join", address, "--uavs", number) for number in ("2", "1")]
     ended = run.end()
@@ -90,7 +90,7 @@ def test_two_hosts_fly_one_mission(start, hosted):
 
 @pytest.mark.parametrize(("seed", "leads"), [("2", False), ("1", True)], ids=["weakest", "strongest"])
 def test_a_uav_alone_stays_small(start, hosted, seed: str, leads: bool):
-    """Neither it nor who started it imports numpy, unless it may lead from the start."""
+    """Neither the UAV nor its joiner imports numpy, unless the UAV may lead from the start."""
     run, address = hosted(1, "--seed", seed)
     joined = start("join", address)
     run.await_flight(4)
@@ -101,7 +101,7 @@ def test_a_uav_alone_stays_small(start, hosted, seed: str, leads: bool):
 
 
 def test_a_fork_source_killed_by_hand_fails_the_joiner(start, hosted):
-    """Not its input; who operates the mission names the UAVs that are gone with it."""
+    """The input is not at fault; the operator names the UAVs that are gone with the fork source."""
     run, address = hosted(2)
     joined = start("join", address, "--uavs", "2")
     joined.await_file(lambda: len(joined.uav_pids()) == 2)
@@ -110,14 +110,14 @@ def test_a_fork_source_killed_by_hand_fails_the_joiner(start, hosted):
     os.kill(source, signal.SIGKILL)
     left = joined.end()
     assert left.status == 1
-    assert left.stderr.splitlines()[-1].startswith("error: the fork-source ended with status -9: ")
+    assert left.stderr.splitlines()[-1].startswith("error: the fork-source was ended by SIGKILL: ")
     ended = run.end()
     assert ended.status == 1
     assert {who["cause"] for who in ended.json["not_home"]} == {"process-gone"}, ended.stdout
 
 
 def test_faults_reach_the_uavs_of_other_hosts(start, hosted):
-    """Killed for good, killed and started again without memory, frozen and resumed."""
+    """Faults kill a UAV, restart one without memory, and freeze and resume one."""
     faults = ("kill u003 @8", "kill u004 @8 for 4", "freeze u005 @8 for 2s", "restart u004 lose-memory @20")
     run, address = hosted(3, "--speed-max", "2", *(word for fault in faults for word in ("--fault", fault)))
     joined = start("join", address, "--uavs", "3")
@@ -131,12 +131,12 @@ def test_faults_reach_the_uavs_of_other_hosts(start, hosted):
 
 
 def test_what_a_joiner_cannot_read_is_counted_and_told(start, hosted, tmp_path: Path):
-    """Garbage in the operator's name ends nothing; the first, second, fourth ... are told of."""
+    """Garbage in the operator's name ends nothing; the joiner reports the first, second, fourth ... of it."""
     run, address = hosted(2)
     joined = start("join", address, "--state", str(tmp_path / "a"))
     ids_of(joined, tmp_path / "a")
     with open_client(address) as session:
-        operators = Operators(session)
+        operators = OperatorPresence(session)
         await_true(lambda: bool(operators.missions()))
         for _ in range(3):
             put(session, Keys(operators.missions()[0]).event(OPERATOR), b"\xff")
@@ -150,7 +150,7 @@ def test_what_a_joiner_cannot_read_is_counted_and_told(start, hosted, tmp_path: 
 
 
 def test_started_again_with_its_folder_it_is_the_same_uav(start, hosted, tmp_path: Path):
-    """Its promise is in there; a stranger gets nothing meanwhile."""
+    """The folder has the UAV's promise; another claimant gets no id meanwhile."""
     run, address = hosted(2)
     others = start("join", address)
     folder = tmp_path / "kept"
@@ -176,7 +176,7 @@ def test_started_again_with_its_folder_it_is_the_same_uav(start, hosted, tmp_pat
 
 
 def test_ctrl_c_of_a_joiner_is_in_order(start, hosted):
-    """Its UAVs say their last words."""
+    """The UAVs of the joiner publish their last messages."""
     run, address = hosted(2)
     joined = start("join", address, "--uavs", "2")
     run.await_flight(3)
@@ -192,7 +192,7 @@ def test_ctrl_c_of_a_joiner_is_in_order(start, hosted):
 
 
 def test_more_than_are_left_is_refused(start, hosted):
-    """One line, and the mission waits for a better offer."""
+    """The joiner prints one line, and the mission waits for another claim."""
     run, address = hosted(2)
     greedy = start("join", address, "--uavs", "3").end()
     assert greedy.status == 2
@@ -202,7 +202,7 @@ def test_more_than_are_left_is_refused(start, hosted):
 
 
 def test_who_is_waited_for_is_named(start, hosted):
-    """The operator says which UAVs are not there, the joiner what became of its router."""
+    """The operator names the missing UAVs, and the joiner the state of its router."""
     run, _ = hosted(2)
     nowhere = free_endpoint()
     joined = start("join", nowhere)
@@ -214,13 +214,13 @@ def test_who_is_waited_for_is_named(start, hosted):
 
 
 def line_with(command: Started, words: str) -> str:
-    """The line with these words that a command says beside its result."""
+    """Return the line with these words that a command prints on standard error."""
     assert command.process.stderr is not None
     return next(line.strip() for line in command.process.stderr if words in line)
 
 
 def test_who_was_away_flies_what_is_left(start, hosted, tmp_path: Path):
-    """Before the mission its id is issued to another; when it is back it asks again."""
+    """Before the mission the operator issues the id of an absent joiner to another; the joiner then claims again."""
     run, address = hosted(2)
     folder = tmp_path / "away"
     away = start("join", address, "--state", str(folder))
@@ -244,7 +244,7 @@ def test_who_was_away_flies_what_is_left(start, hosted, tmp_path: Path):
 
 
 class Parts:
-    """Router, recorder and visualiser, each started by itself as services would be; secured with `certs`."""
+    """Router, recorder and visualiser as services, each started by itself; with `certs` on a secured bus."""
 
     def __init__(self, start: Callable[..., Started], folder: Path, certs: Path | None = None) -> None:
         self._start = start
@@ -255,7 +255,7 @@ class Parts:
         self.start_router()
 
     def start_router(self) -> None:
-        """Start it, for one mission."""
+        """Start the router for one mission."""
         self.parts["router"] = self._run("router", self.address, "mission", *self._own[1:])
 
     def _run(self, module: str, *arguments: str) -> subprocess.Popen[bytes]:
@@ -272,11 +272,11 @@ class Parts:
         return self._start("join", self.address, "--state", str(self.folder / name), *self._own)
 
     def await_end(self) -> None:
-        """Every part ends by itself."""
+        """Wait until every part has ended by itself."""
         assert [part.wait(30) for part in self.parts.values()] == [0] * len(self.parts)
 
     def kill(self) -> None:
-        """Leave nothing."""
+        """Kill all parts."""
         for part in self.parts.values():
             part.kill()
             part.wait()
@@ -284,7 +284,7 @@ class Parts:
 
 @pytest.fixture(params=["open"])
 def parts(start, tmp_path: Path, request: pytest.FixtureRequest) -> Iterator[Parts]:
-    """A bus with its parts."""
+    """Start the parts of a bus."""
     certs = tmp_path / "certs" if request.param == "secured" else None
     if certs is not None:
         write_certificates(certs, [f"u00{number}" for number in range(1, 6)])
@@ -295,7 +295,7 @@ def parts(start, tmp_path: Path, request: pytest.FixtureRequest) -> Iterator[Par
 
 @either
 def test_everything_run_by_others(parts: Parts):
-    """The operator is the first to leave, and everything else ends by itself."""
+    """The operator is the first to leave, and every part ends by itself."""
     joined = [parts.join(f"{number}") for number in range(5)]
     operator = parts.operate()
     operator.process.wait()
@@ -310,7 +310,7 @@ def test_everything_run_by_others(parts: Parts):
 
 @either
 def test_an_operator_that_died_is_taken_over_from(parts: Parts):
-    """The mission goes on, is recorded in one file, and nobody new is let in."""
+    """The mission continues in one recording, and no further claimant gets an id."""
     joined = [parts.join(f"{number}") for number in range(5)]
     first = parts.operate()
     part = first.path.with_name("run.mcap.part")
@@ -330,7 +330,7 @@ def test_an_operator_that_died_is_taken_over_from(parts: Parts):
 
 
 def test_faults_in_force_are_told_again_after_a_takeover(parts: Parts):
-    """A UAV that is started again by the next operator is as deaf as the one before it was."""
+    """A UAV that the next operator restarts is as cut off as its first instance."""
     faults = ("partition u001,u002,u004,u005>u003 @4 for 40s", "restart u003 @60")
     words = ("--speed-max", "1", *(word for fault in faults for word in ("--fault", fault)))
     joined = [parts.join(f"{number}") for number in range(5)]
@@ -356,11 +356,11 @@ def _faults(recording: Recording) -> list[str]:
 
 @either
 def test_an_operator_that_gives_up_ends_everything(parts: Parts):
-    """Who waits and who starts late is told; its message is the one line about the option."""
+    """Waiting parts and late parts get the notice; the operator's error is the one line about the option."""
     waiting = parts.join("waiting")
     given_up = parts.operate("--planner", "nonsense").end()
     assert given_up.status == 2
-    assert given_up.stderr.startswith("error: planner = 'nonsense': must be")
+    assert given_up.stderr.startswith("error: --planner = 'nonsense': must be")
     for joined in (waiting, parts.join("late")):
         ended = joined.end()
         assert ended.status == 2
@@ -371,10 +371,10 @@ def test_an_operator_that_gives_up_ends_everything(parts: Parts):
 
 
 def test_who_gives_up_is_the_first_to_leave_and_keeps_its_status(parts: Parts):
-    """Compose ends everything with the first that leaves, and where asked to, with the status of the operator."""
+    """Compose ends all services after the first that ends, and may return the status of the operator."""
     waiting = parts.join("waiting")
     given_up = parts.operate("--planner", "nonsense")
-    await_there(parts.address, f"{WORD}/*")
+    await_there(parts.address, f"{NOTICE_KEY}/*")
     given_up.process.terminate()
     assert given_up.process.wait() == 2
     assert waiting.process.poll() is None
@@ -388,7 +388,7 @@ def await_there(address: str, token: str) -> None:
 
 
 def test_a_router_that_has_just_begun_to_listen_hears_the_word(start):
-    """Whoever gives up is told to stop a second before that router looks who is there."""
+    """SIGTERM reaches the aborting operator a second before that router sees its token."""
     address = free_endpoint()
     given_up = start("run", *FAST, "--operate", address, "--planner", "nonsense")
     assert given_up.process.stderr.readline().startswith("error: planner = ")
@@ -396,7 +396,7 @@ def test_a_router_that_has_just_begun_to_listen_hears_the_word(start):
     script = f"import sys, time; from processes.services import router; route = router._route_one_mission; {slowly}"
     command = [sys.executable, "-c", f"{script}; sys.exit(router.main())", address, "mission"]
     with subprocess.Popen(command, stdout=subprocess.DEVNULL) as router:
-        await_there(address, f"{WORD}/*")
+        await_there(address, f"{NOTICE_KEY}/*")
         given_up.process.terminate()
         assert given_up.end().status == 2
         assert start("join", address).end().status == 2
@@ -405,9 +405,9 @@ def test_a_router_that_has_just_begun_to_listen_hears_the_word(start):
 
 
 def test_a_router_waits_for_an_operator_only_so_long(start):
-    """One that was killed before it could say anything: everybody is told, in one line."""
+    """Without any operator, every part ends with one line."""
     address = free_endpoint()
-    script = "import sys; from processes.services import router; router.PATIENCE_S = 0.5; sys.exit(router.main())"
+    script = "import sys; from processes.services import router; router.NO_OPERATOR_S = 0.5; sys.exit(router.main())"
     command = [sys.executable, "-c", script, address, "mission"]
     with subprocess.Popen(command, stderr=subprocess.PIPE, stdout=subprocess.DEVNULL, text=True) as router:
         joined = start("join", address).end()
@@ -420,7 +420,7 @@ def test_a_router_waits_for_an_operator_only_so_long(start):
 
 
 def test_told_to_stop_all_at_once_the_record_has_every_last_word(parts: Parts):
-    """As compose does, the recorder too: it waits for the others."""
+    """Compose stops all at once, the recorder too: the recorder waits for the others."""
     joined = [parts.join(f"{number}") for number in range(5)]
     operator = parts.operate("--speed-max", "1")
     part = operator.path.with_name("run.mcap.part")
@@ -442,10 +442,10 @@ def test_told_to_stop_all_at_once_the_record_has_every_last_word(parts: Parts):
 
 
 def test_ctrl_c_of_an_operator_without_a_recorder(start, endpoint: str):
-    """Nothing was flown and nothing is written; nothing is said of a recording."""
+    """No mission was flown and no file is written; no line mentions a recording."""
     operator = start("run", *FAST, "--operate", endpoint)
     with open_client(endpoint) as session:
-        operators = Operators(session)
+        operators = OperatorPresence(session)
         await_true(lambda: bool(operators.missions()))
     operator.process.send_signal(signal.SIGINT)
     ended = operator.end()
@@ -455,7 +455,7 @@ def test_ctrl_c_of_an_operator_without_a_recorder(start, endpoint: str):
 
 
 def test_a_bad_option_ends_no_mission(parts: Parts):
-    """Somebody's mistyped command at the same router changes nothing for whoever flies or waits."""
+    """A mistyped command of another user at the same router disturbs no flying or waiting part."""
     joined = [parts.join(f"{number}") for number in range(4)]
     operator = parts.operate()
     ids_of(joined[0], parts.folder / "0")
@@ -468,7 +468,7 @@ def test_a_bad_option_ends_no_mission(parts: Parts):
 
 @pytest.mark.parametrize("lost", ["operator", "router"])
 def test_ids_are_known_again_after_a_restart(parts: Parts, tmp_path: Path, lost: str):
-    """Before the mission: from the tokens of whoever is there."""
+    """Before the mission, a new operator learns the ids from the tokens on the bus."""
     operator = parts.operate()
     early = [parts.join(name) for name in ("a", "b")]
     before = [ids_of(command, tmp_path / name) for command, name in zip(early, ("a", "b"), strict=True)]

@@ -1,4 +1,4 @@
-"""The `latency` command with both engines, its floor, and radio range with real processes."""
+"""The `latency` command with both engines, its baseline, and radio range with real processes."""
 
 from __future__ import annotations
 
@@ -50,12 +50,12 @@ roster = [
 
 
 def made(folder: Path) -> list[dict[str, Any]]:
-    """Lines of the file of results."""
+    """Return the lines of the file of results."""
     return [json.loads(line) for line in (folder / "runs.jsonl").read_text(encoding="utf-8").splitlines()]
 
 
 def test_a_simulated_sweep(tmp_path: Path, capfd: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch) -> None:
-    """Table, plots, page and JSON; made once; every line's command flies that run again."""
+    """Table, plots, page and JSON exist; a second call executes no run; the command of each line repeats its run."""
     file, out = tmp_path / "sweep.toml", tmp_path / "out"
     file.write_text(SWEEP, encoding="utf-8")
     assert main(["latency", str(file), "--jobs", "1", "--json", "--out", str(out)]) == 0
@@ -83,7 +83,7 @@ def test_a_simulated_sweep(tmp_path: Path, capfd: pytest.CaptureFixture[str], mo
 
 
 def fly_again(line: dict[str, Any], path: Path) -> None:
-    """The command in a line of the results gives the sample in that line."""
+    """Assert that the command in a line of the results gives the sample in that line."""
     words = shlex.split(line["command"])
     command = [sys.executable, "-m", "processes.cli.main", *words[1:], "--out", str(path), "--no-viz", "--json"]
     subprocess.run(command, capture_output=True, check=False)
@@ -91,7 +91,7 @@ def fly_again(line: dict[str, Any], path: Path) -> None:
 
 
 def test_a_sweep_with_real_processes(start: Fly, tmp_path: Path) -> None:
-    """Each mission recorded, the same simulated beside it, the floor measured; no process is left."""
+    """Each mission is recorded and simulated too, the baseline is measured, and no process is left."""
     mission, out = tmp_path / "mission.toml", tmp_path / "out"
     mission.write_text(MISSION, encoding="utf-8")
     options = ("--engine", "processes", "--delays", "0,20", "--mission", str(mission), "--json", "--out", str(out))
@@ -117,7 +117,7 @@ def test_a_sweep_with_real_processes(start: Fly, tmp_path: Path) -> None:
 
 
 def test_interrupted_while_flying(start: Fly, tmp_path: Path) -> None:
-    """Ctrl-C ends every process; what was not flown to its end is not kept."""
+    """Ctrl-C ends every process; an unfinished run leaves no result."""
     out = tmp_path / "out"
     command = start("latency", *QUICK, "--engine", "processes", "--delays", "0", "--slots", "0.1", "--out", str(out))
     command.await_file(lambda: len(command.uav_pids()) == 3)
@@ -131,7 +131,7 @@ def test_interrupted_while_flying(start: Fly, tmp_path: Path) -> None:
 
 
 def test_radio_range(run: Callable[..., Ended], tmp_path: Path) -> None:
-    """Who has flown out of range is neither heard nor commanded: processes know where everybody truly is."""
+    """A UAV out of range is neither heard nor commanded, by the true positions."""
     file = tmp_path / "away.toml"
     file.write_text(FLYING_AWAY, encoding="utf-8")
     ended = run(str(file), "--no-viz")
@@ -143,7 +143,7 @@ def test_radio_range(run: Callable[..., Ended], tmp_path: Path) -> None:
 
 
 def netem() -> str:
-    """Why this machine cannot delay packets in a network namespace of its own, "" when it can."""
+    """Return the reason why this machine cannot delay packets in a network namespace, "" if it can."""
     add = "ip link set lo up && tc qdisc add dev lo root netem delay 1ms"
     try:
         tried = subprocess.run(["unshare", "-rn", "sh", "-c", add], capture_output=True, text=True, check=False)
@@ -153,7 +153,7 @@ def netem() -> str:
 
 
 def test_netem_as_documented(start: Fly) -> None:
-    """Two hops of 25 ms each way: the kernel's delay is in the record like an emulated one of 50 ms."""
+    """Two hops of 25 ms each way: the record shows the kernel's delay like an emulated one of 50 ms."""
     if why := netem():
         pytest.skip(f"no netem in a network namespace: {why}")
     delayed = 'ip link set lo up && tc qdisc add dev lo root netem delay 25ms && exec "$@"'

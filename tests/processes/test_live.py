@@ -1,4 +1,4 @@
-"""The live view: whoever connects, however late, is shown the swarm."""
+"""The live view shows the swarm to every viewer, also to a late one."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ MESSAGE_DATA = 1
 
 
 def connected(port: int):
-    """A viewer and the channels that it was offered, by topic."""
+    """Return a viewer and the channels that the server offers, by topic."""
     viewer = websocket.create_connection(f"ws://127.0.0.1:{port}", subprotocols=["foxglove.sdk.v1"], timeout=PATIENCE_S)
     channels: dict[str, dict] = {}
     while "/viz/area" not in channels:
@@ -31,7 +31,7 @@ def connected(port: int):
 
 
 def first_scene(viewer, channel: dict) -> SceneUpdate:
-    """What is shown first of a topic."""
+    """Return the first scene of a topic."""
     viewer.send(json.dumps({"op": "subscribe", "subscriptions": [{"id": 7, "channelId": channel["id"]}]}))
     while True:
         said = viewer.recv()
@@ -41,7 +41,7 @@ def first_scene(viewer, channel: dict) -> SceneUpdate:
 
 
 def test_a_late_viewer_sees_what_does_not_move(start) -> None:
-    """The area was shown once, before the viewer came; the discs are shown twice a second."""
+    """The area was sent once, before the viewer connected; the discs are sent twice a second."""
     command = start("run", "--live", "--uavs", "3", "--area", "10000", "--seed", "4", "--speed-max", "3")
     line = ""
     while "ws://localhost:" not in line:
@@ -60,7 +60,7 @@ def test_a_late_viewer_sees_what_does_not_move(start) -> None:
 
 
 def test_live_without_a_view_is_refused(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    """One line, before anything is started."""
+    """One line, before any process starts."""
     assert main(["run", "--live", "--no-viz", "--out", str(tmp_path / "a.mcap")]) == 2
     assert capsys.readouterr().err.startswith("error: --live = True: must be absent where --no-viz is given")
     assert list(tmp_path.iterdir()) == []
@@ -69,7 +69,7 @@ def test_live_without_a_view_is_refused(tmp_path: Path, capsys: pytest.CaptureFi
 def test_a_live_view_that_is_not_installed_is_named(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    """The extra is optional; the line says how to get it."""
+    """The extra is optional; the line contains the command that installs it."""
     monkeypatch.setattr("importlib.util.find_spec", lambda _name: None)
     assert main(["run", "--live", "--out", str(tmp_path / "a.mcap")]) == 2
     assert "pip install 'edc-swarm[live]'" in capsys.readouterr().err

@@ -1,4 +1,4 @@
-"""The loop of a command: what ends a wait, and what a signal or a failure does to it."""
+"""The loop of a command: ends of a wait, signals and failures."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from processes.runtime.loop import Interrupt, Interrupted, Loop
 
 
 def test_everything_goes_through_one_inbox() -> None:
-    """Each thing is taken in its order, and each time what follows is done; signals are not taken but told."""
+    """The loop takes items in their order and calls `after` each time; a signal is no item."""
     said: list[object] = []
     made = Loop(said.append, lambda: said.append("after"))
     made.inbox.put(1)
@@ -29,7 +29,7 @@ def test_everything_goes_through_one_inbox() -> None:
 def test_a_wait_ends_with_a_word_about_what_was_waited_for(
     capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    """Told of once where there is time for that; at the end of a command nobody is told."""
+    """A long wait prints one note; a wait at the end of a command prints none."""
     made, looks = Loop(lambda _: None), list[int]()
     made.wait_quietly(lambda: bool(looks.append(0)), 0.05, look_every_s=0.01)
     assert len(looks) > 1
@@ -45,14 +45,14 @@ def test_a_wait_ends_with_a_word_about_what_was_waited_for(
 
 
 def test_what_comes_without_a_message_is_looked_for() -> None:
-    """Every so often."""
+    """The loop checks the condition periodically."""
     looks = iter(range(5))
     Loop(lambda _: None).wait(lambda: next(looks) == 4, "it", look_every_s=0.001)
 
 
 @pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM, signal.SIGHUP])
 def test_signals_and_failures_end_everything_but_the_end(number: int) -> None:
-    """Once a command is ending it is not interrupted any more."""
+    """A signal does not interrupt a command that is ending."""
     before = {each: signal.getsignal(each) for each in (signal.SIGINT, signal.SIGTERM, signal.SIGHUP)}
     made = Loop(lambda _: None)
     made.failure = SwarmError("broken")

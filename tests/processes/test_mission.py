@@ -14,13 +14,13 @@ from tests.processes.conftest import start_command
 
 @pytest.fixture(scope="module")
 def default_flight(tmp_path_factory: pytest.TempPathFactory):
-    """One flight of the default mission, looked at by several tests."""
+    """Fly the default mission once for several tests."""
     path = tmp_path_factory.mktemp("default") / "run.mcap"
     return start_command("run", "--json", "--time-scale", "4", path=path).end()
 
 
 def test_default_mission_arrives_without_a_collision(default_flight):
-    """What a user sees first."""
+    """The default mission is the first thing that a user sees."""
     said = default_flight.json
     assert default_flight.status == 0, default_flight.stderr
     assert said["arrived"] == said["uavs"] == 10
@@ -55,14 +55,14 @@ def test_summary_is_what_metrics_says(default_flight, capsys):
 
 
 def test_every_publisher_said_its_last_word(default_flight):
-    """So the end of every stream is proved."""
+    """The last messages prove the end of every stream."""
     completeness = default_flight.json["guarantees"][4]
     assert completeness["guarantee"] == "G5"
     assert completeness["notes"] == []
 
 
 def test_run_metadata_and_nothing_else_is_left(default_flight):
-    """No logs where nobody said anything, no state, no part."""
+    """Empty logs, state files and the part are removed."""
     run = default_flight.recording.run
     assert {"command", "commit", "machine", "python", "version edc-swarm"} <= run.keys()
     assert run["clock"] == "wall"
@@ -70,7 +70,7 @@ def test_run_metadata_and_nothing_else_is_left(default_flight):
 
 
 def test_straight_planner_collides_and_check_names_the_pairs(run, capsys):
-    """A run that breaks a guarantee says so in its exit status."""
+    """A run that breaks a guarantee has that exit status."""
     ended = run("--planner", "straight", "--uavs", "30")
     assert ended.status == 1
     assert ended.json["potential_collisions"] > 10
@@ -81,7 +81,7 @@ def test_straight_planner_collides_and_check_names_the_pairs(run, capsys):
 
 
 def test_a_process_killed_by_hand_is_told_and_the_others_finish(start):
-    """A death that no fault asked for is shown and recorded."""
+    """The run reports and records a death that no fault caused."""
     command = start("run", "--json", "--time-scale", "4")
     command.await_flight(10)
     os.kill(command.uav_pids()[6], signal.SIGKILL)
@@ -97,7 +97,7 @@ def test_a_process_killed_by_hand_is_told_and_the_others_finish(start):
 
 
 def test_a_process_frozen_for_good_by_hand_is_not_home(start):
-    """Nothing tells of it but its silence; all the others arrive, and the status says that one did not."""
+    """Only its silence shows the freeze; all others arrive, and the status says that one UAV did not."""
     command = start("run", "--json", "--time-scale", "4", "--uavs", "4", "--max-slots", "60")
     command.await_flight(4)
     os.kill(command.uav_pids()[2], signal.SIGSTOP)
@@ -108,7 +108,7 @@ def test_a_process_frozen_for_good_by_hand_is_not_home(start):
 
 
 def test_two_missions_side_by_side(start):
-    """Each has its own mission id and port."""
+    """Each mission has its own id and port."""
     flights = [
         start("run", "--json", "--time-scale", "4", "--uavs", "5", "--seed", str(seed), name=f"{seed}.mcap")
         for seed in (1, 2)
@@ -120,7 +120,7 @@ def test_two_missions_side_by_side(start):
 
 
 def test_response_times_are_measured_at_the_start(run):
-    """Each measures before it connects."""
+    """Each UAV measures its response time before it connects."""
     ended = run("--elect", "response-time", "--uavs", "5")
     assert ended.json["arrived"] == 5
     assert all(fix.response_ms > 0 for fix in ended.recording.fixes)

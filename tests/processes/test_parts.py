@@ -21,13 +21,13 @@ from edc_swarm.protocol.codec import encode
 from edc_swarm.protocol.keys import Keys
 from edc_swarm.protocol.messages import Fix, Report, mission_message
 from processes.bus.abort_notice import _router, _word_after
-from processes.bus.address import SILENT, check_endpoint, connect_endpoint, free_endpoint, sought_router
+from processes.bus.address import SILENT, check_endpoint, connect_endpoint, free_endpoint, unreachable_router
 from processes.bus.peers import CHECK_AFTER_NS, Peers
 from processes.bus.subscriptions import MAX_TOKENS, Gate, Heard, Malformed, Postbox, Token
 from processes.runtime.clock import MissionClock
 from processes.runtime.inbox import Inbox
 from processes.runtime.output import Output, salvage_parts
-from processes.uav.local_faults import Faulty
+from processes.uav.local_faults import LocalFaults
 from processes.uav.planner_loader import SlowPlanner
 from processes.uav.state import UavState, create_state, promise_path
 
@@ -36,7 +36,7 @@ REPORT = Report(head="u002", slot=1, term=1, status="planned", quorum=2)
 
 
 def test_inbox_is_bounded_but_for_orders():
-    """What must not be lost passes a full queue."""
+    """An item that must not be lost passes a full queue."""
     inbox: Inbox[int] = Inbox(limit=2)
     for number in range(4):
         inbox.put(number)
@@ -47,7 +47,7 @@ def test_inbox_is_bounded_but_for_orders():
 
 
 def test_inbox_is_bounded_in_bytes_too():
-    """A few large things fill it like many small ones; what is taken out makes room again."""
+    """A few large items fill it like many small ones; removed items make room again."""
     inbox: Inbox[str] = Inbox(limit_bytes=10)
     inbox.put("a", 6)
     inbox.put("b", 6)
@@ -58,7 +58,7 @@ def test_inbox_is_bounded_in_bytes_too():
 
 
 def test_who_looks_on_lets_a_burst_gather(monkeypatch: pytest.MonkeyPatch):
-    """What comes while it settles is taken together with the first; with nothing there it does not settle."""
+    """One batch has the first item and those of the settling time; an empty inbox does not settle."""
     inbox: Inbox[int] = Inbox()
     monkeypatch.setattr("processes.runtime.inbox.time.sleep", lambda _: inbox.put(2))
     assert inbox.wait(0, settle_s=0.01) == []
@@ -79,13 +79,13 @@ def test_who_looks_on_lets_a_burst_gather(monkeypatch: pytest.MonkeyPatch):
     ],
 )
 def test_an_operator_gives_up_where_it_would_have_operated(words: str, router: str | None):
-    """However its command line is wrong otherwise; nobody else gives up anything."""
+    """A command line with `--operate` names the router, however wrong the rest is; other commands name none."""
     assert _router(words.split()) == router
     assert _word_after("--certs", [*words.split(), "--certs=a=b"]) == "a=b"
 
 
 def test_the_gate_counts_tells_and_drops():
-    """What does not decode and, once there is a mission, what cannot be true; the first mission counts."""
+    """The gate rejects undecodable messages and, once there is a mission, impossible ones; the first mission counts."""
     told: list[str] = []
     gate, flown = Gate(told.append), mission_message(MISSION, time.time_ns(), "m")
     fix = Fix(uav="mallory", slot=0, sent_ns=flown.epoch_ns, x_m=0, y_m=0, r_m=5, waypoint_x_m=0, waypoint_y_m=0)
@@ -100,7 +100,7 @@ def test_the_gate_counts_tells_and_drops():
 
 
 def test_peers_remember_so_many_tokens_and_no_more():
-    """A flood of tokens of nobody fills no memory, and a UAV that is really there still vanishes."""
+    """A flood of tokens of unknown ids fills no memory, and the vanishing of a real UAV still shows."""
     peers = Peers()
     for number in range(MAX_TOKENS + 500):
         peers.take(Token(f"x{number}", "1", True), 0)
@@ -110,7 +110,7 @@ def test_peers_remember_so_many_tokens_and_no_more():
 
 
 def test_peers_forget_tokens_that_have_gone():
-    """Many lives, one after the other, leave room for the next."""
+    """Many instances, one after the other, leave room for the next."""
     peers = Peers()
     for number in range(MAX_TOKENS + 1):
         for alive in (True, False):
@@ -121,7 +121,7 @@ def test_peers_forget_tokens_that_have_gone():
 
 
 def test_clock_follows_the_wall_and_a_fault():
-    """The offset is from the true time, however often it is set."""
+    """The offset is from the true time, however often a fault sets it."""
     clock = MissionClock()
     assert abs(clock.now_ns() - time.time_ns()) < 50_000_000
     for _ in range(2):
@@ -130,7 +130,7 @@ def test_clock_follows_the_wall_and_a_fault():
 
 
 def test_state_survives_and_is_locked(tmp_path: Path):
-    """A second process for the same UAV is refused while the first lives."""
+    """A second process for the same UAV fails while the first is alive."""
     entry = MISSION.roster[0]
     create_state(tmp_path, entry)
     state = UavState(tmp_path, entry.uav)
@@ -147,7 +147,7 @@ def test_state_survives_and_is_locked(tmp_path: Path):
 
 
 def _reopened(folder: Path, uav: str) -> UavState:
-    """The state as another process would find it: its files copied, so without the lock."""
+    """Return the state as another process would find it: a copy of its files, so without the lock."""
     other = folder / "copy"
     other.mkdir()
     for file in folder.glob(f"{uav}.*"):
@@ -156,7 +156,7 @@ def _reopened(folder: Path, uav: str) -> UavState:
 
 
 def test_a_missing_or_torn_promise_is_a_lost_memory(tmp_path: Path):
-    """Such a UAV must not grant, so it must not be given a fresh promise either."""
+    """Such a UAV must not grant, so it must not get a fresh promise either."""
     first, second, _ = MISSION.roster
     create_state(tmp_path, first)
     create_state(tmp_path, second)
@@ -169,7 +169,7 @@ def test_a_missing_or_torn_promise_is_a_lost_memory(tmp_path: Path):
 
 
 def test_a_torn_airframe_is_refused_by_name(tmp_path: Path):
-    """Nobody knows where that vehicle is."""
+    """Without an airframe the position of the vehicle is unknown."""
     create_state(tmp_path, MISSION.roster[0])
     (tmp_path / "u001.airframe").write_bytes(b'{"x_m":')
     with pytest.raises(InputError, match=r"state file = .*: must be the record of an airframe"):
@@ -177,7 +177,7 @@ def test_a_torn_airframe_is_refused_by_name(tmp_path: Path):
 
 
 def test_peers_believe_a_vanished_token_only_after_a_moment():
-    """A restarted process takes its word back; a second instance keeps a UAV alive."""
+    """A restarted process cancels the check; a second instance keeps a UAV alive."""
     peers = Peers()
     for instance in ("1", "2"):
         peers.take(Token("u001", instance, True), 0)
@@ -194,29 +194,29 @@ def test_peers_believe_a_vanished_token_only_after_a_moment():
 
 
 def test_postbox_delays_duplicates_and_cuts():
-    """The link model decides what arrives now, later, twice or never."""
+    """The link model delivers a message now, later, twice or never."""
     box = Postbox(LinkEmulator(MISSION, "u001"))
     assert box.arrive(REPORT, 0, 0.0)
-    faulty = Faulty(MISSION, "u001", box.links, MissionClock())
-    faulty.suffer("link u002>u001 delay 5 duplicate 1 @0s")
+    faults = LocalFaults(MISSION, "u001", box.links, MissionClock())
+    faults.apply("link u002>u001 delay 5 duplicate 1 @0s")
     assert not box.arrive(REPORT, 100, 1.0)
     assert box.next_ns == 5_000_100
     assert box.take_due(5_000_099) is None
     assert [box.take_due(5_000_100) for _ in range(3)] == [REPORT, REPORT, None]
-    faulty.suffer("partition u002|u001,u003 @2s for 1s")
+    faults.apply("partition u002|u001,u003 @2s for 1s")
     assert not box.arrive(REPORT, 0, 2.5)
     assert box.next_ns is None
 
 
 def test_postbox_hands_out_both_copies_of_what_comes_twice():
-    """The first at once, the second in the same moment."""
+    """The first copy comes at once, the second at the same time."""
     box = Postbox(LinkEmulator(msgspec.structs.replace(MISSION, link=[Link(duplicate=1.0)]), "u001"))
     assert box.arrive(REPORT, 7, 0.0)
     assert [box.take_due(7) for _ in range(2)] == [REPORT, None]
 
 
 def test_postbox_is_bounded(monkeypatch: pytest.MonkeyPatch):
-    """In what it holds back, and in what it remembers of that."""
+    """The postbox bounds its postponed messages and its measurements of them."""
     monkeypatch.setattr("processes.bus.subscriptions.MAX_POSTPONED", 4)
     monkeypatch.setattr("processes.bus.subscriptions.MAX_MEASURED", 2)
     box = Postbox(LinkEmulator(msgspec.structs.replace(MISSION, link=[Link(delay_ms=1)]), "u001"))
@@ -228,7 +228,7 @@ def test_postbox_is_bounded(monkeypatch: pytest.MonkeyPatch):
 
 
 def test_postbox_tells_the_tail_of_its_lateness():
-    """Of a hundred messages the ninety-ninth, not the ninetieth."""
+    """The 99th percentile of a hundred messages is the ninety-ninth, not the ninetieth."""
     box = Postbox(LinkEmulator(msgspec.structs.replace(MISSION, link=[Link(delay_ms=1)]), "u001"))
     for late in range(101):
         box.arrive(REPORT, 0, 0.0)
@@ -237,7 +237,7 @@ def test_postbox_tells_the_tail_of_its_lateness():
 
 
 def test_postbox_knows_how_late_it_handed_out():
-    """Against what the link model said, over all that was postponed; nothing where nothing was."""
+    """The lateness is relative to the link model, over all postponed messages; None without any."""
     delayed = msgspec.structs.replace(MISSION, link=[Link(delay_ms=5)])
     box = Postbox(LinkEmulator(delayed, "u001"))
     assert box.delay_error is None
@@ -248,28 +248,28 @@ def test_postbox_knows_how_late_it_handed_out():
 
 
 def test_partition_ends_when_healed_and_is_one_way_when_said():
-    """Only the receiver's side is cut."""
+    """A one-way partition cuts only the receiver's side."""
     links = LinkEmulator(MISSION, "u001")
     for cut in cut_pair(["u001"], ["u002"], 0.0, 10.0, one_way=True):
         links.add_cut(cut)
     assert not links.is_cut("u002", 1.0)
-    Faulty(MISSION, "u001", links, MissionClock()).suffer("partition u002>u001 @0s")
+    LocalFaults(MISSION, "u001", links, MissionClock()).apply("partition u002>u001 @0s")
     assert links.is_cut("u002", 1.0)
-    Faulty(MISSION, "u001", links, MissionClock()).suffer("heal @1s")
+    LocalFaults(MISSION, "u001", links, MissionClock()).apply("heal @1s")
     assert not links.is_cut("u002", 1.0)
 
 
 def test_faults_about_others_and_nonsense_change_nothing():
-    """The operator's events go to everybody."""
-    faulty = Faulty(MISSION, "u001", LinkEmulator(MISSION, "u001"), MissionClock())
-    assert faulty.suffer("gps u002 white @1s") == []
-    assert faulty.suffer("nonsense") == []
-    assert faulty.suffer("gps u001 white @1s") == [GpsChanged("white")]
-    assert faulty.suffer("clock u001 offset 5 @1s") == [Tick()]
+    """Every UAV gets the operator's events about all UAVs."""
+    faults = LocalFaults(MISSION, "u001", LinkEmulator(MISSION, "u001"), MissionClock())
+    assert faults.apply("gps u002 white @1s") == []
+    assert faults.apply("nonsense") == []
+    assert faults.apply("gps u001 white @1s") == [GpsChanged("white")]
+    assert faults.apply("clock u001 offset 5 @1s") == [Tick()]
 
 
 def test_slow_planner_is_slow_for_a_while():
-    """It plans the same, later."""
+    """A slow planner returns the same plan, later."""
 
     class Still:
         def plan(self, request: PlanRequest) -> Plan:
@@ -285,7 +285,7 @@ def test_slow_planner_is_slow_for_a_while():
 
 
 def test_malformed_bytes_are_told_at_powers_of_two():
-    """A flood of keys is counted together."""
+    """One counter covers a flood of keys."""
     malformed = Malformed()
     told = [malformed.count(MessageError("k", "bad")) for _ in range(9)]
     assert [text is not None for text in told] == [n in {1, 2, 4, 8} for n in range(1, 10)]
@@ -295,7 +295,7 @@ def test_malformed_bytes_are_told_at_powers_of_two():
 
 
 def test_addresses():
-    """A free one can be listened on; others are refused by name."""
+    """A process can listen on a free address; the error names any other."""
     check_endpoint(free_endpoint())
     assert connect_endpoint("tcp/0.0.0.0:7447") == "tcp/127.0.0.1:7447"
     for bad in ("foo", "tcp/localhost", "tcp/localhost:0", "tcp/localhost:99999", "udp/localhost:5"):
@@ -305,15 +305,15 @@ def test_addresses():
 
 @pytest.mark.parametrize("protocol", ["tcp", "tls"])
 def test_a_router_that_does_not_answer_is_said_to_be_absent_or_silent(protocol: str):
-    """What a bare connection shows of an address with nobody, and with somebody else."""
+    """A plain TCP connection distinguishes an unused address from one of another program."""
     with socket.create_server(("127.0.0.1", 0)) as somebody:
         endpoint = f"{protocol}/127.0.0.1:{somebody.getsockname()[1]}"
-        assert sought_router(endpoint) == f"a router at {endpoint} ({SILENT[protocol]})"
-    assert sought_router(endpoint) == f"a router at {endpoint} (connection refused)"
+        assert unreachable_router(endpoint) == f"a router at {endpoint} ({SILENT[protocol]})"
+    assert unreachable_router(endpoint) == f"a router at {endpoint} (connection refused)"
 
 
 def test_a_part_that_is_being_written_is_left_alone(tmp_path: Path):
-    """Its recorder holds a lock on it."""
+    """The recorder holds a lock on its part."""
     part = tmp_path / "live.mcap.part"
     part.write_bytes(b"\x89MCAP0\r\n")
     with part.open("rb") as held:
@@ -325,7 +325,7 @@ def test_a_part_that_is_being_written_is_left_alone(tmp_path: Path):
 
 
 def test_two_runs_cannot_claim_one_name(tmp_path: Path):
-    """The part is made exclusively."""
+    """A run creates its part exclusively."""
     with Output(tmp_path / "a.mcap", force=False), pytest.raises(InputError, match="no other run"):
         Output(tmp_path / "a.mcap", force=True)
     assert list(tmp_path.iterdir()) == []

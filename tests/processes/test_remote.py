@@ -1,4 +1,4 @@
-"""What an operator may ask of another host, and nothing else."""
+"""Requests of the operator to other hosts, and its view of the parts that they run."""
 
 from __future__ import annotations
 
@@ -6,16 +6,20 @@ import signal
 
 import pytest
 
-from processes.operator.host_requests import Restart, Send, asked_for, told
-from processes.operator.remote_parts import GIVE_UP_S, Remote
+from processes.operator.host_requests import RestartProcess, SendSignal, decode_request, encode_request
+from processes.operator.remote_parts import PART_LOST_S, Remote
+
+REQUESTS = [
+    SendSignal(uav="u001", number=signal.SIGKILL),
+    RestartProcess(uav="u002", lose_memory=True),
+    RestartProcess(uav="u003"),
+]
 
 
-@pytest.mark.parametrize(
-    "deed", [Send(uav="u001", number=signal.SIGKILL), Restart(uav="u002", lose_memory=True), Restart(uav="u003")]
-)
-def test_deeds_are_understood(deed):
-    """What was told is what is done."""
-    assert asked_for(told(deed)) == deed
+@pytest.mark.parametrize("sent", REQUESTS)
+def test_a_host_reads_the_request_that_the_operator_wrote(sent):
+    """The detail of the event is the request."""
+    assert decode_request(encode_request(sent)) == sent
 
 
 @pytest.mark.parametrize(
@@ -24,18 +28,18 @@ def test_deeds_are_understood(deed):
 )
 def test_anything_else_is_not(detail):
     """No other signal, no other id, no crash."""
-    assert asked_for(detail) is None
+    assert decode_request(detail) is None
 
 
 def test_who_is_away_is_waited_for_a_while_and_may_come_back():
     """A cut link is no death, until it has lasted."""
     remote = Remote(["u1", "u2"])
     assert remote.look({"u1"}, set(), 0.0) == ([], [])
-    assert remote.look({"u1"}, set(), GIVE_UP_S - 1) == ([], [])
-    assert remote.look({"u1"}, set(), GIVE_UP_S) == (["u2"], [])
+    assert remote.look({"u1"}, set(), PART_LOST_S - 1) == ([], [])
+    assert remote.look({"u1"}, set(), PART_LOST_S) == (["u2"], [])
     assert remote.expected == {"u1"}
-    assert remote.look({"u1"}, set(), GIVE_UP_S + 1) == ([], [])
-    assert remote.look({"u1", "u2"}, set(), GIVE_UP_S + 2) == ([], ["u2"])
+    assert remote.look({"u1"}, set(), PART_LOST_S + 1) == ([], [])
+    assert remote.look({"u1", "u2"}, set(), PART_LOST_S + 2) == ([], ["u2"])
     assert remote.expected == {"u1", "u2"}
 
 

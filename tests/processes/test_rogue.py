@@ -1,4 +1,4 @@
-"""A secured bus: what rogue processes can and cannot do there, while a mission is flown on it."""
+"""Rogue processes on a secured bus during a mission: their possible and impossible actions."""
 
 from __future__ import annotations
 
@@ -37,12 +37,12 @@ session = open_router(sys.argv[1], Credentials(pathlib.Path(sys.argv[2]), sys.ar
 print("ready", flush=True)
 sys.stdin.read()
 """
-"""A router in somebody's name, until its standard input ends."""
+"""Program of a router with the certificate of another name, which runs until its standard input ends."""
 
 
 @dataclass
 class Flight:
-    """A secured mission of five, and what the rogues among it said that they did and heard."""
+    """A secured mission of five, and the printed reports of its rogues."""
 
     recording: Recording
     strangers: dict[str, dict[str, Any]]
@@ -51,13 +51,13 @@ class Flight:
     tokens: set[str]
 
     def of_rogue(self) -> list[Any]:
-        """Every recorded message of the insiders."""
+        """Return every recorded message of the insiders."""
         return [m for messages in self.recording.lists().values() for m in messages if m.instance == INSTANCE]
 
 
 @pytest.fixture(scope="module")
 def flight(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Flight]:
-    """One mission for all tests: four strangers, a UAV and a joiner go at it at the same time."""
+    """Fly one mission for all tests: four strangers, a UAV and a joiner attack it at the same time."""
     folder = tmp_path_factory.mktemp("secured")
     certs, endpoint = _certs(folder / "certs"), free_endpoint("tls")
     flown = start_command(
@@ -86,7 +86,7 @@ def flight(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Flight]:
 
 
 def test_who_has_no_certificate_of_this_swarm_is_not_connected(flight: Flight):
-    """None at all, another authority's, one that only claims to be ours; and no plain TCP."""
+    """The router rejects a missing certificate, another authority's, a false one of ours, and plain TCP."""
     assert {name: said["connected"] for name, said in flight.strangers.items()} == dict.fromkeys(
         flight.strangers, False
     )
@@ -94,7 +94,7 @@ def test_who_has_no_certificate_of_this_swarm_is_not_connected(flight: Flight):
 
 
 def test_the_router_refuses_to_speak_for_others(flight: Flight):
-    """Under the keys of another UAV, of another head, of the operator, or of many at once."""
+    """The router rejects messages under the keys of another UAV, another head, the operator, or many at once."""
     assert {_speaker(message) for message in flight.of_rogue()} == {ROGUE}
     assert flight.recording.garbage == []
     assert all(topic.startswith("/viz/") for topic in flight.recording.unknown)
@@ -102,7 +102,7 @@ def test_the_router_refuses_to_speak_for_others(flight: Flight):
 
 
 def test_commands_without_a_quorum_are_not_flown_and_no_term_moves(flight: Flight):
-    """The rogue did say them, under its own id; the check of the record accuses it, and nobody else."""
+    """The rogue publishes commands under its own id; the check of the recording accuses it alone."""
     recording = flight.recording
     commands = [message for message in flight.of_rogue() if isinstance(message, Command)]
     assert {command.term for command in commands} > {TERM}
@@ -116,9 +116,7 @@ def test_commands_without_a_quorum_are_not_flown_and_no_term_moves(flight: Fligh
 
 
 def test_subscribing_to_what_is_for_others_hears_nothing(flight: Flight):
-    """Whatever it asks for, it hears all fixes and its answer, the mission: no command to others, no truth, nor
-    anything again.
-    """
+    """The rogue hears all fixes and the mission: no command to others, no truth and no retransmission."""
     heard = flight.insider["heard"]
     assert heard.pop("uav/fix") > 5
     assert heard.pop(f"reply swarm/{flight.recording.mission.name}/mission") == 1
@@ -126,13 +124,13 @@ def test_subscribing_to_what_is_for_others_hears_nothing(flight: Flight):
 
 
 def test_a_joiner_cannot_fly_what_it_has_no_certificate_of(flight: Flight):
-    """It may claim and hear the operator; in the name of a UAV, a head or the operator it can say nothing at all."""
+    """A joiner may claim and hear the operator; it can publish nothing as a UAV, a head or the operator."""
     assert flight.joiner["connected"]
     assert flight.joiner["heard"] == {"claim answered": 1}
 
 
 def test_nobody_is_there_in_the_name_of_others(flight: Flight):
-    """A UAV is no joiner and claims nothing, a joiner is no UAV."""
+    """A UAV is no joiner and claims nothing; a joiner is no UAV."""
     assert {token.split("/", 2)[2] for token in flight.tokens if INSTANCE in token} == {
         f"alive/{JOIN}/{INSTANCE}-{JOIN}"
     }
@@ -145,13 +143,13 @@ def _arrived(recording: Recording) -> bool:
 
 
 def _speaker(message: Any) -> str:
-    """Whose key a message was on."""
+    """Return the owner of a message's key."""
     assert not isinstance(message, MissionMessage)
     return str(message.uav if isinstance(message, Fix | Truth) else getattr(message, "head", "") or message.source)
 
 
 def _certs(folder: Path) -> Path:
-    """Certificates for five UAVs, by the command that makes them."""
+    """Make certificates for five UAVs with the command."""
     command = [sys.executable, "-m", "processes.cli.main", "certs", "--uavs", "5", "--out", str(folder)]
     subprocess.run(command, check=True, capture_output=True)
     return folder
@@ -171,7 +169,7 @@ def _bare(folder: Path, certs: Path) -> Path:
 
 @contextmanager
 def _tokens_seen(endpoint: str, certs: Path, recorded: Path) -> Iterator[set[str]]:
-    """All liveliness tokens that appear meanwhile, as the operator sees them."""
+    """Return all liveliness tokens that appear meanwhile, as the operator sees them."""
     seen = set[str]()
     keys = Keys(read_recording(recorded, salvage=True).mission.name)
     with open_client(endpoint, Credentials(certs, OPERATOR)) as session:
@@ -186,7 +184,7 @@ def _rogue(endpoint: str, folder: Path, recorded: Path, name: str = ROGUE) -> su
 
 
 def test_no_uav_can_pose_as_the_router(tmp_path: Path):
-    """Its certificate is for connecting, and for no host: whoever it invites does not come."""
+    """Its certificate is for a client and for no host: no invited client connects."""
     certs = _certs(tmp_path / "certs")
     for name, comes in (("u001", False), ("router", True)):
         endpoint = free_endpoint("tls")

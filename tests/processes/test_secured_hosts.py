@@ -22,14 +22,14 @@ Host = Callable[..., str]
 
 @pytest.fixture
 def certs(tmp_path: Path) -> Path:
-    """The certificates of five UAVs and all roles."""
+    """Make the certificates of five UAVs and all roles."""
     write_certificates(tmp_path / "certs", UAVS)
     return tmp_path / "certs"
 
 
 @pytest.fixture
 def host(certs: Path, tmp_path: Path) -> Host:
-    """Make the folder of another host: what a joiner needs, and the UAVs that may be flown there."""
+    """Make the folder of another host: the files of a joiner, and the certificates of its UAVs."""
 
     def make(*uavs: str) -> str:
         folder = tmp_path / "-".join(("host", *uavs))
@@ -45,14 +45,14 @@ def host(certs: Path, tmp_path: Path) -> Host:
 
 @pytest.fixture
 def hosted(start, certs: Path) -> tuple[Started, str]:
-    """A secured run that leaves three UAVs to others, and its router's address."""
+    """Start a secured run that leaves three UAVs to joiners; return it and its router's address."""
     address = free_endpoint("tls")
     arguments = ("--secure", "--certs", str(certs), "--listen", address, "--remote", "3")
     return start("run", *FAST, *arguments), address
 
 
 def test_each_host_flies_what_it_has_certificates_of(start, hosted: tuple[Started, str], host: Host):
-    """Whoever comes first: an id goes to nobody who could not speak for it."""
+    """In any order of claims, an id goes only to a claimant with its certificate."""
     run, address = hosted
     folders = {"2": host("u003", "u005"), "1": host("u001", "u004")}
     joined = [start("join", address, "--uavs", uavs, "--certs", folder) for uavs, folder in folders.items()]
@@ -67,7 +67,7 @@ def test_each_host_flies_what_it_has_certificates_of(start, hosted: tuple[Starte
 
 
 def test_what_a_host_cannot_fly_is_issued_to_nobody(start, hosted: tuple[Started, str], host: Host):
-    """One line for who has no certificate of what is left; nothing for who does not say what it has."""
+    """A claimant without a certificate of a free id gets one line; one that names no certificates gets no id."""
     run, address = hosted
     folder = host("u001", "u004")
     greedy = start("join", address, "--uavs", "2", "--certs", folder).end()

@@ -1,4 +1,4 @@
-"""Certificates and the router's rules, without a bus: who is who, and who may what."""
+"""Certificates and the router's rules, without a bus: names and permissions."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ from processes.services.router import RouterAccess
 
 UAVS = ["u001", "u002"]
 ANSWERING = [*UAVS, "operator", "viz"]
-"""Who publishes, and is asked for what has not arrived."""
+"""Publishers, which answer requests for retransmission."""
 
 
 FLOWS = {
@@ -40,7 +40,7 @@ FLOWS = {
     "sees the living": "egress liveliness_token",
     "looks for missions": "ingress liveliness_query",
 }
-"""What each rule is about, by the words in its id."""
+"""Subject of each rule, by the words in its id."""
 FINDS_THE_MISSION = "*/alive/operator/* -/alive/gave-up"
 ROLES_MAY = {
     "operator says": "m/mission m/event/operator",
@@ -68,7 +68,7 @@ ROLES_MAY = {
     "join lives": "m/alive/join/*",
     "join watches": FINDS_THE_MISSION,
 }
-"""All that roles may, below `swarm/`; what has two or three rules is named by one of them."""
+"""All permissions of roles, below `swarm/`; one rule names a permission that has two or three."""
 SAME = {
     "subscribes": "hears",
     "is answered": "asks",
@@ -79,12 +79,12 @@ SAME = {
 
 
 def certificate(folder: Path, name: str) -> x509.Certificate:
-    """A certificate that was written."""
+    """Read a certificate from its file."""
     return x509.load_pem_x509_certificate((folder / f"{name}.pem").read_bytes())
 
 
 def test_everybody_gets_a_certificate_in_its_own_name(tmp_path: Path):
-    """Signed by the one authority, for a month, for its use; keys are for their owner's eyes."""
+    """The one authority signs for a month and for one use; only the owner can read the keys."""
     folder = tmp_path / "certs"
     write_certificates(folder, UAVS, hosts=["swarm.example", "10.0.0.7"])
     authority = certificate(folder, "ca")
@@ -105,7 +105,7 @@ def test_everybody_gets_a_certificate_in_its_own_name(tmp_path: Path):
 
 
 def test_certificates_are_replaced_only_by_force(tmp_path: Path):
-    """A folder with anything in it is left alone."""
+    """The command does not change a folder with any file in it."""
     write_certificates(tmp_path / "certs", UAVS)
     before = (tmp_path / "certs" / "u001.key").read_bytes()
     with pytest.raises(InputError, match="a new or empty folder"):
@@ -116,7 +116,7 @@ def test_certificates_are_replaced_only_by_force(tmp_path: Path):
 
 
 def test_a_given_folder_must_have_everybody(tmp_path: Path):
-    """Who is missing is named before anything is started."""
+    """The error names the missing certificate before any process starts."""
     write_certificates(tmp_path / "certs", UAVS)
     with pytest.raises(InputError, match=r"--certs = .*u003\.pem is missing"):
         secure(tmp_path / "certs", tmp_path, "m", [*UAVS, "u003"], [], [*UAVS, "u003"])
@@ -129,7 +129,7 @@ def test_a_given_folder_must_have_everybody(tmp_path: Path):
 
 
 def test_what_is_not_installed_is_named(monkeypatch: pytest.MonkeyPatch):
-    """Before anything is started."""
+    """The error names the missing package before any process starts."""
     check_security("--secure")
     monkeypatch.setattr("processes.host.security.importlib.util.find_spec", lambda _: None)
     with pytest.raises(InputError, match=r"edc-swarm\[secure\]"):
@@ -161,7 +161,7 @@ def test_what_is_not_installed_is_named(monkeypatch: pytest.MonkeyPatch):
     ],
 )
 def test_bad_input_is_one_line(arguments: list[str], field: str, tmp_path: Path):
-    """With the field, the value and what is allowed; status 2."""
+    """The line has the field, the value and the allowed values; the status is 2."""
     command = [sys.executable, "-m", "processes.cli.main", *arguments]
     said = subprocess.run(command, capture_output=True, text=True, cwd=tmp_path, check=False)
     assert said.returncode == 2
@@ -170,7 +170,7 @@ def test_bad_input_is_one_line(arguments: list[str], field: str, tmp_path: Path)
 
 
 def test_rules_let_a_uav_say_only_what_is_its_own():
-    """No rule for one UAV names another, none lets any of them hear the truth or all commands."""
+    """No rule of one UAV names another; none lets a UAV hear the truth or all commands."""
     rules = {rule["id"]: rule for rule in access_control("m", UAVS)["rules"]}
     own = [rule for name, rule in rules.items() if name.startswith("u001 ")]
     assert {key for rule in own for key in rule["key_exprs"] if "u002" in key} == set()
@@ -188,7 +188,7 @@ def test_rules_let_a_uav_say_only_what_is_its_own():
 
 
 def test_roles_may_this_and_nothing_else():
-    """Every rule, by its words; a thing that takes several rules has the same keys in each."""
+    """The table has every rule by its words; a permission with several rules has the same keys in each."""
     rules = {rule["id"]: rule for rule in access_control("m", UAVS)["rules"]}
     for name, rule in rules.items():
         assert [f"{flow} {message}" for flow in rule["flows"] for message in rule["messages"]] == [
@@ -203,7 +203,7 @@ def test_roles_may_this_and_nothing_else():
 
 
 def test_the_recorder_alone_asks_again_and_each_answers_for_itself():
-    """By the key, in which each has a part of its own."""
+    """Each publisher has its own part in the key of retransmission."""
     again = [rule for rule in access_control("m", UAVS)["rules"] if "swarm/m/again/" in str(rule["key_exprs"])]
     assert {rule["id"] for rule in again if rule["messages"] == ["query"] and rule["flows"] == ["ingress"]} == {
         "recorder asks"
@@ -215,7 +215,7 @@ def test_the_recorder_alone_asks_again_and_each_answers_for_itself():
 
 
 def test_whoever_is_not_in_the_roster_may_nothing():
-    """All is denied but what a rule allows, and every rule is somebody's."""
+    """The default denies everything, and every rule has an owner."""
     access = access_control("m", UAVS)
     assert (access["enabled"], access["default_permission"]) == (True, "deny")
     named = {name for subject in access["subjects"] for name in subject["cert_common_names"]}
@@ -226,14 +226,14 @@ def test_whoever_is_not_in_the_roster_may_nothing():
 
 
 def test_no_uav_may_stand_for_a_joiner():
-    """Nor claim ids."""
+    """No UAV may hold a joiner's token or claim ids."""
     rules = access_control("m", UAVS)["rules"]
     others = [key for rule in rules if rule["id"].startswith("u") for key in rule["key_exprs"]]
     assert not [key for key in others if "claims" in key or "alive/join" in key]
 
 
 def test_addresses_of_a_secured_bus():
-    """The same, with another protocol."""
+    """Addresses of a secured bus have another protocol."""
     assert parse_endpoint("--listen", "tls/[::1]:7447", "tls") == ("::1", 7447)
     with pytest.raises(InputError, match="tls/HOST:PORT"):
         check_endpoint("tcp/localhost:7447", "tls")

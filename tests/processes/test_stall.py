@@ -1,4 +1,4 @@
-"""A real mission in which nothing can change any more is over, and G7 is judged all the same."""
+"""A real mission in which nothing can change any more ends, and G7 is still judged."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ CASES = {
 
 @pytest.mark.parametrize("name", CASES)
 def test_the_end_says_that_nothing_can_change(start, name: str):
-    """Soon after it is so, and not when the batteries are empty."""
+    """The mission ends soon after, not when the batteries are empty."""
     arguments, status = CASES[name]
     ended = start("run", "--json", "--uavs", "4", "--slot", "0.2", "--time-scale", "2", *arguments).end()
     recording, mission = ended.recording, ended.recording.mission

@@ -1,4 +1,4 @@
-"""Sweeps in processes: killed and continued, on a cluster, and the `figures` command around them."""
+"""Sweeps in processes: resumed after a kill, on a cluster, and with the `figures` command."""
 
 from __future__ import annotations
 
@@ -27,8 +27,8 @@ from edc_swarm.experiments.sweeps import Run
 from edc_swarm.mission.configuration import Mission
 from processes.cli.main import main
 from processes.experiments.ledger import (
-    DECIDE_NO_RESULT,
     MEASURING,
+    RESULT_NEUTRAL_PACKAGES,
     RUNS_FILE,
     Ledger,
     Local,
@@ -55,18 +55,18 @@ TIMES = ("plan_ms", "energy_compute_j")
 
 
 def without_times(results: dict[str, Any]) -> dict[str, Any]:
-    """Results but for what is measured with a stopwatch."""
+    """Return results without measured times."""
     return {key: {k: v for k, v in result.items() if k not in TIMES} for key, result in results.items()}
 
 
 @pytest.fixture(scope="module")
 def expected() -> dict[str, Any]:
-    """What the sweep gives in one process, undisturbed."""
+    """Return the results of the sweep in one undisturbed process."""
     return without_times({run.key: result for run, result, _ in Local(1).results(RUNS)})
 
 
 def wait_for(condition: Any, what: str, timeout_s: float = 120.0) -> None:
-    """Poll until `condition()`."""
+    """Poll until `condition()` is true."""
     until_s = time.monotonic() + timeout_s
     while not condition():
         assert time.monotonic() < until_s, f"never: {what}"
@@ -74,19 +74,19 @@ def wait_for(condition: Any, what: str, timeout_s: float = 120.0) -> None:
 
 
 def lines(folder: Path) -> list[bytes]:
-    """Lines of the file of results."""
+    """Return the lines of the file of results."""
     file = folder / RUNS_FILE
     return file.read_bytes().splitlines() if file.exists() else []
 
 
 def children(pid: int) -> list[int]:
-    """Child processes of `pid`."""
+    """Return the child processes of `pid`."""
     said = subprocess.run(["ps", "-o", "pid=", "--ppid", str(pid)], capture_output=True, text=True, check=False)
     return [int(word) for word in said.stdout.split()]
 
 
 def alive(pid: int) -> bool:
-    """Whether a process runs (a zombie does not)."""
+    """Return True if a process runs (a zombie does not)."""
     try:
         return Path(f"/proc/{pid}/stat").read_text(encoding="utf-8").rpartition(")")[2].split()[0] != "Z"
     except FileNotFoundError:
@@ -94,19 +94,19 @@ def alive(pid: int) -> bool:
 
 
 def deaf(pid: int) -> bool:
-    """Whether a process blocks or ignores Ctrl-C."""
+    """Return True if a process blocks or ignores Ctrl-C."""
     words = Path(f"/proc/{pid}/status").read_text(encoding="utf-8").split()
     masks = [int(words[words.index(name) + 1], 16) for name in ("SigBlk:", "SigIgn:")]
     return any(mask >> (signal.SIGINT - 1) & 1 for mask in masks)
 
 
 def die(_mission: Mission) -> None:
-    """What the kernel does to a worker when there is no memory left."""
+    """Die like a worker that the kernel kills when memory is exhausted."""
     os._exit(9)
 
 
 def test_killed_sweep_continues(tmp_path: Path, expected: dict[str, Any]) -> None:
-    """After kill -9 in mid-sweep no worker is left, and going on gives the same results, each made once."""
+    """After kill -9 in mid-sweep no worker is left, and a resumed sweep gives the same results, each executed once."""
     code = SWEEP.format(tests=str(Path(__file__).parent), folder=str(tmp_path), jobs=2)
     script = tmp_path.with_name("run_sweep.py")
     script.write_text(code, encoding="utf-8")
@@ -143,7 +143,7 @@ def test_printed_command_flies_the_run_again(tmp_path: Path, expected: dict[str,
 
 
 def test_results_of_other_code_are_made_again(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    """A result, on disk at once, is used only by the code that made it."""
+    """A result is on disk at once, and only the code that wrote it uses it."""
     with Ledger(tmp_path) as ledger:
         sweep(RUNS[:1], ledger, Local(1))
         assert len(lines(tmp_path)) == 1
@@ -153,7 +153,7 @@ def test_results_of_other_code_are_made_again(tmp_path: Path, monkeypatch: pytes
 
 
 def test_results_of_a_planner_that_was_edited_are_made_again(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    """A user's planner decides results as the library does."""
+    """A user's planner can change a result, as the library can."""
     file = tmp_path / "edited_planner.py"
     file.write_text("from edc_swarm.planner.straight import Straight as Mine\n")
     monkeypatch.syspath_prepend(tmp_path)
@@ -169,9 +169,9 @@ def test_results_of_a_planner_that_was_edited_are_made_again(tmp_path: Path, mon
 
 
 def test_the_code_of_a_result_is_what_decides_it(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    """The library but for what only judges results, each of which there is, and the measures."""
+    """The digest covers the measures and the library, except existing packages that cannot change a result."""
     library = Path(edc_swarm.__file__).parent
-    assert [name for name in DECIDE_NO_RESULT if not (library / name).exists()] == []
+    assert [name for name in RESULT_NEUTRAL_PACKAGES if not (library / name).exists()] == []
     monkeypatch.setattr(edc_swarm, "__file__", str(tmp_path / "library" / "__init__.py"))
     monkeypatch.setattr("processes.experiments.ledger.__file__", str(tmp_path / "ledger.py"))
     for folder in ("simulation", "experiments"):
@@ -180,7 +180,7 @@ def test_the_code_of_a_result_is_what_decides_it(tmp_path: Path, monkeypatch: py
         (tmp_path / name).touch()
     for name, decides in (
         ("simulation/closed_loop.py", True),
-        (f"{DECIDE_NO_RESULT[0]}/sweeps.py", False),
+        (f"{RESULT_NEUTRAL_PACKAGES[0]}/sweeps.py", False),
         *((f"../{name}", True) for name in MEASURING),
     ):
         before = code_fingerprint.__wrapped__()
@@ -189,20 +189,20 @@ def test_the_code_of_a_result_is_what_decides_it(tmp_path: Path, monkeypatch: py
 
 
 def test_a_worker_with_other_code_makes_nothing() -> None:
-    """Its result would not be the sweep's."""
+    """The result of a worker with other code would not belong to the sweep."""
     with pytest.raises(SweepError, match="another version of edc-swarm"):
         make(RUNS[0], "other")
 
 
 def test_a_worker_that_dies_ends_the_sweep_with_a_word() -> None:
-    """What was made is kept, so it can be gone on with."""
+    """The results so far are kept, so that the sweep can resume."""
     runs = [Run(f"{__name__}:die", Mission(seed=seed)) for seed in range(2)]
     with pytest.raises(SweepError, match="a worker process died"):
         list(Local(2).results(runs))
 
 
 def test_failed_run_is_named_and_others_are_kept(tmp_path: Path) -> None:
-    """A run that cannot be flown ends the sweep with its command; what was made stays."""
+    """A run that fails ends the sweep with its command; finished results stay."""
     crowded = Run("fly", Mission(uavs=50, area_m2=100.0))
     with Ledger(tmp_path) as ledger, pytest.raises(SweepError, match="edc-swarm sim --uavs 50 --area 100"):
         sweep([RUNS[0], crowded], ledger, Local(1))
@@ -211,7 +211,7 @@ def test_failed_run_is_named_and_others_are_kept(tmp_path: Path) -> None:
 
 @pytest.fixture
 def cluster() -> Iterator[str]:
-    """Address of a Dask scheduler with two worker processes of one thread each."""
+    """Yield the address of a Dask scheduler with two worker processes of one thread each."""
     distributed = pytest.importorskip("distributed")
     with warnings.catch_warnings():
         warnings.simplefilter("ignore")
@@ -225,7 +225,7 @@ def cluster() -> Iterator[str]:
     "ignore::ResourceWarning", "ignore::DeprecationWarning", "ignore::pytest.PytestUnraisableExceptionWarning"
 )
 def test_dask_cluster_gives_the_same(cluster: str, tmp_path: Path, expected: dict[str, Any]) -> None:
-    """Two Dask workers give what one process gives."""
+    """Two Dask workers give the results of one process."""
     with open_scheduler(cluster, None) as scheduler, Ledger(tmp_path) as ledger:
         results = sweep(RUNS, ledger, scheduler)
     assert without_times(results) == expected
@@ -249,7 +249,7 @@ BAD = [
 def test_bad_input_is_one_line(
     words: list[str], field: str, capfd: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch, tmp_path: Path
 ) -> None:
-    """Status 2, one line that names the option, nothing on standard output, nothing flown."""
+    """Exit status 2, one line that names the option, nothing on standard output, no run."""
     monkeypatch.chdir(tmp_path)
     monkeypatch.setattr("processes.experiments.ledger.CONNECT_S", 0.5)
     assert main(["figures", "--runs", "1", *words] if "--runs" not in words else ["figures", *words]) == 2
@@ -260,7 +260,7 @@ def test_bad_input_is_one_line(
 
 
 def test_folder_of_others_is_refused(tmp_path: Path, capfd: pytest.CaptureFixture[str]) -> None:
-    """A folder with something else in it is not written to, nor one that another sweep holds."""
+    """The sweep does not write to a folder with other content, nor to one that another sweep locks."""
     (tmp_path / "thesis.tex").touch()
     assert main(["figures", "--out", str(tmp_path)]) == 2
     (tmp_path / RUNS_FILE).touch()
@@ -274,7 +274,7 @@ def test_folder_of_others_is_refused(tmp_path: Path, capfd: pytest.CaptureFixtur
 
 @pytest.fixture
 def small(monkeypatch: pytest.MonkeyPatch) -> None:
-    """All figures with few UAVs in little space."""
+    """Make all figures small, with few UAVs in a small area."""
     axes = {
         "uavs": (Mission(area_m2=2500.0), (3.0, 6.0)),
         "area_m2": (Mission(uavs=4), (2500.0, 6400.0)),
@@ -290,7 +290,7 @@ def small(monkeypatch: pytest.MonkeyPatch) -> None:
 @pytest.mark.long
 @pytest.mark.usefixtures("small")
 def test_figures_command(tmp_path: Path, capfd: pytest.CaptureFixture[str]) -> None:
-    """Every figure as PNG, SVG and CSV, a page that shows each, JSON alone on standard output."""
+    """The command makes every figure as PNG, SVG and CSV, a page with all of them, and JSON on standard output."""
     assert main(["figures", "--runs", "2", "--jobs", "1", "--json", "--out", str(tmp_path)]) == 0
     report = json.loads(capfd.readouterr().out)
     page = (tmp_path / "index.html").read_text(encoding="utf-8")
@@ -308,7 +308,7 @@ def test_figures_command(tmp_path: Path, capfd: pytest.CaptureFixture[str]) -> N
 
 
 def check_tables(folder: Path, rows: list[dict[str, Any]]) -> None:
-    """The CSV files hold the rows of the report, with all columns."""
+    """Assert that the CSV files hold the rows of the report, with all columns."""
     read: list[dict[str, str]] = []
     for figure in dict.fromkeys(row["figure"] for row in rows):
         with (folder / f"{figure}.csv").open(newline="", encoding="utf-8") as stream:
@@ -325,7 +325,7 @@ def check_tables(folder: Path, rows: list[dict[str, Any]]) -> None:
 
 @pytest.mark.parametrize("flown", [0, 1])
 def test_interrupt_ends_the_workers(tmp_path: Path, flown: int) -> None:
-    """Ctrl-C, which a terminal sends to all, ends command and workers at once, starting or flying, without a word."""
+    """Ctrl-C, which a terminal sends to all, ends command and workers at once and without output, at any stage."""
     command = [
         sys.executable,
         "-m",

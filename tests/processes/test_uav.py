@@ -1,4 +1,4 @@
-"""One UAV process, nobody forked it: what it imports, and what bad bytes do to it."""
+"""One UAV process that no fork source has forked: its imports, and its handling of malformed bytes."""
 
 from __future__ import annotations
 
@@ -26,7 +26,7 @@ from tests.processes.conftest import await_true
 
 
 class Bench:
-    """A mission of three of which only the last one flies; the test plays the others and the operator."""
+    """A mission of three of which only the last UAV flies; the test plays the others and the operator."""
 
     def __init__(self, endpoint: str, folder: Path) -> None:
         mission = complete_mission(Mission(name="bench", uavs=3, standbys=0, time_scale=2))
@@ -54,7 +54,7 @@ class Bench:
         self.session.declare_subscriber(key, take)
 
     def say(self, *messages: Event | Report | Fix) -> None:
-        """Publish as whoever the message is from."""
+        """Publish a message in the name of its sender."""
         for message in messages:
             stamped = msgspec.structs.replace(message, sent_ns=MissionClock().now_ns())
             self.session.put(self.keys.of(stamped), encode(stamped))
@@ -78,23 +78,23 @@ class Bench:
         self.await_heard(Fix)
 
     def imports_numpy(self) -> bool:
-        """Whether numpy is mapped into the UAV process."""
+        """Return True if numpy is mapped into the UAV process."""
         return "numpy" in Path(f"/proc/{self.process.pid}/maps").read_text()
 
     def report(self, **fields: object) -> Report:
-        """A report of the first UAV as head, with a quorum."""
+        """Return a report of the first UAV as head, with a quorum."""
         newest = self.heard[-1].slot
         grants = [self.first, self.second]
         return Report(head=self.first, slot=newest, term=1, status="planned", grants=grants, quorum=2, **fields)  # type: ignore[arg-type]
 
     def ask_again(self, *spans: Span) -> list[Answer]:
-        """Ask the UAV for messages once more, as the recorder does."""
+        """Request a retransmission from the UAV, as the recorder does."""
         key = self.keys.again(self.last, self.heard[0].instance)
         replies = self.session.get(key, payload=retransmission.encode(Ask(list(spans))), timeout=30)
         return [retransmission.decode_answer(reply.ok.payload.to_bytes()) for reply in replies if reply.ok is not None]
 
     def close(self) -> None:
-        """End the mission; the UAV must go in peace."""
+        """End the mission; the UAV must end with status 0."""
         self.say(Event(source="operator", kind="end"))
         _, said = self.process.communicate(timeout=30)
         self.session.close()
@@ -103,7 +103,7 @@ class Bench:
 
 @pytest.fixture
 def bench(endpoint: str, tmp_path: Path) -> Iterator[Bench]:
-    """One UAV on a bus of its own."""
+    """Start one UAV on a bus of its own."""
     made = Bench(endpoint, tmp_path)
     yield made
     made.process.kill()
@@ -111,7 +111,7 @@ def bench(endpoint: str, tmp_path: Path) -> Iterator[Bench]:
 
 
 def test_what_has_not_arrived_is_said_again_also_after_the_last_word(bench: Bench):
-    """The same bytes, and what was never said is not; until nothing is wanted any more."""
+    """The UAV retransmits the same bytes, and no others, until the recorder wants no more."""
     bench.begin()
     key = bench.keys.fix(bench.last)
     fixes = bench.await_heard(Fix, 4)
@@ -138,7 +138,7 @@ def test_imports_numpy_only_when_it_is_a_standby(bench: Bench):
 
 
 def test_a_uav_of_another_claimant_leaves(bench: Bench):
-    """Its id was issued to somebody else, while it was thought gone: it must not say a word."""
+    """The operator has issued its id to another claimant during its absence: it must publish nothing."""
     claimants = tuple("a" * 16 if entry.uav == bench.last else "" for entry in bench.mission.roster)
     await_true(lambda: bool(bench.inbox.wait(0.05)))
     bench.session.put(bench.keys.mission, encode(msgspec.structs.replace(bench.mission, claimants=claimants)))
@@ -150,7 +150,7 @@ def test_a_uav_of_another_claimant_leaves(bench: Bench):
 
 
 def test_bad_bytes_are_counted_told_now_and_then_and_dropped(bench: Bench):
-    """A thousand of them make ten events and no crash."""
+    """A thousand malformed messages make ten events and no crash."""
     bench.begin()
     for number in range(1000):
         garbage = b"\xff{garbage" + str(number).encode()

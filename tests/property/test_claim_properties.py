@@ -5,7 +5,7 @@ from __future__ import annotations
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from edc_swarm.protocol.claims import Claim, Claims, instance_name
+from edc_swarm.protocol.claims import Claims, IdClaim, instance_name
 
 UAVS = [f"u{number}" for number in range(6)]
 CLAIMANTS = [digit * 16 for digit in "0123"]
@@ -31,7 +31,7 @@ def test_no_id_is_issued_twice(history: list[tuple[str, str, int]]):
     for kind, claimant, uavs in history:
         if kind == "claim":
             there.add(claimant)
-            issued = book.issue(Claim(claimant=claimant, uavs=uavs))
+            issued = book.issue(IdClaim(claimant=claimant, uavs=uavs))
             others = {uav for other in there - {claimant} for uav in said.get(other, set())}
             assert not others & set(issued)
             assert all(final.get(uav, claimant) == claimant for uav in issued)

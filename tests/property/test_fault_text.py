@@ -7,7 +7,20 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from edc_swarm.errors import MissionError
-from edc_swarm.mission.faults import Fault, parse_fault
+from edc_swarm.mission.faults import (
+    ChangeClock,
+    ChangeGps,
+    ChangeLink,
+    Fault,
+    Freeze,
+    Heal,
+    Kill,
+    Partition,
+    Restart,
+    Resume,
+    SlowSolver,
+    parse_fault,
+)
 
 WORDS = [
     "kill",
@@ -46,25 +59,24 @@ LINKS = _numbers(
 )
 CLOCKS = _numbers(offset_ms=st.floats(-1e9, 1e9), drift_ppm=st.floats(-5e5, 5e5)).filter(bool)
 groups = st.lists(ids, min_size=1, max_size=4).map(tuple)
-singles = st.tuples(ids)
 
 
-def _faults(verb: str, **fields: st.SearchStrategy[object]) -> st.SearchStrategy[Fault]:
-    return st.builds(Fault, st.just(verb), at_s=seconds, **fields)  # type: ignore[arg-type]
+def _faults(kind: type[Fault], **fields: st.SearchStrategy[object]) -> st.SearchStrategy[Fault]:
+    return st.builds(kind, at_s=seconds, **fields)  # type: ignore[arg-type]
 
 
 faults = st.one_of(
-    _faults("kill", left=singles, flags=st.sampled_from([(), ("mid-step",)]), for_s=durations),
-    _faults("freeze", left=singles, flags=st.sampled_from([(), ("mid-step",)]), for_s=durations),
-    _faults("restart", left=singles, flags=st.sampled_from([(), ("lose-memory",)])),
-    _faults("resume", left=singles),
-    _faults("partition", left=groups, right=groups, flags=st.sampled_from([(), ("one-way",)]), for_s=durations),
-    _faults("partition", left=st.just(("halves",)), for_s=durations),
-    _faults("heal"),
-    _faults("link", left=singles, right=singles, numbers=LINKS, for_s=durations),
-    _faults("clock", left=singles, numbers=CLOCKS),
-    _faults("gps", left=singles, flags=st.sampled_from([("none",), ("bias",), ("white",), ("gauss-markov",)])),
-    _faults("slow", left=singles, numbers=st.tuples(st.tuples(st.just("by_ms"), quantities)), for_s=durations),
+    _faults(Kill, target=ids, mid_step=st.booleans(), for_s=durations),
+    _faults(Freeze, target=ids, mid_step=st.booleans(), for_s=durations),
+    _faults(Restart, target=ids, lose_memory=st.booleans()),
+    _faults(Resume, target=ids),
+    _faults(Partition, left=groups, right=groups, one_way=st.booleans(), for_s=durations),
+    _faults(Partition, left=st.just(("halves",)), for_s=durations),
+    _faults(Heal),
+    _faults(ChangeLink, sender=ids, receiver=ids, quantities=LINKS, for_s=durations),
+    _faults(ChangeClock, target=ids, quantities=CLOCKS),
+    _faults(ChangeGps, target=ids, model=st.sampled_from(["none", "bias", "white", "gauss-markov"])),
+    _faults(SlowSolver, target=ids, by_ms=quantities, for_s=durations),
 )
 
 

@@ -1,4 +1,4 @@
-"""Whatever happens to the bytes of a recording, reading it ends in a recording or in one clear line."""
+"""A damaged recording gives either a recording or one clear line, for any change of its bytes."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ KEYS = Keys("mission")
 
 @cache
 def whole() -> tuple[list[Message], bytes]:
-    """A small recording in three chunks."""
+    """Return a small recording in three chunks."""
     mission = complete_mission(Mission(uavs=2))
     fields = {name: getattr(mission, name) for name in mission.__struct_fields__}
     messages: list[Message] = [MissionMessage(**fields, epoch_ns=1)]
@@ -41,7 +41,7 @@ def whole() -> tuple[list[Message], bytes]:
 
 
 def read(data: bytes) -> int:
-    """Messages that are read, -1 where the file is refused; recovering it must agree."""
+    """Return the number of readable messages, -1 if the file is rejected, and assert that recovery agrees."""
     with tempfile.TemporaryDirectory() as folder:
         path = Path(folder) / "a.mcap"
         path.write_bytes(data)
@@ -56,7 +56,7 @@ def read(data: bytes) -> int:
 
 @given(changes=st.lists(st.tuples(st.integers(0, 10**6), st.integers(0, 255)), min_size=1, max_size=6))
 def test_changed_bytes_never_raise_anything_else(changes: list[tuple[int, int]]) -> None:
-    """Bytes overwritten anywhere."""
+    """Bytes are overwritten at any place."""
     messages, data = whole()
     damaged = bytearray(data)
     for place, value in changes:
@@ -66,7 +66,7 @@ def test_changed_bytes_never_raise_anything_else(changes: list[tuple[int, int]])
 
 @given(begin=st.integers(0, 10**6), count=st.integers(1, 400))
 def test_missing_bytes_never_raise_anything_else(begin: int, count: int) -> None:
-    """A piece cut out anywhere."""
+    """A piece is cut out at any place."""
     messages, data = whole()
     begin %= len(data)
     assert read(data[:begin] + data[begin + count :]) <= len(messages)
@@ -74,5 +74,5 @@ def test_missing_bytes_never_raise_anything_else(begin: int, count: int) -> None
 
 @given(data=st.binary(max_size=300))
 def test_any_bytes_after_the_magic_never_raise_anything_else(data: bytes) -> None:
-    """A file that only begins like MCAP."""
+    """A file starts like MCAP and continues with any bytes."""
     assert read(b"\x89MCAP0\r\n" + data) == -1

@@ -25,7 +25,7 @@ from tests.property.test_late_messages import fly
 
 @pytest.fixture(scope="module")
 def original() -> McapFile:
-    """A recording of a mission with a new head, a restart and losses, in memory but for its messages."""
+    """Return a recording with a new head, a restart and losses, in memory except for its messages."""
     path = Path(tempfile.mkdtemp()) / "run.mcap"
     said = fly()
     with path.open("wb") as stream:
@@ -39,7 +39,7 @@ def original() -> McapFile:
 
 
 def rewritten(file: McapFile, raws: Iterable[Raw], **options: Any) -> bytes:
-    """Make another tool's file of the messages."""
+    """Return a file of the messages as another tool writes it."""
     stream = io.BytesIO()
     writer: Any = Writer(stream, **options)
     writer.start(profile="", library="another tool")
@@ -57,7 +57,7 @@ def rewritten(file: McapFile, raws: Iterable[Raw], **options: Any) -> bytes:
 
 
 def computed(data: bytes, folder: Path) -> tuple[Any, Any]:
-    """Metrics and verdicts."""
+    """Return metrics and verdicts."""
     path = folder / "again.mcap"
     path.write_bytes(data)
     recording = read_recording(path)
@@ -67,7 +67,7 @@ def computed(data: bytes, folder: Path) -> tuple[Any, Any]:
 @settings(max_examples=15, deadline=None)
 @given(data=st.data())
 def test_any_order_of_the_file_reads_the_same(original: McapFile, data: st.DataObject) -> None:
-    """Shuffled by a random seed, and then reversed, or by topic."""
+    """The messages are shuffled by a random seed, then reversed, or sorted by topic."""
     raws = list(original.messages())
     rng = data.draw(st.randoms(use_true_random=True))
     order = data.draw(st.sampled_from(["shuffled", "reversed", "by topic"]))
@@ -83,7 +83,7 @@ def test_any_order_of_the_file_reads_the_same(original: McapFile, data: st.DataO
 
 
 def test_a_file_merged_with_itself_counts_each_message_once(original: McapFile, tmp_path: Path) -> None:
-    """Garbage and unknown topics too; how many were dropped is told."""
+    """This holds for garbage and unknown topics too; the number of dropped duplicates is reported."""
     raws = list(original.messages())
     once, verdicts = computed(rewritten(original, raws), tmp_path)
     twice, again = computed(rewritten(original, raws + raws), tmp_path)
@@ -106,7 +106,7 @@ def test_a_file_merged_with_itself_counts_each_message_once(original: McapFile, 
     ],
 )
 def test_files_of_other_tools_read_the_same(original: McapFile, tmp_path: Path, options: dict[str, Any]) -> None:
-    """And nothing of them is lost when they are recovered."""
+    """Recovery of such a file loses no message."""
     raws = list(original.messages())
     data = rewritten(original, raws, **options)
     assert computed(data, tmp_path) == computed(rewritten(original, raws), tmp_path)

@@ -1,4 +1,4 @@
-"""The broad phase misses nothing: against brute force over pairs, slots and instants."""
+"""The broad phase misses no pair, compared with brute force over pairs, slots and instants."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ from edc_swarm.analysis.separation import Encounters, closest_moment, encounters
 
 @st.composite
 def swarms(draw: st.DrawFn) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Starts and ends (S, K, 2) and radii (K,), some points standing still."""
+    """Draw starts and ends (S, K, 2) and radii (K,), with some points at rest."""
     slots, count = draw(st.integers(1, 5)), draw(st.integers(2, 6))
     rng = np.random.default_rng(draw(st.integers(0, 2**32)))
     from_m = rng.uniform(0, 40, (slots, count, 2))
@@ -25,7 +25,7 @@ def swarms(draw: st.DrawFn) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
 
 
 def gap_m(from_m: np.ndarray, to_m: np.ndarray, radius_m: np.ndarray, slot: int, k: int, other: int) -> float:
-    """Least gap of one pair in one slot, by the closed form for relative motion."""
+    """Return the least gap of one pair in one slot, by the closed form for relative motion."""
     apart = from_m[slot, k] - from_m[slot, other]
     closing = to_m[slot, k] - to_m[slot, other] - apart
     squared = float(closing @ closing)
@@ -37,7 +37,7 @@ def gap_m(from_m: np.ndarray, to_m: np.ndarray, radius_m: np.ndarray, slot: int,
 def test_encounters_are_exactly_the_near_pairs(
     swarm: tuple[np.ndarray, np.ndarray, np.ndarray], below_m: float
 ) -> None:
-    """Every pair below the limit is found, no other, with its exact gap."""
+    """Every pair below the limit is found with its exact gap, and no other."""
     from_m, to_m, radius_m = swarm
     met = encounters(from_m, to_m, radius_m, below_m)
     found = dict(
@@ -53,7 +53,7 @@ def test_encounters_are_exactly_the_near_pairs(
 
 @given(swarm=swarms())
 def test_the_least_gap_is_the_least_of_all(swarm: tuple[np.ndarray, np.ndarray, np.ndarray]) -> None:
-    """One number for the whole mission."""
+    """The least gap of a mission is one number."""
     pairs = [
         gap_m(*swarm, slot, k, other)
         for slot in range(len(swarm[0]))
@@ -66,13 +66,13 @@ def test_the_least_gap_is_the_least_of_all(swarm: tuple[np.ndarray, np.ndarray, 
 def test_swept_ways_are_at_most_as_far_apart_as_joint_motions(
     swarm: tuple[np.ndarray, np.ndarray, np.ndarray],
 ) -> None:
-    """Who is safe however unevenly steps are flown is safe when they are flown together."""
+    """A pair that is safe for any uneven execution is safe for a simultaneous one."""
     met = set(_keys(encounters(*swarm, 0.0)))
     assert met <= set(_keys(swept_encounters(*swarm, 0.0)))
 
 
 def test_unknown_positions_meet_nobody() -> None:
-    """NaN is never near anything."""
+    """NaN is near nothing."""
     from_m = np.array([[[0.0, 0.0], [np.nan, np.nan], [9.0, 0.0]]])
     radius_m = np.ones(3)
     assert least_gap_m(from_m, from_m, radius_m) == pytest.approx(7.0)
@@ -82,7 +82,7 @@ def test_unknown_positions_meet_nobody() -> None:
 
 
 def test_the_closest_moment_is_where_the_motions_meet() -> None:
-    """Half-way through a head-on swap; at the start for two that stand still."""
+    """It is half-way through a head-on swap, and at the start for two points at rest."""
     from_m, to_m = np.array([[[0.0, 0.0], [4.0, 0.0]]]), np.array([[[4.0, 0.0], [0.0, 0.0]]])
     assert closest_moment(from_m, to_m, 0, 0, 1) == 0.5
     assert closest_moment(from_m, from_m, 0, 0, 1) == 0.0

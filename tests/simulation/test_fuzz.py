@@ -1,4 +1,4 @@
-"""The fuzzer itself: what it once found stays found, and a sample of fresh runs keeps every guarantee."""
+"""The fuzzer finds its old counterexamples again, and a sample of new runs keeps every guarantee."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ import msgspec
 import pytest
 
 from edc_swarm.experiments import fuzzing
-from edc_swarm.experiments.fuzzing import Finding, fly, scenario, search, smallest
+from edc_swarm.experiments.fuzzing import Counterexample, fly, scenario, search, smallest
 from edc_swarm.mission.validation import mission_from_dict
 
 ONCE_BROKEN = {
@@ -21,30 +21,30 @@ ONCE_BROKEN = {
     "10989": "a head that was still planning when the mission ended",
 }
 MISSIONS = msgspec.json.decode(Path(__file__).with_name("once_broken.json").read_bytes())
-"""The missions themselves, since a seed means another one when the generator changes."""
+"""The missions themselves, since a seed gives another one when the generator changes."""
 
 
 @pytest.mark.parametrize("name", ONCE_BROKEN)
 def test_what_was_once_broken_holds(name: str) -> None:
-    """Runs in which a guarantee was broken before."""
+    """Runs that once broke a guarantee keep it."""
     assert fly(mission_from_dict(MISSIONS[name])) == []
 
 
 @pytest.mark.parametrize("seed", range(7000, 7030))
 def test_random_runs_keep_every_guarantee(seed: int) -> None:
-    """A sample; thousands more are flown with `edc-swarm fuzz`."""
+    """This is a sample; `edc-swarm fuzz` executes thousands more."""
     assert search(seed) is None
 
 
 def test_what_is_asked_and_not_judged_counts_as_broken() -> None:
-    """A run that ends before G7 can be judged, or that leaves no quorum the time, is a fault of the run."""
+    """A run that ends before G7 can be judged, or without time for a quorum, counts as broken."""
     (said,) = fly(mission_from_dict({"uavs": 4, "max_slots": 5}))
     assert said.startswith("G7: not judged: stopped after 5 slots (max_slots = 5 was given)")
     assert fly(mission_from_dict({"uavs": 4, "max_slots": 5, "planner": fuzzing.RECKLESS})) == []
 
 
 def test_progress_is_asked_after_faults_that_never_end() -> None:
-    """Of the missions that must make progress, some have a link, a partition or a UAV that is never well again."""
+    """Some missions whose progress is checked have a link, partition or UAV with a fault without an end."""
     missions = [mission for seed in range(200) if (mission := scenario(seed)).planner == "edc"]
     last = [text for mission in missions for text in mission.fault if " for " not in text]
     for lasting in ("link *>* loss", "partition u", "freeze u001 @"):
@@ -53,27 +53,27 @@ def test_progress_is_asked_after_faults_that_never_end() -> None:
 
 
 def test_a_scenario_depends_on_its_seed_alone() -> None:
-    """The seed is the replay."""
+    """The seed alone repeats a run."""
     assert scenario(11) == scenario(11)
     assert scenario(11) != scenario(12)
 
 
 def test_faults_can_be_kept_by_index() -> None:
-    """What shrinking drops is dropped, the rest stays as it was."""
+    """Shrinking drops faults by index, and the others stay the same."""
     whole = scenario(0).fault
     assert scenario(0, (1,)).fault == whole[1:2]
 
 
 def test_shrinking_keeps_only_what_is_needed(monkeypatch: pytest.MonkeyPatch) -> None:
-    """Of all faults the two that break something together remain."""
+    """The two faults that together break a guarantee remain."""
 
-    def broken_by_1_and_2(seed: int, kept: tuple[int, ...]) -> Finding | None:
-        return Finding(seed, tuple(kept), ("G1: broken",)) if {1, 2} <= set(kept) else None
+    def broken_by_1_and_2(seed: int, kept: tuple[int, ...]) -> Counterexample | None:
+        return Counterexample(seed, tuple(kept), ("G1: broken",)) if {1, 2} <= set(kept) else None
 
     monkeypatch.setattr(fuzzing, "search", broken_by_1_and_2)
-    assert smallest(Finding(5, (0, 1, 2, 3), ("G1: broken",))).kept == (1, 2)
+    assert smallest(Counterexample(5, (0, 1, 2, 3), ("G1: broken",))).kept == (1, 2)
 
 
 def test_a_finding_names_its_replay() -> None:
-    """One line flies the run again."""
-    assert Finding(5, (1, 2), ("G1",)).command == "edc-swarm fuzz --seed 5 --runs 1 --keep 1,2"
+    """One command line repeats the run."""
+    assert Counterexample(5, (1, 2), ("G1",)).command == "edc-swarm fuzz --seed 5 --runs 1 --keep 1,2"

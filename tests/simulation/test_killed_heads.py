@@ -1,4 +1,4 @@
-"""Heads are killed: every living UAV whose target is free gets home."""
+"""Every living UAV whose target is free gets home while heads are killed."""
 
 from __future__ import annotations
 

@@ -16,7 +16,7 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from edc_swarm.agent import node, vehicle
+from edc_swarm.agent import slot_clock, vehicle
 from edc_swarm.agent.election import Election
 from edc_swarm.agent.head import Head, Office
 from edc_swarm.agent.knowledge import Knowledge
@@ -114,8 +114,8 @@ def late_command_accepted(patch: Patch) -> None:
     def mutant(self: UavNode, command: Command) -> None:
         take(self, command)
         ours = command.uav == self.uav and (command.term, command.head) == self.grant
-        if ours and command.slot == self.slot and self._flown is None and self._said is not None:
-            self._flown = command
+        if ours and command.slot == self.slot and self._flight.flown is None and self._said is not None:
+            self._flight.flown = command
             self._vehicle.from_m = self._vehicle.waypoint_m
             self._vehicle.waypoint_m = (command.target_x_m, command.target_y_m)
             self._said = None
@@ -124,7 +124,7 @@ def late_command_accepted(patch: Patch) -> None:
     settle = UavNode._settle
 
     def settled(self: UavNode, now_ns: int) -> None:
-        if self._said is None and self._flown is not None and self.slot >= 0 and not self.ended:
+        if self._said is None and self._flight.flown is not None and self.slot >= 0 and not self.ended:
             self._say(now_ns, with_truth=True)
         settle(self, now_ns)
 
@@ -133,11 +133,11 @@ def late_command_accepted(patch: Patch) -> None:
 
 def frozen_uav_executes_late(patch: Patch) -> None:
     """A tick at 0.9 of the slot still flies."""
-    patch.setattr(node, "LATE_FRACTION", 0.95)
+    patch.setattr(slot_clock, "LATE_FRACTION", 0.95)
 
 
 def ungranted_uav_commanded(patch: Patch) -> None:
-    """A head counts and commands whoever has sent a fix of the slot."""
+    """A head counts and commands every UAV that has sent a fix of the slot."""
 
     def mutant(self: Knowledge, slot: int, grant: Any) -> list[str]:
         del grant
@@ -165,7 +165,7 @@ def planning_twice_in_a_slot(patch: Patch) -> None:
         known = isinstance(message, Fix) and self._knowledge.last_slot(message.uav)
         receive(self, message, now_ns)
         if isinstance(message, Fix) and known != self.slot and message.slot == self.slot and self.slot >= 0:
-            self._head.office.planned_slot = min(self._head.office.planned_slot, self.slot - 1)
+            self._leadership.head.office.planned_slot = min(self._leadership.head.office.planned_slot, self.slot - 1)
 
     patch.setattr(UavNode, "_receive", mutant)
 
@@ -255,7 +255,7 @@ def negative_gap_taken(patch: Patch) -> None:
 
 
 def planner_that_gives_up_after_a_fault(patch: Patch) -> None:
-    """Once a UAV has been unheard, nobody is to move any more."""
+    """No UAV moves any more after one was unheard."""
     wishes, shaken = Edc._wishes, set[Edc]()
 
     def mutant(self: Edc, arrays: Arrays) -> Floats:
@@ -267,7 +267,7 @@ def planner_that_gives_up_after_a_fault(patch: Patch) -> None:
 
 
 def guidance_that_ignores_one_uav(patch: Patch) -> None:
-    """The first UAV of the roster is never to move."""
+    """The first UAV of the roster never moves."""
     wishes = Guidance.wishes
 
     def mutant(self: Guidance, scene: Scene) -> Floats:
@@ -283,7 +283,7 @@ def freezes(seed: int) -> Mission:
 
 
 def restarts(seed: int) -> Mission:
-    """Heads that come back at once; a UAV that they have just commanded says so, and is then not heard."""
+    """Heads that come back at once; a UAV that they have just commanded reports it, and is then unheard."""
     faults = []
     for slot in range(4, 62, 6):
         at_s = slot * 0.5 + 0.01
@@ -301,7 +301,7 @@ def failovers(seed: int) -> Mission:
 
 
 def relapses(seed: int) -> Mission:
-    """The same, but that the UAV was unheard in the slot before as well, and is listed in that slot's report."""
+    """The same, but the UAV was unheard in the slot before too, and that slot's report lists it."""
     faults = []
     for slot in range(6, 66, 6):
         at_s, uav = slot * 0.5, f"u00{1 + slot // 6 % 5}"

@@ -28,7 +28,7 @@ EDC: dict[str, Any] = {"planner_name": "edc", "area_m2": 10_000.0}
 
 
 class Flight:
-    """A simulated mission with everything that was said, by kind, and when (mission seconds)."""
+    """A simulated mission with every message, by kind, and its time (mission seconds)."""
 
     def __init__(
         self,
@@ -54,7 +54,7 @@ class Flight:
 
     @property
     def messages(self) -> list[Message]:
-        """Everything that was said, in order."""
+        """Every message, in order."""
         return [message for _, message in self.said]
 
     def fixes(self, uav: str) -> list[Fix]:
@@ -62,7 +62,7 @@ class Flight:
         return [message for message in self.messages if isinstance(message, Fix) and message.uav == uav]
 
     def fix_slots(self, uav: str) -> list[int]:
-        """Slots of which there is a fix, once each."""
+        """Slots with a fix, once each."""
         return sorted({fix.slot for fix in self.fixes(uav)})
 
     @property
@@ -72,20 +72,20 @@ class Flight:
 
     @property
     def planned_slots(self) -> list[int]:
-        """Slots whose fixes led to a plan."""
+        """Slots with a plan."""
         return sorted({report.slot for report in self.reports})
 
     def missed(self, first: int, last: int) -> int:
-        """How many slots from `first` to `last` have no plan."""
+        """Number of slots from `first` to `last` without a plan."""
         return len(set(range(first, last + 1)) - set(self.planned_slots))
 
     def broken(self) -> list[str]:
-        """Guarantees that were not kept."""
+        """Guarantees that are broken."""
         return [result.guarantee for result in check(Recording.from_messages(self.messages)) if result.broken]
 
 
 class Circling:
-    """A planner that keeps UAVs on the move for ever: there and back, by turns."""
+    """A planner that never lets UAVs rest: there and back, by turns."""
 
     def plan(self, request: PlanRequest) -> Plan:
         """One metre right in even slots, left in odd ones."""
@@ -94,7 +94,7 @@ class Circling:
 
 
 def test_same_seed_same_messages() -> None:
-    """Two runs of one scenario with losses and faults say the very same bytes at the very same times."""
+    """Two runs of one scenario with losses and faults publish the same bytes at the same times."""
     runs = [
         Flight("link *>* loss 0.2 delay 20 jitter 30 duplicate 0.1 @0", "kill head mid-step @9", seed=3)
         for _ in range(2)
@@ -109,7 +109,7 @@ def test_same_seed_same_messages() -> None:
 
 
 def test_kill() -> None:
-    """A dead UAV says nothing any more, and the others go on."""
+    """A dead UAV is silent, and the others go on."""
     flight = Flight("kill u002 @3.1s", to_the_end=True)
     assert flight.fix_slots("u002") == list(range(7))
     assert flight.reports[-1].unheard == ["u002"]
@@ -124,7 +124,7 @@ def test_kill_for_a_while() -> None:
 
 
 def test_kill_between_two_effects() -> None:
-    """A UAV killed in mid-step has persisted its last step, but need not have said so."""
+    """A UAV killed in mid-step has persisted its last step, but need not have published it."""
     flight = Flight("kill u002 mid-step @3.1s", to_the_end=True, planner=Circling)
     slots = [motion.slot for motion in flight.end.motions if motion.uav == "u002"]
     assert slots == list(range(2, 8))
@@ -145,7 +145,7 @@ def test_restart_keeps_the_promise() -> None:
 
 
 def test_restart_without_memory() -> None:
-    """A UAV that lost its promise never grants again and is never heard again."""
+    """A UAV that lost its promise never grants again, and no head hears it again."""
     flight = Flight("restart u002 lose-memory @3.1s", to_the_end=True)
     after = [fix for fix in flight.fixes("u002") if fix.instance == "u002-2"]
     assert after
@@ -154,14 +154,14 @@ def test_restart_without_memory() -> None:
 
 
 def test_freeze_and_resume() -> None:
-    """A frozen UAV is silent until it is resumed, and then does not make up for what it missed."""
+    """A frozen UAV is silent until it is resumed, and then skips the slots that it missed."""
     flight = Flight("freeze u002 @3.1s", "resume u002 @6.1s", to_the_end=True)
     assert flight.fix_slots("u002") == [*range(7), *range(12, 30)]
     assert not next(fix for fix in flight.fixes("u002") if fix.slot == 12).executing
 
 
 def test_freeze_for_a_while() -> None:
-    """`for` resumes by itself."""
+    """With `for` a frozen UAV resumes by itself."""
     assert Flight("freeze u002 @3.1s for 3s", to_the_end=True).fix_slots("u002") == [*range(7), *range(12, 30)]
 
 
@@ -175,7 +175,7 @@ def test_freeze_between_two_effects(for_s: float) -> None:
 
 @pytest.mark.parametrize("fault", ["partition u002|rest @3.1s for 3s", "partition rest|u002 @3.1s for 6"])
 def test_partition(fault: str) -> None:
-    """A UAV that is cut off is unheard while it lasts, suspects, and rejoins the same head."""
+    """A UAV that is cut off is unheard meanwhile, suspects its head, and rejoins the same head."""
     flight = Flight(fault, to_the_end=True)
     unheard = [report.slot for report in flight.reports if "u002" in report.unheard]
     assert unheard == [7, 8, 9, 10, 11, 12]
@@ -185,7 +185,7 @@ def test_partition(fault: str) -> None:
 
 
 def test_partition_one_way() -> None:
-    """What the left side says is cut off, and nothing else."""
+    """The partition cuts off messages of the left side alone."""
     mute = Flight("partition u002>rest @3.1s for 3s", to_the_end=True)
     assert [report.slot for report in mute.reports if "u002" in report.unheard] == [7, 8, 9, 10, 11, 12]
     assert not any(fix.suspects for fix in mute.fixes("u002")[2:])
@@ -195,7 +195,7 @@ def test_partition_one_way() -> None:
 
 
 def test_heal() -> None:
-    """Every partition ends."""
+    """`heal` ends every partition."""
     flight = Flight("partition u002|rest @3.1s", "partition u003>u001 @3.1s", "heal @6.1s", to_the_end=True)
     assert [report.slot for report in flight.reports if "u002" in report.unheard] == [7, 8, 9, 10, 11, 12]
     assert flight.reports[-1].unheard == []
@@ -259,7 +259,7 @@ def test_a_clock_that_is_set_back_takes_no_slot_back() -> None:
 
 
 def test_clock_offset_is_reported() -> None:
-    """A fix from the future beyond the guard makes the head say so, once."""
+    """The head reports a fix from the future beyond the guard, once."""
     flight = Flight("clock u002 offset 80 @3.1s", to_the_end=True)
     told = [m for m in flight.messages if isinstance(m, Event) and m.kind == "clock-offset"]
     assert any("u002 is" in event.detail for event in told)
@@ -293,7 +293,7 @@ def test_slow() -> None:
     ],
 )
 def test_freezes_that_overlap(faults: tuple[str, ...], silent: Sequence[int]) -> None:
-    """The longest counts, and none outlasts a resume or a death."""
+    """Of freezes that overlap the longest counts, and none outlasts a resume or a death."""
     flight = Flight(*faults, to_the_end=True)
     said = {fix.slot for fix in flight.fixes("u002") if 5 < fix.slot < 16}
     assert said == set(range(6, 16)) - set(silent)
@@ -318,7 +318,7 @@ def test_router(faults: tuple[str, ...], silent: int) -> None:
 
 
 def test_a_fault_without_target() -> None:
-    """A fault for a head while there is none, or for the recorder, is told and changes nothing."""
+    """A fault for a head while there is none, or for the recorder, is recorded and changes nothing."""
     flight = Flight("kill head @0", "kill recorder @4", to_the_end=True)
     assert [m.detail for m in flight.messages if isinstance(m, Event) and m.kind == "fault-without-target"] == [
         "kill head @0s", "kill recorder @2s",
@@ -327,7 +327,7 @@ def test_a_fault_without_target() -> None:
 
 
 def test_every_fault_is_told() -> None:
-    """The operator's events say what was done to whom, with ids in place of words."""
+    """The operator's events tell every fault, with ids in place of words."""
     flight = Flight("freeze head @4 for 2", "partition halves @8 for 2", to_the_end=True)
     told = [m.detail for m in flight.messages if isinstance(m, Event) and m.kind == "fault"]
     assert told == [f"freeze {flight.reports[0].head} @2s for 1s", "partition u001,u002|u003,u004,u005 @4s for 1s"]
@@ -359,7 +359,7 @@ def test_near_equal_energies_do_not_pass_the_head_around() -> None:
 
 @pytest.mark.parametrize("at_ms", range(5000, 5500, 25))
 def test_fail_over_takes_at_most_two_slots(at_ms: int) -> None:
-    """Whenever in a slot the head dies, at most two slots go by without commands."""
+    """At most two slots go by without commands, at whatever time in a slot the head dies."""
     flight = Flight(f"kill head @{at_ms / 1e3}s", max_slots=16, to_the_end=True)
     assert flight.missed(1, 15) <= 2
     assert {report.term for report in flight.reports} == {1, 2}
@@ -368,7 +368,7 @@ def test_fail_over_takes_at_most_two_slots(at_ms: int) -> None:
 @pytest.mark.parametrize("verb", ["kill", "freeze"])
 @pytest.mark.parametrize("at_s", ["4.99", "5.0", "5.0004", "5.0007", "5.3"])
 def test_head_stopped_in_mid_step(verb: str, at_s: str) -> None:
-    """Stopped between two effects of one step: a new head soon, and every guarantee kept."""
+    """A head stopped between two effects of one step: a new head soon, and every guarantee held."""
     flight = Flight(f"{verb} head mid-step @{at_s}s", uavs=6, area_m2=10_000.0, to_the_end=True)
     assert flight.missed(1, 29) <= 7
     assert flight.reports[-1].slot == 29
@@ -376,7 +376,7 @@ def test_head_stopped_in_mid_step(verb: str, at_s: str) -> None:
 
 
 def test_two_heads_die_within_three_slots() -> None:
-    """The rest finish, with every guarantee kept."""
+    """The rest finish, and every guarantee is held."""
     flight = Flight("kill head @10", "kill head @12", uavs=6, max_slots=0, **EDC)
     assert flight.end.completed
     assert flight.broken() == []
@@ -449,7 +449,7 @@ def test_a_deaf_uav_is_no_successor() -> None:
 
 
 def test_an_empty_battery_ends_a_uav() -> None:
-    """The head's battery runs out: it stays where it is, says so, and another one leads."""
+    """The head's battery runs out: it stays where it is, publishes that, and another one leads."""
     flight = Flight(roster=roster(900.0, 5e4, 6e4, 7e4), uavs=4, elect="response-time", max_slots=40, planner=Circling)
     assert flight.reports[0].head == "u1"
     empty = next(m for m in flight.messages if isinstance(m, Event) and m.kind == "battery-empty")
@@ -461,7 +461,7 @@ def test_an_empty_battery_ends_a_uav() -> None:
 
 @pytest.mark.parametrize("empty", ["u1", "u4"])
 def test_an_empty_battery_takes_its_token_with_it(empty: str) -> None:
-    """As a process does that ends: no slot is missed when the head's ran out, nobody waits for a follower's."""
+    """A UAV with an empty battery leaves like a process that ends: no slot is missed, and no head waits for it."""
     energies_j = [900.0 if uav == empty else 5e4 for uav in ("u1", "u2", "u3", "u4")]
     flight = Flight(
         roster=roster(*energies_j), uavs=4, elect="response-time", max_slots=20, to_the_end=True, planner=Circling
@@ -474,7 +474,7 @@ def test_an_empty_battery_takes_its_token_with_it(empty: str) -> None:
 
 
 def test_all_batteries_run_out() -> None:
-    """A swarm of which nothing flies any more ends at once."""
+    """A mission in which no UAV flies any more ends at once."""
     flight = Flight(roster=roster(500.0, 500.0, 500.0), uavs=3, planner=Circling, max_slots=40)
     assert not flight.end.completed
     assert flight.end.slots < 10
@@ -498,7 +498,7 @@ def test_fixes_far_too_late(lag_slots: int) -> None:
 
 
 def test_sequence_numbers_have_no_holes() -> None:
-    """Per instance and key, `seq` counts from 0, and `closed` tells the last of each."""
+    """`seq` counts from 0 per instance and key, and `closed` tells the last of each."""
     flight = Flight("restart u002 @3.1s", "kill head @6")
     seqs: dict[tuple[str, str], list[int]] = {}
     for message in flight.messages:
@@ -577,7 +577,7 @@ class Resting:
 
 
 def verdict_on_progress(flight: Flight) -> GuaranteeResult:
-    """G7 of a flight, from what was said."""
+    """G7 of a flight, from its messages."""
     return next(r for r in check(Recording.from_messages(flight.messages)) if r.guarantee == "G7")
 
 
@@ -594,7 +594,7 @@ def test_a_planner_that_never_moves_stalls_and_breaks_progress(faults: list[str]
 
 
 def test_a_rest_is_no_standstill() -> None:
-    """A planner that lets all wait for less than `STALL_SLOTS` plans."""
+    """A planner that lets all UAVs wait for less than `STALL_SLOTS` plans."""
     flight = Flight(max_slots=0, planner=lambda: Resting(STALL_SLOTS - 1))
     assert flight.end.completed
     assert verdict_on_progress(flight).status == "held"
@@ -622,7 +622,7 @@ def flight_settled(faults: list[str]) -> int:
 
 
 def test_after_a_partition_for_good_the_side_with_a_quorum_arrives() -> None:
-    """The others hold where they are, and are named."""
+    """The others hold where they are, and G7 names them."""
     flight = Flight("partition u001,u002|rest @6", max_slots=0, seed=4, **EDC)
     assert flight.end.reason == "stalled"
     verdict = verdict_on_progress(flight)
@@ -631,14 +631,14 @@ def test_after_a_partition_for_good_the_side_with_a_quorum_arrives() -> None:
 
 
 def test_max_slots_too_few_for_a_verdict() -> None:
-    """What the user cut short is not judged."""
+    """G7 is not judged on a mission that the user cut short."""
     verdict = verdict_on_progress(Flight(max_slots=5, **EDC))
     assert verdict.status == "not-judged"
     assert verdict.notes[0].startswith("stopped after 5 slots (max_slots = 5 was given)")
 
 
 def test_no_command_comes_sooner_after_its_fix_than_the_way_takes() -> None:
-    """Each says which fix its head planned with, so the delay of the link is in every time but the head's own."""
+    """Each command names the fix that its head planned with, so every time but the head's own has the link's delay."""
     flight = Flight(link=[{"delay_ms": 100.0}], max_slots=8)
     sent_ns = {(f.uav, f.slot, f.seq): f.sent_ns for f in flight.messages if isinstance(f, Fix)}
     commands = [c for c in flight.messages if isinstance(c, Command) and c.uav != c.head]

@@ -1,4 +1,4 @@
-"""A small, faultless mission as messages, for tests that then plant one fault in it."""
+"""A small, faultless mission as messages, in which tests plant one fault."""
 
 from __future__ import annotations
 
@@ -19,19 +19,19 @@ Path = Sequence[tuple[float, float]]
 
 
 def straight(start: tuple[float, float], end: tuple[float, float], steps: int, wait: int = 1) -> Path:
-    """Points at slot ends: `wait` slots at the start, then equal steps to the end."""
+    """Return points at slot ends: `wait` slots at the start, then equal steps to the end."""
     (ax, ay), (bx, by) = start, end
     moving = [(ax + (bx - ax) * i / steps, ay + (by - ay) * i / steps) for i in range(1, steps + 1)]
     return [start] * wait + moving
 
 
 def parallel(uavs: int = 3, steps: int = 8) -> list[Path]:
-    """UAVs 12 m apart that fly 2 m north per slot from slot 1 on."""
+    """Return paths of UAVs 12 m apart that fly 2 m north per slot from slot 1 on."""
     return [straight((12.0 * k, 0.0), (12.0 * k, 2.0 * steps), steps) for k in range(uavs)]
 
 
 def mission_of(paths: Sequence[Path], **fields: Any) -> MissionMessage:
-    """The mission whose UAVs u0, u1, ... follow `paths` (r 5 m, body 0.25 m unless told)."""
+    """Return the mission whose UAVs u0, u1, ... follow `paths` (r 5 m, body 0.25 m by default)."""
     roster = [
         RosterEntry(
             uav=f"u{k}",
@@ -50,7 +50,7 @@ def mission_of(paths: Sequence[Path], **fields: Any) -> MissionMessage:
 
 
 def flight(paths: Sequence[Path], head: str = "u0", term: int = 1, **fields: Any) -> list[Message]:
-    """All messages of a mission in which one head leads from slot 0 on and nothing fails."""
+    """Return all messages of a mission in which one head leads from slot 0 on and nothing fails."""
     mission = mission_of(paths, **fields)
     messages: list[Message] = [mission]
     flown: dict[tuple[int, int], Command] = {}
@@ -66,7 +66,7 @@ def flight(paths: Sequence[Path], head: str = "u0", term: int = 1, **fields: Any
 
 
 def at(path: Path, slot: int) -> tuple[float, float]:
-    """Where a UAV is at the end of a slot."""
+    """Return the position of a UAV at the end of a slot."""
     return path[min(max(slot, 0), len(path) - 1)]
 
 
@@ -143,7 +143,7 @@ def _report(mission: MissionMessage, slot: int, began_ns: int, grant: tuple[int,
 
 
 def _closed(messages: Iterable[Message]) -> list[Event]:
-    """The last words of every publisher."""
+    """Return the `closed` events of all publishers."""
     tails: dict[str, dict[str, int]] = {}
     for message in messages:
         match message:
@@ -170,13 +170,37 @@ def _closed(messages: Iterable[Message]) -> list[Event]:
 
 
 def close(messages: list[Message]) -> None:
-    """Add the last word, as the messages stand, of every publisher that has not said one."""
+    """Add the missing `closed` events of all publishers, as the messages stand."""
     said = {message.instance for message in messages if isinstance(message, Event) and message.kind == "closed"}
     messages += [event for event in _closed(messages) if event.instance not in said]
 
 
+def whole(messages: Iterable[Message]) -> list[Message]:
+    """Return `messages` numbered as if nothing else had been said, with the last words that fit."""
+    said = [m for m in messages if not (isinstance(m, Event) and m.kind == "closed")]
+    counts: dict[tuple[Any, ...], int] = {}
+    numbers: dict[tuple[Any, ...], int] = {}
+    for message in said:
+        stream = (type(message), message.instance, getattr(message, "uav", ""), getattr(message, "source", ""))
+        numbers[*stream, message.seq] = counts[stream] = counts.get(stream, -1) + 1
+    heads = {command.term: command.instance for command in said if isinstance(command, Command)}
+    instances = {fix.uav: fix.instance for fix in said if isinstance(fix, Fix)}
+    renumbered: list[Message] = []
+    for message in said:
+        stream = (type(message), message.instance, getattr(message, "uav", ""), getattr(message, "source", ""))
+        fields: dict[str, int] = {"seq": numbers[*stream, message.seq]}
+        if isinstance(message, Fix) and message.command_seq >= 0:
+            ordered = (Command, heads.get(message.command_term, ""), message.uav, "", message.command_seq)
+            fields["command_seq"] = numbers.get(ordered, message.command_seq)
+        if isinstance(message, Command):
+            counted = (Fix, instances.get(message.uav, ""), message.uav, "", message.fix_seq)
+            fields["fix_seq"] = numbers.get(counted, message.fix_seq)
+        renumbered.append(msgspec.structs.replace(message, **fields))
+    return [*renumbered, *_closed(renumbered)]
+
+
 def change(messages: list[Message], match: dict[str, Any], kind: type, **fields: Any) -> int:
-    """Replace fields of every message of `kind` whose fields equal `match`; how many there were."""
+    """Replace fields of every message of `kind` whose fields equal `match`; return the number of messages changed."""
     hits = 0
     for i, message in enumerate(messages):
         if type(message) is kind and all(getattr(message, name) == value for name, value in match.items()):
@@ -186,5 +210,5 @@ def change(messages: list[Message], match: dict[str, Any], kind: type, **fields:
 
 
 def recorded(messages: Iterable[Message]) -> Recording:
-    """The recording of `messages`."""
+    """Return the recording of `messages`."""
     return Recording.from_messages(messages)

@@ -1,4 +1,4 @@
-"""Which messages can be true: one test line per reason to refuse one."""
+"""Admission of messages: one test line for each reason to reject one."""
 
 from __future__ import annotations
 
@@ -27,7 +27,7 @@ EVENT = Event(source="operator", kind="fault", detail="kill u1 @5", sent_ns=EPOC
 
 
 def test_a_whole_mission_is_admitted():
-    """Nothing that a faultless swarm says is refused."""
+    """Admission rejects no message of a faultless swarm."""
     admission = Admission(mission_of(parallel()))
     assert [admission.refusal(message) for message in flight(parallel())] == [None] * len(flight(parallel()))
 
@@ -70,7 +70,7 @@ def test_a_whole_mission_is_admitted():
     ],
 )
 def test_what_cannot_be_true_is_refused(message: Message, changes: dict[str, Any], reason: str):
-    """As it is it is admitted; with one thing wrong it is not, and the reason says which."""
+    """The message is admitted; with one wrong field it is rejected, and the reason names the field."""
     admission = Admission(MISSION)
     assert admission.refusal(message) is None
     wrong = msgspec.structs.replace(message, **changes)

@@ -1,4 +1,4 @@
-"""What a publisher keeps, and how much of it an answer gives."""
+"""Ring of a publisher: the messages that it keeps, and the limits of one answer."""
 
 from __future__ import annotations
 
@@ -51,7 +51,7 @@ def test_the_oldest_are_forgotten():
 
 
 def test_what_is_larger_than_the_ring_is_not_kept():
-    """And does no harm to what comes after it."""
+    """The ring keeps the messages after it."""
     kept = ring(1, size=1000, limit_bytes=1000)
     for kept_bytes, seq in ((1, 1), (1, 2), (700, 3)):
         kept.keep(Kept("k", seq, bytes(kept_bytes)))
@@ -65,7 +65,7 @@ def test_one_turn_gives_so_much_and_no_more(size: int, given: int):
 
 
 def test_an_endless_ask_costs_one_turn():
-    """Who asks for all numbers there are is told about the first few."""
+    """A request for all numbers gets an answer about the first few."""
     answer = Ring().answer(Ask([Span("k", 0, 1 << 60)]))
     assert (answer.found, len(answer.gone)) == ([], TURN_NUMBERS)
 

@@ -1,15 +1,15 @@
-"""What each UAV spent its battery on, on a mission small enough to compute by hand."""
+"""Energy bills on a mission that is small enough to compute by hand."""
 
 from __future__ import annotations
 
 import pytest
-from synthetic import flight, parallel, recorded
+from synthetic import EPOCH_NS, SLOT_NS, flight, parallel, recorded, whole
 
 from edc_swarm.analysis.energy_bill import EnergyBill, Exhausted, energy_bills, exhausted
 from edc_swarm.analysis.metrics import Timing
 from edc_swarm.emulation.energy import propulsion_power_w
 from edc_swarm.mission.configuration import EnergyModel
-from edc_swarm.protocol.messages import Event, Fix, Message, Report, Truth
+from edc_swarm.protocol.messages import Command, Event, Fix, Message, Report, Truth
 
 MODEL = EnergyModel(radio_j_per_message=0.25)
 HOVER_W = propulsion_power_w(0.0, MODEL)
@@ -18,13 +18,13 @@ STEP_J = 0.4 * propulsion_power_w(5.0, MODEL) + 0.1 * HOVER_W
 
 @pytest.fixture
 def messages() -> list[Message]:
-    """Three UAVs that wait a slot and fly 2 m in each of eight; u0 leads, u2 is heard until slot 4."""
+    """Return messages of three UAVs that hold a slot and fly 2 m in each of eight; u0 leads, u2 ends in slot 4."""
     said = flight(parallel(), guard_s=0.05, energy=MODEL)
-    return [m for m in said if not (isinstance(m, Fix | Truth) and m.uav == "u2" and m.slot > 4)]
+    return whole(m for m in said if not (isinstance(m, Fix | Truth) and m.uav == "u2" and m.slot > 4))
 
 
 def test_a_bill(messages: list[Message]) -> None:
-    """Flight outside the guards, waiting, messages, plans; who is silent pays nothing any more."""
+    """A bill has flight between the guards, hovering, messages and plans; a silent UAV adds nothing."""
     messages.append(Report(head="u1", slot=8, term=9, status="no-quorum", plan_ms=1e6, quorum=2))
     head, other, fallen = energy_bills(recorded(messages))
     spent = {"cruise_j": 8 * STEP_J, "hover_j": 0.5 * HOVER_W, "radio_j": 45 * 0.25, "compute_j": 5.0 * 54e-3}
@@ -38,22 +38,33 @@ def test_a_bill(messages: list[Message]) -> None:
 
 
 def test_who_was_never_heard_has_an_unknown_battery(messages: list[Message]) -> None:
-    """And spent nothing that is known."""
+    """A UAV without a fix has no known expenses."""
     *_, silent = energy_bills(recorded([m for m in messages if not (isinstance(m, Fix) and m.uav == "u2")]))
-    assert (silent.left_j, silent.total_j, silent.hover_s) == (None, 0.0, 0.0)
+    assert (silent.left_j, silent.total_j, silent.hover_s, silent.cruise_j) == (None, None, None, None)
+
+
+@pytest.mark.parametrize("kind", [Fix, Command, Report])
+def test_what_the_record_lacks_is_on_no_bill(messages: list[Message], kind: type) -> None:
+    """Each lost kind of message leaves unknown what is counted in it, of the UAV that said it."""
+    lost = next(m for m in messages if isinstance(m, kind) and m.slot == 3)
+    head, other, _ = energy_bills(recorded([m for m in messages if m is not lost]))
+    assert (head.cruise_j is None, head.compute_j is None) == (kind is Fix, kind is Report)
+    assert (head.radio_j, head.total_j) == (None, None)
+    assert other.total_j is not None
 
 
 def test_measured_times_replace_recorded_ones(messages: list[Message]) -> None:
-    """One for each plan of a slot, in their order; where there is none the record counts."""
+    """There is one timing for each plan of a slot, in order; plans without one keep the recorded time."""
     again = next(m for m in messages if isinstance(m, Report) and m.slot == 1)
-    messages.append(Report(head="u1", slot=1, term=2, status=again.status, plan_ms=7.0, quorum=2))
+    common = {"instance": "i1", "sent_ns": again.sent_ns + 1, "status": again.status, "quorum": 2}
+    messages.append(Report(head="u1", slot=1, term=2, plan_ms=7.0, **common))
     timings = [Timing(0, 100.0), Timing(1, 200.0), Timing(1, 300.0)]
     bills = energy_bills(recorded(messages), timings)
     assert [bill.compute_j for bill in bills] == pytest.approx([5.0 * (0.3 + 49e-3), 5.0 * 0.3, 0.0])
 
 
 def test_who_ran_empty(messages: list[Message]) -> None:
-    """In the order in which they did; other events are none."""
+    """Empty batteries are listed in the order of time; other events are ignored."""
     for uav, slot in (("u2", 5), ("u1", 7)):
-        messages.append(Event(source=uav, slot=slot, kind="battery-empty"))
+        messages.append(Event(source=uav, slot=slot, kind="battery-empty", sent_ns=EPOCH_NS + slot * SLOT_NS))
     assert exhausted(recorded(messages)) == [Exhausted("u2", 5), Exhausted("u1", 7)]

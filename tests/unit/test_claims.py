@@ -1,11 +1,11 @@
-"""The book of ids: each is issued to one claimant."""
+"""Register of ids: it issues each id to one claimant."""
 
 from __future__ import annotations
 
 import msgspec
 import pytest
 
-from edc_swarm.protocol.claims import MAX_CLAIMANTS, Claim, Claims, claimant_of, instance_name
+from edc_swarm.protocol.claims import MAX_CLAIMANTS, Claims, IdClaim, claimant_of, instance_name
 
 ANNE, BERT, CARL = (letter * 16 for letter in "abc")
 
@@ -19,13 +19,13 @@ def book() -> Claims:
     return book
 
 
-def claim(claimant: str, uavs: int = 1) -> Claim:
+def claim(claimant: str, uavs: int = 1) -> IdClaim:
     """A claim."""
-    return Claim(claimant=claimant, uavs=uavs)
+    return IdClaim(claimant=claimant, uavs=uavs)
 
 
 def test_ids_are_issued_in_order_all_or_none(book: Claims):
-    """Who asks for more than there are gets nothing."""
+    """A claimant that asks for more ids than are free gets none."""
     assert book.issue(claim(ANNE, 2)) == ["u1", "u2"]
     assert book.issue(claim(BERT, 2)) == []
     assert book.issue(claim(BERT)) == ["u3"]
@@ -33,10 +33,10 @@ def test_ids_are_issued_in_order_all_or_none(book: Claims):
 
 
 def test_an_id_is_issued_to_who_can_fly_it(book: Claims):
-    """Whoever says which it can fly gets of those alone; ids that are not remote do not count."""
-    able = Claim(claimant=ANNE, uavs=2, among=["u0", "u3", "u2"])
+    """A claimant that names the ids that it can fly gets only those; ids that are not remote do not count."""
+    able = IdClaim(claimant=ANNE, uavs=2, among=["u0", "u3", "u2"])
     assert book.free(["u0", "u1"]) == ["u1"]
-    assert book.issue(Claim(claimant=BERT, uavs=2, among=["u0", "u1"])) == []
+    assert book.issue(IdClaim(claimant=BERT, uavs=2, among=["u0", "u1"])) == []
     assert book.issue(able) == ["u2", "u3"]
     assert book.issue(claim(BERT)) == ["u1"]
 
@@ -69,7 +69,7 @@ def test_ids_of_claimants_that_have_gone_are_issued_last(book: Claims):
 
 
 def test_a_claim_that_overtakes_the_token_counts():
-    """Who has claimed but was not announced yet keeps its id."""
+    """A claimant keeps its id before its token arrives."""
     again = Claims(["u1"])
     assert again.issue(claim(ANNE)) == ["u1"]
     assert again.issue(claim(BERT)) == []
@@ -117,7 +117,7 @@ def test_a_mission_without_remote_uavs_names_no_claimants():
 
 
 def test_a_flood_of_claimants_fills_no_memory():
-    """So many are remembered; whoever is forgotten only seems to be gone."""
+    """The register remembers a limited number of claimants; a forgotten one only seems to be gone."""
     book = Claims(["u1"])
     for number in range(MAX_CLAIMANTS + 5):
         book.see_claimant(f"{number:016x}", True)
@@ -128,6 +128,6 @@ def test_a_flood_of_claimants_fills_no_memory():
 def test_what_is_no_claim_is_refused(wrong: dict[str, object]):
     """Sixteen hexadecimal digits, and as many UAVs as a mission can have."""
     right = {"claimant": ANNE, "uavs": 2000}
-    assert msgspec.convert(right, Claim).uavs == 2000
+    assert msgspec.convert(right, IdClaim).uavs == 2000
     with pytest.raises(msgspec.ValidationError):
-        msgspec.convert({**right, **wrong}, Claim)
+        msgspec.convert({**right, **wrong}, IdClaim)

@@ -317,6 +317,13 @@ def test_every_command_has_help(capsys, command: str):
     assert f"edc-swarm {command}" in capsys.readouterr().out
 
 
+@pytest.mark.parametrize("command", ["run", "sim"])
+def test_the_fault_vocabulary_is_printed(capsys, command: str):
+    """The page of the docs, and nothing is flown."""
+    assert main([command, "--fault-help"]) == 0
+    assert capsys.readouterr().out == (Path(__file__).parents[2] / "docs" / "faults.md").read_text()
+
+
 def test_version(capsys):
     """A name and a number."""
     assert main(["--version"]) == 0

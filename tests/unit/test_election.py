@@ -7,8 +7,9 @@ from typing import Any
 import msgspec
 import pytest
 
-from edc_swarm.agent.election import HANDOVER_SLOTS, Claim, Election
+from edc_swarm.agent.election import Election, TermClaim
 from edc_swarm.agent.knowledge import Grant, Knowledge
+from edc_swarm.agent.succession import HANDOVER_SLOTS
 from edc_swarm.mission.configuration import Mission, RosterEntry
 from edc_swarm.protocol.messages import Fix, Report
 
@@ -153,9 +154,11 @@ def test_a_successor_named_by_a_clock_ahead() -> None:
 
 @pytest.mark.parametrize("grant", [(1, "b"), (0, "b"), (0, "")])
 def test_no_way_to_grant_another_head_in_one_term(grant: Grant) -> None:
-    """Whoever calls for it, the one place where the grant changes refuses."""
-    voter = suspecting("d")
-    voter.election._adopt(grant)
+    """No report, claim, successor or quorum of fixes moves a UAV that suspects to a term that is not higher."""
+    term, head = grant
+    voter = suspecting("d").hear(*(fix(uav, 8, term, head) for uav in "bce"))
+    voter.election.hear_report(report(8, term=term, head=head or "b"))
+    voter.election.hear_report(report(8, term=term, head=head or "b", status="claim"))
     assert (voter.election.grant, voter.election.suspects) == ((1, "a"), True)
 
 
@@ -188,7 +191,7 @@ def test_a_claim_is_granted_by_who_suspects() -> None:
 
 
 def test_a_fix_with_a_higher_term() -> None:
-    """Who suspects grants it; who does not needs a quorum of such fixes."""
+    """A UAV that suspects grants it; one that does not needs a quorum of such fixes."""
     assert suspecting("d").hear(fix("e", 8, 2, "b")).election.grant == (2, "b")
     assert suspecting("d").hear(fix("e", 8, 2, "")).election.grant == (1, "a")
     assert suspecting("d").hear(fix("e", 8, 1, "b")).election.grant == (1, "a")
@@ -204,7 +207,7 @@ def test_the_first_standby_claims() -> None:
     voter = suspecting("b").hear(fix("d", 8, suspects=True), fix("e", 8))
     assert voter.election.claim is None
     voter.hear(fix("c", 8, suspects=True))
-    assert voter.election.claim == Claim(2, ("b", "c", "d"))
+    assert voter.election.claim == TermClaim(2, ("b", "c", "d"))
     assert voter.election.grant == (2, "b")
     assert voter.election.leads
 
@@ -268,7 +271,7 @@ def test_a_token_that_vanishes() -> None:
     voter.election.peer_gone("e")
     assert not voter.election.suspects
     voter.election.peer_gone("a")
-    assert voter.election.claim == Claim(2, ("b", "c", "d"))
+    assert voter.election.claim == TermClaim(2, ("b", "c", "d"))
     head = Voter("a")
     head.slot(5)
     head.election.planned()
@@ -325,7 +328,7 @@ def test_response_time() -> None:
         fix("d", 5, response_ms=1.0, suspects=True),
         fix("e", 5, response_ms=0.5, voter=False),
     ]
-    assert election.ranked(fixes) == ["c", "b", "a", "d"]
+    assert election.candidates.ranked(fixes) == ["c", "b", "a", "d"]
 
 
 def test_without_memory_nothing_is_ever_granted() -> None:
@@ -398,15 +401,14 @@ def test_a_split_vote_comes_together() -> None:
     """UAVs that have tried different heads, and now grant two of which neither grants itself, soon agree."""
     voters = {uav: Voter(uav, (4, "a" if uav in "bcd" else "b")) for uav in IDS}
     for uav, tried in zip(IDS, ("", "bc", "cd", "ae", "d"), strict=True):
-        voters[uav].election._in_vain = set(tried)
-        voters[uav].election._was_led = False
+        voters[uav].election.candidates.failed = set(tried)
+        voters[uav].election.candidates.led = False
     fixes = [fix(uav, 0, 4, voter.election.head, suspects=True) for uav, voter in voters.items()]
     for slot in range(1, 40):
         for voter in voters.values():
             for each in fixes:
                 voter.knowledge.hear_fix(each, slot)
             voter.election.begin_slot(slot)
-            voter.election._was_led = voter.election._was_led and voter.election.term == 4
         fixes = [
             fix(uav, slot, v.election.term, v.election.head, suspects=v.election.suspects) for uav, v in voters.items()
         ]

@@ -1,4 +1,4 @@
-"""Nothing holds on missing evidence, and nobody is accused of what may only be missing."""
+"""No guarantee holds on missing evidence, and no violation is reported that may only be missing messages."""
 
 from __future__ import annotations
 
@@ -22,14 +22,14 @@ NEEDED: dict[type, set[str]] = {
 
 
 def statuses(messages: list[Message], run_end: dict[str, str] | None = None) -> dict[str, str]:
-    """Status of every guarantee."""
+    """Return the status of every guarantee."""
     recording = recorded(messages)
     recording.run_end = run_end
     return {result.guarantee: result.status for result in check(recording)}
 
 
 def require_no_word_without_evidence(messages: list[Message], needing: set[str]) -> None:
-    """None of `needing` holds, and only G5 may be broken."""
+    """Assert that none of `needing` holds, and only G5 may be broken."""
     found = statuses(messages)
     assert {guarantee for guarantee, status in found.items() if status == "held"} & needing == set()
     assert {guarantee for guarantee, status in found.items() if status == "broken"} <= {"G5"}
@@ -38,7 +38,7 @@ def require_no_word_without_evidence(messages: list[Message], needing: set[str])
 @pytest.mark.parametrize("last_words", [True, False])
 @pytest.mark.parametrize("kind", NEEDED)
 def test_a_kind_that_is_missing_is_missed(kind: type, last_words: bool) -> None:
-    """With the publishers' last words, and without."""
+    """A missing kind of messages is noticed, with and without the publishers' `closed` events."""
     keep = [m for m in flight(parallel()) if not isinstance(m, kind) and (last_words or not isinstance(m, Event))]
     require_no_word_without_evidence(keep, NEEDED[kind])
 
@@ -46,14 +46,14 @@ def test_a_kind_that_is_missing_is_missed(kind: type, last_words: bool) -> None:
 @pytest.mark.parametrize("uav", ["u0", "u1", "u2"])
 @pytest.mark.parametrize("kind", [Fix, Truth, Command])
 def test_a_topic_that_is_missing_is_missed(kind: type, uav: str) -> None:
-    """One UAV's messages of one kind."""
+    """The missing messages of one kind by one UAV are noticed."""
     keep = [m for m in flight(parallel()) if not (isinstance(m, kind) and m.uav == uav)]
     require_no_word_without_evidence(keep, NEEDED[kind])
 
 
 @pytest.mark.parametrize("slot", range(9))
 def test_a_tail_that_is_missing_is_missed(slot: int) -> None:
-    """Everything after a slot, last words too, in every order in which a slot's messages can be cut off."""
+    """A missing end is noticed, `closed` events included, for every order of the messages in the last slot."""
     whole = flight(parallel())
     for end, message in enumerate(whole):
         if getattr(message, "slot", -1) == slot:
@@ -67,7 +67,7 @@ def test_only_fixes_prove_no_command_missing() -> None:
 
 
 def test_a_command_of_a_killed_head_may_be_missing() -> None:
-    """It never said its last number; whose number is in the record stays judged."""
+    """A killed head sent no last number; a command with a recorded number stays judged."""
     messages = flight(parallel())
     killed = Event(source="operator", sent_ns=messages[-1].sent_ns, slot=9, kind="fault", detail="kill u0 @4.4")
     messages = [m for m in messages if not isinstance(m, Event)]
@@ -83,7 +83,7 @@ def test_a_command_of_a_killed_head_may_be_missing() -> None:
 
 
 def test_g5_counts_what_the_recorder_counted() -> None:
-    """Fewer messages than `run_end` tells are a loss, whatever the numbers prove."""
+    """Fewer messages than `run_end` counts are a loss, even without a sequence gap."""
     messages = flight(parallel())
     assert statuses(messages, {"messages": str(len(messages))})["G5"] == "held"
     assert statuses(messages, {"messages": str(len(messages) + 1)})["G5"] == "broken"
@@ -91,7 +91,7 @@ def test_g5_counts_what_the_recorder_counted() -> None:
 
 
 def test_unknown_topics_are_named_in_bounds() -> None:
-    """Escaped, shortened, and so many of them."""
+    """Unknown topics are escaped, shortened, and limited in number."""
     recording = recorded(flight(parallel()))
     recording.unknown = {f"\x1b[31m{number}" + "x" * 500: 2 for number in range(9)} | {"/viz/uavs": 4}
     note = next(note for result in check(recording) for note in result.notes if "unknown topics" in note)
@@ -101,7 +101,7 @@ def test_unknown_topics_are_named_in_bounds() -> None:
 
 
 def test_a_step_that_two_heads_ordered_alike_is_judged_by_the_granted_one() -> None:
-    """A restarted UAV said nothing of a step; rivals gave bit-identical ones."""
+    """A restarted UAV did not report a step, and two rival heads sent bit-identical commands for it."""
     messages = flight(parallel())
     rivals = [
         Command(

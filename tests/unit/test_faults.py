@@ -3,15 +3,40 @@
 from __future__ import annotations
 
 import math
+from pathlib import Path
 
 import pytest
 
+from edc_swarm.emulation.machine import MACHINE_FAULTS
 from edc_swarm.errors import MissionError
-from edc_swarm.mission import faults
-from edc_swarm.mission.configuration import Mission, RosterEntry
-from edc_swarm.mission.faults import FORMS, USAGE, WORDS, Fault, parse_fault, parse_faults, resolve
+from edc_swarm.mission.configuration import FOR_GOOD_S, Mission, RosterEntry
+from edc_swarm.mission.fault_help import fault_help
+from edc_swarm.mission.faults import (
+    DECLARATIONS,
+    USAGE,
+    ChangeClock,
+    ChangeGps,
+    ChangeLink,
+    Fault,
+    Freeze,
+    Heal,
+    Kill,
+    Partition,
+    ProcessFault,
+    Restart,
+    Resume,
+    SlowSolver,
+    parse_fault,
+    parse_faults,
+    resolve,
+)
+from edc_swarm.simulation.faults import PROCESS_FAULTS
+from processes.operator.fault_injector import Injector
 
 ROSTER = ("u001", "u002", "u003", "u004", "u005")
+LINK = "link A>B [delay MS] [jitter MS] [loss P] [duplicate P] [reorder P] [range M] @WHEN [for D]"
+CLOCK = "clock TARGET [offset MS] [drift PPM] @WHEN"
+PAGE = Path(__file__).resolve().parents[2] / "docs" / "faults.md"
 
 
 def mission_with(*faults: str) -> Mission:
@@ -28,29 +53,28 @@ def mission_with(*faults: str) -> Mission:
 @pytest.mark.parametrize(
     ("text", "fault"),
     [
-        ("kill head @10", Fault("kill", ("head",), at_s=5.0)),
-        ("kill u001 mid-step @1.5s", Fault("kill", ("u001",), flags=("mid-step",), at_s=1.5)),
-        ("kill router @2 for 4", Fault("kill", ("router",), at_s=1.0, for_s=2.0)),
-        ("restart u001 lose-memory @3", Fault("restart", ("u001",), flags=("lose-memory",), at_s=1.5)),
-        ("freeze u003 @5s for 2s", Fault("freeze", ("u003",), at_s=5.0, for_s=2.0)),
-        ("resume u003 @8", Fault("resume", ("u003",), at_s=4.0)),
-        ("partition halves @10 for 20", Fault("partition", ("halves",), at_s=5.0, for_s=10.0)),
-        ("partition u1,u2|rest @0", Fault("partition", ("u1", "u2"), ("rest",), at_s=0.0)),
-        ("partition head>rest @0", Fault("partition", ("head",), ("rest",), ("one-way",), at_s=0.0)),
-        ("heal @4", Fault("heal", at_s=2.0)),
+        ("kill head @10", Kill("head", at_s=5.0)),
+        ("kill u001 mid-step @1.5s", Kill("u001", mid_step=True, at_s=1.5)),
+        ("kill router @2 for 4", Kill("router", at_s=1.0, for_s=2.0)),
+        ("restart u001 lose-memory @3", Restart("u001", lose_memory=True, at_s=1.5)),
+        ("freeze u003 @5s for 2s", Freeze("u003", at_s=5.0, for_s=2.0)),
+        ("resume u003 @8", Resume("u003", at_s=4.0)),
+        ("partition halves @10 for 20", Partition(("halves",), at_s=5.0, for_s=10.0)),
+        ("partition u1,u2|rest @0", Partition(("u1", "u2"), ("rest",), at_s=0.0)),
+        ("partition head>rest @0", Partition(("head",), ("rest",), one_way=True, at_s=0.0)),
+        ("heal @4", Heal(at_s=2.0)),
         (
             "link u1>* delay 20 jitter 5 loss 0.1 duplicate 0.2 reorder 0.3 @0",
-            Fault(
-                "link",
-                ("u1",),
-                ("*",),
-                numbers=(("delay_ms", 20), ("jitter_ms", 5), ("loss", 0.1), ("duplicate", 0.2), ("reorder", 0.3)),
+            ChangeLink(
+                "u1",
+                "*",
+                (("delay_ms", 20), ("jitter_ms", 5), ("loss", 0.1), ("duplicate", 0.2), ("reorder", 0.3)),
             ),
         ),
-        ("link *>u1 range 80 @0", Fault("link", ("*",), ("u1",), numbers=(("range_m", 80),))),
-        ("clock u1 offset -2 drift 5 @0", Fault("clock", ("u1",), numbers=(("offset_ms", -2), ("drift_ppm", 5)))),
-        ("gps u1 gauss-markov @2", Fault("gps", ("u1",), flags=("gauss-markov",), at_s=1.0)),
-        ("slow standby 300 @2 for 3", Fault("slow", ("standby",), numbers=(("by_ms", 300.0),), at_s=1.0, for_s=1.5)),
+        ("link *>u1 range 80 @0", ChangeLink("*", "u1", (("range_m", 80),))),
+        ("clock u1 offset -2 drift 5 @0", ChangeClock("u1", (("offset_ms", -2), ("drift_ppm", 5)))),
+        ("gps u1 gauss-markov @2", ChangeGps("u1", "gauss-markov", at_s=1.0)),
+        ("slow standby 300 @2 for 3", SlowSolver("standby", 300.0, at_s=1.0, for_s=1.5)),
     ],
 )  # fmt: skip
 def test_every_verb_is_read(text: str, fault: Fault) -> None:
@@ -128,10 +152,12 @@ def test_bad_faults_are_refused_in_one_line(text: str) -> None:
         ("explode head @3", f"{USAGE} (unknown fault explode)"),
         ("kill head", "kill TARGET [mid-step] @WHEN [for D] (no @WHEN)"),
         ("resume head @soon", "resume TARGET @WHEN ('soon' is no number)"),
-        ("partition u1 @3", FORMS["partition"]),
-        ("link u1>u2 loss @3", FORMS["link"]),
-        ("link u1>u2 loss 1.5 @3", f"{FORMS['link']} (a probability is at most 1)"),
-        ("clock u1 speed 3 @3", FORMS["clock"]),
+        ("partition u1 @3", "partition LEFT|RIGHT @WHEN [for D] or partition LEFT>RIGHT @WHEN [for D]"),
+        ("link u1>u2 loss @3", LINK),
+        ("link u1>u2 loss 1.5 @3", f"{LINK} (loss must be from 0 to 1)"),
+        ("clock u1 @3", f"{CLOCK} (give offset or drift)"),
+        ("clock u1 drift 1e6 @3", f"{CLOCK} (drift must be from -500000 to 500000)"),
+        ("clock u1 speed 3 @3", CLOCK),
     ],
 )
 def test_the_form_of_the_fault_is_said(text: str, allowed: str) -> None:
@@ -141,11 +167,22 @@ def test_the_form_of_the_fault_is_said(text: str, allowed: str) -> None:
     assert caught.value.allowed == allowed
 
 
-def test_the_forms_are_those_of_the_vocabulary() -> None:
-    """Every verb has a form, and it stands in the docstring that users read."""
-    assert FORMS.keys() == WORDS.keys() | {"heal"}
-    lines = (form for forms in FORMS.values() for form in forms.split(" or "))
-    assert all(line in (faults.__doc__ or "") for line in lines)
+def test_the_help_has_every_declaration() -> None:
+    """Syntax, effect, bounds and who carries it out; every syntax line is one that the parser's error quotes."""
+    page = fault_help()
+    for declaration in DECLARATIONS.values():
+        section = page.split(f"## {declaration.verb}\n")[1].split("\n## ")[0]
+        assert [line.strip() for line in section.splitlines() if line.startswith("    ")] == declaration.syntaxes
+        assert str(declaration.kind.__doc__) in section
+        assert f"Carried out by {declaration.kind.carrier}." in section
+        with pytest.raises(MissionError) as caught:
+            parse_fault(f"{declaration.verb} @", 0.5)
+        assert " or ".join(declaration.syntaxes) in caught.value.allowed
+
+
+def test_the_page_of_the_docs_is_current() -> None:
+    """`edc-swarm run --fault-help > docs/faults.md` writes it anew."""
+    assert PAGE.read_text() == fault_help()
 
 
 @pytest.mark.parametrize(
@@ -176,27 +213,30 @@ def test_faults_are_about_uavs_of_the_roster(text: str) -> None:
 def test_faults_come_by_time() -> None:
     """The order in the mission file does not matter."""
     faults = parse_faults(mission_with("kill u002 @9", "kill router @1s", "heal @3"))
-    assert [fault.verb + "".join(fault.left) for fault in faults] == ["killrouter", "heal", "killu002"]
+    assert [fault.declaration.verb + "".join(fault.names) for fault in faults] == ["killrouter", "heal", "killu002"]
 
 
 @pytest.mark.parametrize(
-    ("text", "left", "right"),
+    ("text", "resolved"),
     [
-        ("kill head @1", ("u003",), ()),
-        ("kill standby @1", ("u001",), ()),
-        ("kill router @1", ("router",), ()),
-        ("partition halves @1", ("u001", "u002"), ("u003", "u004", "u005")),
-        ("partition head|rest @1", ("u003",), ("u001", "u002", "u004", "u005")),
-        ("partition rest>head @1", ("u001", "u002", "u004", "u005"), ("u003",)),
-        ("partition head,standby|u002 @1", ("u003", "u001"), ("u002",)),
-        ("link head>* @1", ("u003",), ("*",)),
+        ("kill head @1", "kill u003 @0.5s"),
+        ("kill standby @1", "kill u001 @0.5s"),
+        ("kill router @1", "kill router @0.5s"),
+        ("heal @1", "heal @0.5s"),
+        ("partition halves @1", "partition u001,u002|u003,u004,u005 @0.5s"),
+        ("partition head|rest @1", "partition u003|u001,u002,u004,u005 @0.5s"),
+        ("partition rest>head @1", "partition u001,u002,u004,u005>u003 @0.5s"),
+        ("partition head,standby|u002 @1", "partition u003,u001|u002 @0.5s"),
+        ("link head>* jitter 3 delay 2 @1", "link u003>* jitter 3 delay 2 @0.5s"),
     ],
 )
-def test_words_become_ids(text: str, left: tuple[str, ...], right: tuple[str, ...]) -> None:
+def test_words_become_ids(text: str, resolved: str) -> None:
     """`head`, `standby`, `halves` and `rest` mean those of the moment; order and direction stay."""
-    found = resolve(parse_fault(text, 0.5), "u003", ["u001", "u005"], ROSTER)
+    fault = parse_fault(text, 0.5)
+    found = resolve(fault, "u003", ["u001", "u005"], ROSTER)
+    assert str(found) == resolved
     assert found is not None
-    assert (found.left, found.right) == (left, right)
+    assert found.without_names() == fault.without_names()
 
 
 @pytest.mark.parametrize("text", ["kill head @1", "kill standby @1", "partition head|rest @1", "link *>head @1"])
@@ -208,8 +248,23 @@ def test_nobody_to_be_meant(text: str) -> None:
 def test_times() -> None:
     """A fault without `for` is for good; the link rule has the fault's window."""
     assert parse_fault("partition halves @4", 0.5).end_s == math.inf
-    rule = parse_fault("link u1>* loss 0.25 delay 7 @4 for 6", 0.5).link()
+    rule = _link("link u1>* loss 0.25 delay 7 @4 for 6").rule()
     assert (rule.sender, rule.receiver, rule.loss, rule.delay_ms, rule.start_s, rule.end_s) == (
         "u1", "*", 0.25, 7.0, 2.0, 5.0,
     )  # fmt: skip
-    assert parse_fault("link u1>* loss 0.25 @4", 0.5).link().end_s == 1e9
+    assert _link("link u1>* loss 0.25 @4").rule().end_s == FOR_GOOD_S
+
+
+def _link(text: str) -> ChangeLink:
+    fault = parse_fault(text, 0.5)
+    assert isinstance(fault, ChangeLink)
+    return fault
+
+
+def test_every_fault_has_a_handler() -> None:
+    """The tables of the simulator, of the machines and of the injector hold every kind, each where it belongs."""
+    kinds = {declaration.kind for declaration in DECLARATIONS.values()}
+    processes = {kind for kind in kinds if issubclass(kind, ProcessFault)}
+    assert MACHINE_FAULTS.kinds == kinds - processes
+    assert PROCESS_FAULTS.kinds == processes
+    assert Injector.HANDLERS.kinds == processes

@@ -1,4 +1,4 @@
-"""A recording of an earlier version is read by this one: recordings outlive code."""
+"""This version reads a recording of an earlier one, since recordings outlive code."""
 
 from __future__ import annotations
 
@@ -27,12 +27,12 @@ HEADS = [(1, "u004", 1, 7), (2, "u001", 10, 23)]
 
 @pytest.fixture(scope="module")
 def golden() -> Recording:
-    """The recording."""
+    """Return the recording."""
     return read_recording(GOLDEN)
 
 
 def test_every_message_is_still_understood(golden: Recording) -> None:
-    """Nothing is garbage, and every topic of the view still has the same schema's name."""
+    """There is no garbage, and every topic for viewers has the same schema name."""
     assert golden.garbage == []
     assert golden.run["format"] == "1"
     assert golden.run_end == {"messages": str(golden.message_count + sum(golden.unknown.values())), "dropped": "0"}
@@ -42,7 +42,7 @@ def test_every_message_is_still_understood(golden: Recording) -> None:
 
 
 def test_its_metrics_are_what_they_were(golden: Recording) -> None:
-    """A change here is a change of what a metric means."""
+    """A change here is a change in the definition of a metric."""
     metrics = compute_metrics(golden)
     assert (metrics.uavs, metrics.slots, metrics.arrived, metrics.completed) == (4, SLOTS, 4, True)
     assert (metrics.potential_collisions, metrics.true_collisions, metrics.gaps) == (0, 0, 0)
@@ -56,18 +56,18 @@ def test_its_metrics_are_what_they_were(golden: Recording) -> None:
 
 
 def test_every_guarantee_still_holds(golden: Recording) -> None:
-    """No checker has become stricter than the promise."""
+    """No checker is stricter than the guarantee."""
     assert [result.guarantee for result in check(golden) if result.broken] == []
 
 
 def test_the_layout_beside_it_is_that_of_the_default_mission() -> None:
-    """What users import is what recordings carry."""
+    """The layout for import equals the one in recordings."""
     mission = mission_message(complete_mission(Mission()))
     assert (FOLDER / "foxglove-layout.json").read_bytes() == layout_bytes(mission)
 
 
 def test_it_carries_its_layout_and_its_mission() -> None:
-    """As attachments, for whoever has only the file."""
+    """The file alone contains both as attachments."""
     file = McapFile(GOLDEN)
     list(file.messages())
     assert set(file.attachments) == {"mission.json", "foxglove-layout.json"}

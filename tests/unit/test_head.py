@@ -8,9 +8,9 @@ from typing import Any
 import pytest
 
 from edc_swarm.agent.head import ABSENT_SLOTS, Head
-from edc_swarm.agent.knowledge import Knowledge, Stadium
+from edc_swarm.agent.knowledge import Knowledge
 from edc_swarm.mission.configuration import Mission, RosterEntry
-from edc_swarm.planner.interface import Plan, PlanRequest
+from edc_swarm.planner.interface import Hull, Plan, PlanRequest
 from edc_swarm.protocol.messages import Fix
 
 IDS = ("a", "b", "c", "d")
@@ -139,9 +139,9 @@ def test_hulls_of_all_who_are_not_heard() -> None:
     """Never heard, heard with another grant, heard earlier: each has one."""
     leader = head(*three(), fix("d", 3))
     leader.plan(5, Moves())
-    assert leader.hulls(5) == {"d": Stadium(60, 0, 60, 0)}
+    assert leader.hulls(5) == {"d": Hull(3, 60, 0, 60, 0, 0.0, 5)}
     assert set(leader.hulls(6)) == set(IDS)
-    assert leader.hulls(6)["b"] == Stadium(20, 0, 20, 1.5)
+    assert leader.hulls(6)["b"] == Hull(1, 20, 0, 20, 1.5, 0.0, 5)
 
 
 def test_commands() -> None:
@@ -157,7 +157,7 @@ def test_commands() -> None:
 
 
 def test_the_report() -> None:
-    """Who was heard, who was not and where it can be, what planning took."""
+    """It names the UAVs heard, the unheard ones with their hulls, and the times of planning."""
     report = head(*three()).plan(5, Moves()).report
     assert (report.head, report.slot, report.term, report.status) == ("a", 5, 2, "planned")
     assert (report.heard, report.grants, report.unheard, report.quorum) == (["a", "b", "c"], ["a", "b", "c"], ["d"], 3)

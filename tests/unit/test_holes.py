@@ -30,7 +30,7 @@ class Watch:
         return [self.holes.heard(key, instance, seq, payload, self.now_s) for seq in seqs]
 
     def asks(self, after_s: float = 0.0) -> list[tuple[tuple[str, str], Ask]]:
-        """Who is asked for what, some time later."""
+        """The requests due some time later."""
         self.now_s += after_s
         return self.holes.due(self.now_s)
 
@@ -47,7 +47,7 @@ def watch() -> Watch:
 
 
 def test_nothing_is_asked_where_nothing_is_missing(watch: Watch):
-    """Nor does anything wait."""
+    """No request is due."""
     assert watch.hear(0, 1, 2) == [True] * 3
     assert watch.asks(10.0) == []
     assert (watch.holes.next_s, watch.holes.outstanding) == (None, False)
@@ -66,7 +66,7 @@ def test_a_hole_is_asked_for_and_filled(watch: Watch):
 
 
 def test_a_partial_answer_leads_to_the_next_ask_at_once(watch: Watch):
-    """Whoever answers a little at a time is asked for the rest."""
+    """A publisher that answers in parts gets a request for the rest."""
     watch.hear(5)
     watch.asks(GATHER_S)
     assert watch.answer([(FIX, 0), (FIX, 1)], [(FIX, 2)]) == [0, 1]
@@ -110,7 +110,7 @@ def test_another_hole_wakes_a_publisher_that_was_given_up(watch: Watch):
 
 
 def test_a_hole_during_an_ask_waits_for_the_answer(watch: Watch):
-    """What is under way is not asked for twice."""
+    """The recorder does not repeat a request that is under way."""
     watch.hear(1)
     watch.asks(GATHER_S)
     watch.hear(3)
@@ -120,7 +120,7 @@ def test_a_hole_during_an_ask_waits_for_the_answer(watch: Watch):
 
 
 def test_nothing_is_recorded_twice(watch: Watch):
-    """Nor what nobody asked for: an answer twice, a message after it was fetched or before, keys never heard of."""
+    """It ignores answers without a request: one sent twice, one that came by itself, keys never heard of."""
     watch.hear(0, 3)
     watch.asks(GATHER_S)
     assert watch.hear(1) == [True]
@@ -148,7 +148,7 @@ def test_what_really_was_said_twice_is_recorded_twice(watch: Watch):
 
 
 def test_the_last_word_tells_of_a_tail(watch: Watch):
-    """Also on keys of which nothing has come at all, and on those that a publisher names without the mission."""
+    """It names keys without any message too, and may name keys without the mission."""
     watch.hear(0)
     watch.holes.closed("a", "1-x", {FIX: 1, EVENT: 0}, watch.now_s)
     watch.holes.closed("viz", "9-y", {"viz/uavs": 0}, watch.now_s)
@@ -197,7 +197,7 @@ def test_a_hole_during_an_ask_is_asked_for_as_often_as_any(watch: Watch):
 
 
 def test_strangers_are_not_asked_before_they_are_known(watch: Watch):
-    """Nor is anybody waited for meanwhile."""
+    """They delay no request to others either."""
     watch.hear(1, key=KEYS.fix("z"))
     assert watch.asks(10.0) == []
     assert (watch.holes.outstanding, watch.holes.next_s) == (False, None)
@@ -213,7 +213,7 @@ def test_what_nobody_counts_is_left_alone(watch: Watch):
 
 
 def test_only_the_end_of_a_huge_hole_is_asked_for(watch: Watch):
-    """Whoever makes up a number makes no endless work."""
+    """An invented number makes no endless work."""
     watch.hear(1 << 50)
     ((_, ask),) = watch.asks(GATHER_S)
     assert ask.wanted == [Span(FIX, (1 << 50) - MAX_HOLE, (1 << 50) - 1)]
@@ -247,7 +247,7 @@ def test_who_is_not_asked_yet_takes_nobodys_turn(watch: Watch):
 
 
 def test_holes_are_bounded(watch: Watch, monkeypatch: pytest.MonkeyPatch):
-    """What is beyond the bound stays a gap."""
+    """Messages beyond the limit stay a gap."""
     monkeypatch.setattr(gap_repair, "MAX_HOLES", 2)
     watch.hear(1, 3, 5)
     ((_, ask),) = watch.asks(GATHER_S)
@@ -273,5 +273,5 @@ def test_holes_are_bounded(watch: Watch, monkeypatch: pytest.MonkeyPatch):
     ],
 )
 def test_who_publishes_on_a_key(key: str, source: str):
-    """By the key alone."""
+    """The key alone names the publisher."""
     assert source_of(key) == source

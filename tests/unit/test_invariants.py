@@ -1,4 +1,4 @@
-"""Every checker can fail: one fault planted in a faultless mission is found, where and when."""
+"""Each checker finds one fault planted in a faultless mission, with its place and time."""
 
 from __future__ import annotations
 
@@ -26,27 +26,27 @@ ALL = ("G1", "G2", "G3", "G4", "G5", "G7")
 
 @pytest.fixture
 def messages() -> list[Message]:
-    """Three UAVs that fly north side by side; u0 leads."""
+    """Return the messages of three UAVs that fly north side by side, with head u0."""
     return flight(parallel())
 
 
 def results(messages: list[Message]) -> dict[str, GuaranteeResult]:
-    """Verdicts by guarantee."""
+    """Return the verdicts by guarantee."""
     return {result.guarantee: result for result in check(recorded(messages))}
 
 
 def broken(messages: list[Message]) -> set[str]:
-    """Guarantees that are broken."""
+    """Return the broken guarantees."""
     return {guarantee for guarantee, result in results(messages).items() if result.broken}
 
 
 def found(messages: list[Message], guarantee: str, kind: str) -> Violation:
-    """The first violation of that kind."""
+    """Return the first violation of that kind."""
     return next(v for v in results(messages)[guarantee].violations if v.kind == kind)
 
 
 def drop(messages: list[Message], kind: type, **fields: object) -> None:
-    """Take out of the record every message whose fields are these."""
+    """Remove every message with these field values from the record."""
     messages[:] = [
         m
         for m in messages
@@ -55,13 +55,13 @@ def drop(messages: list[Message], kind: type, **fields: object) -> None:
 
 
 def test_a_faultless_mission_holds_every_guarantee(messages: list[Message]) -> None:
-    """Nothing planted, nothing found."""
+    """A faultless mission has no violation."""
     assert {guarantee: result.status for guarantee, result in results(messages).items()} == dict.fromkeys(ALL, "held")
     assert all(not result.notes for result in results(messages).values())
 
 
 def test_an_empty_record_proves_nothing() -> None:
-    """Where nothing is recorded nothing is judged, and nobody is accused."""
+    """An empty record gives no verdict and no violation."""
     assert {result.status for result in results(flight(parallel())[:1]).values()} == {"not-judged"}
 
 
@@ -69,7 +69,7 @@ def test_an_empty_record_proves_nothing() -> None:
 
 
 def test_g1_finds_two_heads_of_one_term(messages: list[Message]) -> None:
-    """A second head's commands in the same term are enough."""
+    """A second head's commands in the same term are a violation."""
     template = next(m for m in messages if isinstance(m, Command) and m.slot == 5)
     messages.append(msgspec.structs.replace(template, head="u1", instance="i9", seq=0, uav="u1"))
     violation = found(messages, "G1", "two-heads")
@@ -78,13 +78,13 @@ def test_g1_finds_two_heads_of_one_term(messages: list[Message]) -> None:
 
 
 def test_g1_finds_a_plan_without_a_quorum(messages: list[Message]) -> None:
-    """The mission's roster counts, whatever the report says is needed."""
+    """The quorum follows from the mission's roster, not from the report."""
     change(messages, {"slot": 3}, Report, grants=["u0"], quorum=1)
     assert found(messages, "G1", "no-quorum").slot == 3
 
 
 def test_g1_finds_grants_that_no_fix_gives(messages: list[Message]) -> None:
-    """Every grant in a report is backed by a fix of that slot; a UAV without memory gives none, said twice or not."""
+    """A grant in a report needs a fix of that slot; a UAV without memory grants nothing, retransmitted or not."""
     change(messages, {"uav": "u2", "slot": 3}, Fix, voter=False)
     for _ in range(2):
         violation = found(messages, "G1", "grant-without-fix")
@@ -93,14 +93,14 @@ def test_g1_finds_grants_that_no_fix_gives(messages: list[Message]) -> None:
 
 
 def test_g1_finds_commands_to_the_unheard(messages: list[Message]) -> None:
-    """Only UAVs whose fix grants the term are commanded."""
+    """Only a UAV whose fix grants the term may be commanded."""
     change(messages, {"uav": "u2", "slot": 3}, Fix, term=0, head="")
     violation = found(messages, "G1", "command-to-unheard")
     assert (violation.slot, violation.uavs) == (4, ["u2"])
 
 
 def test_g1_finds_commands_without_report_or_quorum(messages: list[Message]) -> None:
-    """A head that dies before its report is judged by the fixes."""
+    """The fixes judge a head that dies before it sends its report."""
     drop(messages, Report, slot=7)
     assert "G1" not in broken(messages)
     messages[:] = [
@@ -111,7 +111,7 @@ def test_g1_finds_commands_without_report_or_quorum(messages: list[Message]) -> 
 
 
 def test_g1_does_not_miss_grants_that_the_record_has_lost(messages: list[Message]) -> None:
-    """What is missing from the record is G5's to say, not a broken promise."""
+    """A message that is missing from the record breaks G5, not G1."""
     for uav in ("u1", "u2"):
         drop(messages, Fix, uav=uav, slot=7)
     assert "G1" not in broken(messages)
@@ -119,7 +119,7 @@ def test_g1_does_not_miss_grants_that_the_record_has_lost(messages: list[Message
 
 
 def test_g1_finds_a_second_plan(messages: list[Message]) -> None:
-    """One plan per term and slot."""
+    """A head may plan once per term and slot."""
     report = next(m for m in messages if isinstance(m, Report) and m.slot == 2)
     command = next(m for m in messages if isinstance(m, Command) and m.slot == 6)
     messages += [
@@ -131,14 +131,14 @@ def test_g1_finds_a_second_plan(messages: list[Message]) -> None:
 
 
 def test_g1_finds_a_term_that_goes_down(messages: list[Message]) -> None:
-    """Terms only grow, at every UAV."""
+    """The term of a UAV never decreases."""
     change(messages, {"uav": "u1", "slot": 4}, Fix, term=0, head="")
     violation = found(messages, "G1", "term-decreased")
     assert (violation.slot, violation.uavs) == (4, ["u1"])
 
 
 def test_g1_finds_a_changed_grant(messages: list[Message]) -> None:
-    """Within a term the head never changes."""
+    """A UAV never changes the head that it granted in a term."""
     change(messages, {"uav": "u1", "slot": 4}, Fix, head="u2")
     kinds = [(v.kind, v.slot) for v in results(messages)["G1"].violations if v.uavs == ["u1"]]
     assert ("grant-changed", 4) in kinds
@@ -149,7 +149,7 @@ def test_g1_finds_a_changed_grant(messages: list[Message]) -> None:
 
 
 def test_g1_believes_no_grant_of_a_uav_without_memory(messages: list[Message]) -> None:
-    """It says term 0, and that is no promise broken."""
+    """A UAV without memory reports term 0, which is no decrease."""
     change(messages, {"uav": "u2", "slot": 8}, Fix, voter=False, term=0, head="")
     assert {v.kind for v in results(messages)["G1"].violations} == {"grant-without-fix", "command-to-unheard"}
 
@@ -158,14 +158,14 @@ def test_g1_believes_no_grant_of_a_uav_without_memory(messages: list[Message]) -
 
 
 def test_g2_finds_an_unpublished_command(messages: list[Message]) -> None:
-    """What is executed is in the record."""
+    """An executed command must be in the record."""
     change(messages, {"uav": "u1", "slot": 3}, Fix, command_seq=77)
     violation = found(messages, "G2", "no-such-command")
     assert (violation.slot, violation.uavs) == (3, ["u1"])
 
 
 def test_g2_finds_a_command_of_another_slot(messages: list[Message]) -> None:
-    """Executing yesterday's command again is executing it twice."""
+    """A UAV that executes the command of an earlier slot executes it twice."""
     change(messages, {"uav": "u1", "slot": 4}, Fix, command_seq=2)
     violation = found(messages, "G2", "other-slot")
     assert (violation.slot, violation.uavs) == (4, ["u1"])
@@ -173,7 +173,7 @@ def test_g2_finds_a_command_of_another_slot(messages: list[Message]) -> None:
 
 
 def test_g2_finds_a_command_of_a_head_not_granted(messages: list[Message]) -> None:
-    """The command's term and head are those of the grant."""
+    """The term and the head of a command are those of the grant."""
     for slot in range(20):
         change(messages, {"uav": "u1", "slot": slot}, Fix, term=1, head="u2")
     violation = found(messages, "G2", "not-granted")
@@ -181,14 +181,14 @@ def test_g2_finds_a_command_of_a_head_not_granted(messages: list[Message]) -> No
 
 
 def test_g2_finds_a_command_of_a_term_already_left(messages: list[Message]) -> None:
-    """A newer grant before the tick discards what is pending; one given in the slot does not."""
+    """A newer grant before the tick discards the pending command; one within the slot does not."""
     change(messages, {"uav": "u1", "slot": 3}, Fix, term=2, head="u2")
     violations = [v for v in results(messages)["G2"].violations if v.kind == "not-granted"]
     assert [(v.slot, v.uavs) for v in violations] == [(slot, ["u1"]) for slot in range(4, 9)]
 
 
 def test_g2_accepts_the_handover_slot() -> None:
-    """The command of the old term is flown in the slot whose fix grants the new one."""
+    """A UAV flies the command of the old term in the slot whose fix grants the new one."""
     messages = flight(parallel(steps=3))
     for k in range(3):
         change(messages, {"uav": f"u{k}", "slot": 3}, Fix, term=2, head="u1")
@@ -199,7 +199,7 @@ def test_g2_accepts_the_handover_slot() -> None:
 
 
 def test_g2_finds_a_late_command(messages: list[Message]) -> None:
-    """A command is sent before its slot begins."""
+    """A head sends a command before its slot begins."""
     change(messages, {"uav": "u1", "slot": 5}, Command, sent_ns=EPOCH_NS + 5 * SLOT_NS + 3_000_000)
     violation = found(messages, "G2", "late")
     assert (violation.slot, violation.uavs) == (5, ["u1"])
@@ -208,28 +208,28 @@ def test_g2_finds_a_late_command(messages: list[Message]) -> None:
 
 @pytest.mark.parametrize(("after_ns", "status"), [(100_000_000, "held"), (100_000_001, "broken")])
 def test_g2_allows_for_the_clocks_of_sender_and_receiver(after_ns: int, status: str) -> None:
-    """Each may be off by the guard, which is mission time."""
+    """The clocks of sender and receiver may each be off by the guard, which is mission time."""
     messages = flight(parallel(), dt_s=1.0, time_scale=2.0, guard_s=0.1)
     change(messages, {"uav": "u1", "slot": 5}, Command, sent_ns=EPOCH_NS + 5 * SLOT_NS + after_ns)
     assert results(messages)["G2"].status == status
 
 
 def test_g2_finds_a_start_elsewhere(messages: list[Message]) -> None:
-    """A step starts exactly at the own waypoint."""
+    """A step starts exactly at the UAV's waypoint."""
     change(messages, {"uav": "u1", "slot": 5}, Command, start_y_m=8.0 + 1e-12)
     violation = found(messages, "G2", "other-start")
     assert (violation.slot, violation.uavs) == (5, ["u1"])
 
 
 def test_g2_finds_a_target_elsewhere(messages: list[Message]) -> None:
-    """A step ends exactly where it was commanded to."""
+    """A step ends exactly at the commanded point."""
     change(messages, {"uav": "u1", "slot": 5}, Command, target_y_m=9.5)
     violation = found(messages, "G2", "other-target")
     assert (violation.slot, violation.value_m) == (5, pytest.approx(0.5))
 
 
 def test_g2_finds_a_step_too_long() -> None:
-    """No step is longer than a slot allows."""
+    """No step is longer than u_max."""
     messages = flight([straight((0, 0), (0, 9), 3)])
     assert found(messages, "G2", "too-long").value_m == pytest.approx(3.0)
 
@@ -242,13 +242,13 @@ def test_g2_finds_a_truth_that_goes_its_own_way(messages: list[Message]) -> None
 
 
 def test_g2_finds_execution_without_memory(messages: list[Message]) -> None:
-    """A UAV that lost its promise executes nothing."""
+    """A UAV that lost its promise executes no command."""
     change(messages, {"uav": "u1", "slot": 5}, Fix, voter=False)
     assert found(messages, "G2", "without-memory").slot == 5
 
 
 def test_a_fix_sent_again_in_its_slot_is_normal(messages: list[Message]) -> None:
-    """With another suspicion the same step is told once more."""
+    """A retransmitted fix with another suspicion reports the same step once more."""
     fix = next(m for m in messages if isinstance(m, Fix) and m.uav == "u1" and m.slot == 8)
     position = messages.index(fix)
     messages.insert(position + 1, msgspec.structs.replace(fix, suspects=True, seq=9))
@@ -260,7 +260,7 @@ def test_a_fix_sent_again_in_its_slot_is_normal(messages: list[Message]) -> None
 
 
 def test_of_two_commands_with_one_number_the_one_obeyed_is_judged(messages: list[Message]) -> None:
-    """A head that was started again counts anew."""
+    """A restarted head counts its commands from 0 again, so two commands can have one number."""
     command = next(m for m in messages if isinstance(m, Command) and m.uav == "u1" and m.slot == 5)
     rival = msgspec.structs.replace(command, instance="i0b", target_y_m=command.start_y_m)
     messages.insert(messages.index(command), rival)
@@ -271,7 +271,7 @@ def test_of_two_commands_with_one_number_the_one_obeyed_is_judged(messages: list
 
 
 def detour_with_a_hole() -> list[Message]:
-    """u0 flies round u1, but of slots 2 to 6 nothing is recorded; straight on it would have met u1."""
+    """Return messages of u0 flying round u1, without those of slots 2 to 6; the straight line would meet u1."""
     corners = [(0.0, 0.0), (0.0, 40.0), (60.0, 40.0), (60.0, 0.0)]
     legs = [straight(a, b, 3)[:-1] for a, b in pairwise(corners)]
     messages = flight([[*chain(*legs), corners[-1]], [(30.0, 20.0)] * 10], v_max_mps=100.0)
@@ -279,17 +279,17 @@ def detour_with_a_hole() -> list[Message]:
 
 
 def test_nobody_is_accused_of_what_the_record_has_lost() -> None:
-    """A frozen recorder breaks G5 and nothing else; the metrics see no collision either."""
+    """A frozen recorder breaks G5 and nothing else, and no metric counts a collision."""
     messages = detour_with_a_hole()
     assert broken(messages) == {"G5"}
     metrics = compute_metrics(recorded(messages))
-    assert (metrics.potential_collisions, metrics.true_collisions) == (0, 0)
+    assert (metrics.potential_collisions, metrics.true_collisions) == (None, None)
     assert metrics.min_disc_gap_m is not None
     assert metrics.min_disc_gap_m > 0
 
 
 def test_a_command_that_the_record_has_lost_was_published(messages: list[Message]) -> None:
-    """Its number is in a hole; one beyond every hole is nobody's."""
+    """A command whose number is in a sequence gap was published; one with a number beyond every gap was not."""
     drop(messages, Command, uav="u1", seq=4)
     assert broken(messages) == {"G5"}
     for uav, slot, seq in (("u1", 5, 400), ("u1", 8, 2), ("u2", 8, 4)):
@@ -299,7 +299,7 @@ def test_a_command_that_the_record_has_lost_was_published(messages: list[Message
 
 
 def test_a_jump_is_found_where_nothing_was_lost() -> None:
-    """Silence without a hole in the numbers is the UAV's own."""
+    """A slot without a fix and without a sequence gap counts as silence of the UAV."""
     messages = detour_with_a_hole()
     for slot in range(7, 10):
         for kind in (Fix, Truth):
@@ -308,7 +308,7 @@ def test_a_jump_is_found_where_nothing_was_lost() -> None:
 
 
 def test_around_a_hole_everything_is_judged() -> None:
-    """Discs that overlap right before it, and right after it."""
+    """Discs that overlap just before or just after a gap are found."""
     for slot in (1, 7):
         messages = detour_with_a_hole()
         change(messages, {"uav": "u0", "slot": slot}, Fix, waypoint_x_m=30.0, waypoint_y_m=25.0)
@@ -319,7 +319,7 @@ def test_around_a_hole_everything_is_judged() -> None:
 
 
 def died_in_slot_4() -> list[Message]:
-    """u2 accepts its step of slot 4, dies before it says so, and is back in slot 6, holding."""
+    """Return messages of u2 that accepts its step of slot 4, dies before its fix, and holds from slot 6 on."""
     paths = parallel()
     paths[2] = [*paths[2][:5], *[paths[2][4]] * 10]
     messages = flight(paths)
@@ -336,7 +336,7 @@ def died_in_slot_4() -> list[Message]:
 
 
 def close_successor(messages: list[Message]) -> None:
-    """Let the process that followed u2's first one say its last word; the first one never did."""
+    """Add the `closed` event of the process that followed u2's first one, which sent none."""
     close(messages)
     drop(messages, Event, instance="i2")
 
@@ -351,7 +351,7 @@ def test_a_step_accepted_in_silence_is_found_in_the_commands() -> None:
 
 
 def test_a_step_accepted_in_silence_needs_a_command() -> None:
-    """Without a command the move is a move without a command."""
+    """A move without any recorded command is a violation."""
     messages = died_in_slot_4()
     drop(messages, Command, uav="u2", slot=4)
     violation = found(messages, "G4", "moved-without-command")
@@ -359,14 +359,14 @@ def test_a_step_accepted_in_silence_needs_a_command() -> None:
 
 
 def test_a_silent_step_must_obey_the_grant_too() -> None:
-    """Fencing holds for the steps that nobody spoke of."""
+    """A step without a fix must obey the UAV's grant."""
     messages = died_in_slot_4()
     change(messages, {"uav": "u2", "slot": 3}, Fix, term=2, head="u1")
     assert [(v.slot, v.uavs) for v in results(messages)["G2"].violations if v.kind == "not-granted"] == [(4, ["u2"])]
 
 
 def test_a_silent_step_is_judged_by_what_was_granted_before_it() -> None:
-    """A newer grant after it takes nothing back; where nothing was ever said nothing was granted."""
+    """A newer grant after a step changes nothing; without any fix there is no grant."""
     messages = died_in_slot_4()
     for slot in range(6, 20):
         change(messages, {"uav": "u2", "slot": slot}, Fix, term=2, head="u1")
@@ -378,14 +378,14 @@ def test_a_silent_step_is_judged_by_what_was_granted_before_it() -> None:
 
 
 def test_a_silent_step_must_be_valid_too() -> None:
-    """Who explains it came too late."""
+    """A step without a fix is invalid if its command was sent too late."""
     messages = died_in_slot_4()
     change(messages, {"uav": "u2", "slot": 4}, Command, sent_ns=EPOCH_NS + 4 * SLOT_NS + 1)
     assert found(messages, "G2", "late").slot == 4
 
 
 def test_the_truth_tells_of_a_last_step() -> None:
-    """A UAV whose battery ends says its truth and no fix any more; of two commands it tells which was flown."""
+    """A UAV with an empty battery publishes a truth without a fix; the truth decides which of two commands it flew."""
     messages = flight(parallel())
     for slot in range(4, 20):
         drop(messages, Fix, uav="u2", slot=slot)
@@ -403,7 +403,7 @@ def test_the_truth_tells_of_a_last_step() -> None:
 
 
 def forgot_after_slot_4(back: int) -> list[Message]:
-    """u2 accepts its step of slot 4, dies unheard and is back in slot `back` without its memory."""
+    """Return messages of u2 that accepts its step of slot 4, dies unheard, and has no memory from slot `back` on."""
     paths = parallel()
     paths[2] = [*paths[2][:5], *[paths[2][4]] * 10]
     messages = flight(paths)
@@ -424,7 +424,7 @@ def forgot_after_slot_4(back: int) -> list[Message]:
 
 @pytest.mark.parametrize("back", [4, 5, 6])
 def test_the_truth_tells_of_a_step_that_was_forgotten(back: int) -> None:
-    """Across a loss of memory the truth is one commanded step further: the disc has moved with it."""
+    """After a loss of memory the truth is one commanded step further, so the disc has moved by that step."""
     messages = forgot_after_slot_4(back)
     verdicts = results(messages)
     assert [verdicts[guarantee].where for guarantee in ("G2", "G3", "G4")] == [[], [], []]
@@ -433,14 +433,14 @@ def test_the_truth_tells_of_a_step_that_was_forgotten(back: int) -> None:
 
 
 def test_one_and_the_same_process_cannot_forget_a_step() -> None:
-    """Without a restart in between, a truth that jumps is a jump."""
+    """Without a restart, a jump of the truth is a violation."""
     messages = forgot_after_slot_4(back=4)
     change(messages, {"uav": "u2", "instance": "i2b"}, Truth, instance="i2")
     assert found(messages, "G4", "truth-jumped").slot == 4
 
 
 def test_two_truths_of_one_slot_are_one_motion(messages: list[Message]) -> None:
-    """A UAV that says its step, dies, and comes back in the same slot without memory says it holds."""
+    """A UAV reports its step, dies, and returns in the same slot without memory, holding."""
     truth = next(m for m in messages if isinstance(m, Truth) and m.uav == "u2" and m.slot == 8)
     held = {"from_x_m": truth.to_x_m, "from_y_m": truth.to_y_m, "instance": "i2b", "seq": 0}
     messages.append(msgspec.structs.replace(truth, **held))
@@ -454,7 +454,7 @@ def test_two_truths_of_one_slot_are_one_motion(messages: list[Message]) -> None:
 
 
 def test_a_truth_that_was_still_to_be_said_is_no_lie(messages: list[Message]) -> None:
-    """A UAV says its step in a fix and dies before its truth; in the same slot its successor is where that leads."""
+    """A UAV reports its step and dies before its truth; its successor starts at the end of that step."""
     truth = next(m for m in messages if isinstance(m, Truth) and m.uav == "u2" and m.slot == 8)
     there = {"from_x_m": truth.to_x_m, "from_y_m": truth.to_y_m, "instance": "i2b", "seq": 0}
     messages[messages.index(truth)] = msgspec.structs.replace(truth, **there)
@@ -486,7 +486,7 @@ def test_g3_finds_discs_that_overlap_between_slot_ends() -> None:
 
 
 def test_g3_counts_slots_of_an_overlap_once_per_pair() -> None:
-    """A pair is one violation, told at its first slot, with the greatest depth."""
+    """Each pair is one violation, with its first slot and its greatest depth."""
     messages = flight([straight((0, 0), (0, 20), 10), straight((9, 20), (9, 0), 10)], planner="straight")
     overlaps = [v for v in results(messages)["G3"].violations if v.kind == "overlap"]
     assert len(overlaps) == 1
@@ -496,14 +496,14 @@ def test_g3_counts_slots_of_an_overlap_once_per_pair() -> None:
 
 
 def test_g3_tells_every_pair_once() -> None:
-    """Three in a heap are three pairs, and what overlaps is not told again as uneven."""
+    """Three overlapping UAVs are three pairs, and an overlap is not reported as uneven too."""
     messages = flight([[point] * 2 for point in ((0.0, 0.0), (9.0, 0.0), (4.0, 8.0))])
     pairs = [(v.kind, *v.uavs) for v in results(messages)["G3"].violations]
     assert pairs == [("overlap", "u0", "u1"), ("overlap", "u0", "u2"), ("overlap", "u1", "u2")]
 
 
 def test_discs_that_touch_are_disjoint(messages: list[Message]) -> None:
-    """Neither G3 nor the metrics count a gap of nothing, of discs or of bodies."""
+    """A gap of 0 between discs or bodies is no overlap, in G3 and in the metrics."""
     messages = flight([[(0.0, 0.0)] * 2, [(10.0, 0.0)] * 2])
     change(messages, {"uav": "u0"}, Truth, from_x_m=4.75, from_y_m=0.0, to_x_m=4.75, to_y_m=0.0)
     change(messages, {"uav": "u1"}, Truth, from_x_m=5.25, from_y_m=0.0, to_x_m=5.25, to_y_m=0.0)
@@ -513,7 +513,7 @@ def test_discs_that_touch_are_disjoint(messages: list[Message]) -> None:
 
 
 def test_g3_finds_a_body_that_leaves_its_disc(messages: list[Message]) -> None:
-    """The whole body counts, from the slot on in which it sticks out."""
+    """The whole body must be in the disc, and the first slot outside is reported."""
     for slot in range(3, 20):
         change(messages, {"uav": "u2", "slot": slot}, Truth, to_x_m=24.0 + 4.8, to_y_m=at(parallel()[2], slot)[1])
     violation = found(messages, "G3", "outside-disc")
@@ -521,7 +521,7 @@ def test_g3_finds_a_body_that_leaves_its_disc(messages: list[Message]) -> None:
 
 
 def test_g3_covers_the_dead_where_they_are() -> None:
-    """A UAV that fell silent is still in the way."""
+    """A silent UAV still counts as an obstacle."""
     messages = flight([straight((0, 0), (30, 0), 15), [(20, 0), (20, 0)]], planner="straight")
     for slot in range(2, 30):
         drop(messages, Fix, uav="u1", slot=slot)
@@ -532,7 +532,7 @@ def test_g3_covers_the_dead_where_they_are() -> None:
 
 
 def test_g3_finds_ways_that_are_only_safe_when_flown_together() -> None:
-    """With `edc`, steps must be safe however unevenly they are executed."""
+    """With `edc`, steps must be safe for any uneven execution."""
     paths = [straight((0, 0), (0.4, 0), 1), straight((10.5, 0), (12.5, 0), 1)]
     assert "G3" not in broken(flight(paths))
     crossing = [straight((0, 0), (8, 0), 1), straight((10.5, 0), (18.5, 0), 1)]
@@ -543,7 +543,7 @@ def test_g3_finds_ways_that_are_only_safe_when_flown_together() -> None:
 
 
 def test_g3_with_lag_looks_one_slot_back() -> None:
-    """With `lag_slots` a UAV may still be on the way of the slot before."""
+    """With `lag_slots` a UAV may still fly the step of the previous slot."""
     paths = [straight((0, 0), (2, 0), 1, wait=2), straight((10.5, 0), (14, 0), 2, wait=1)]
     assert "G3" not in broken(flight(paths, lag_slots=0, v_max_mps=4.0))
     for order in (paths, paths[::-1]):
@@ -554,7 +554,7 @@ def test_g3_with_lag_looks_one_slot_back() -> None:
 
 
 def test_g3_finds_bodies_that_meet(messages: list[Message]) -> None:
-    """True positions are judged by the bodies' radii, at every instant."""
+    """True positions are judged by the radii of the bodies, at every instant."""
     for slot in range(20):
         fix = at(parallel()[0], slot)
         change(messages, {"uav": "u1", "slot": slot}, Truth, from_x_m=0.9, from_y_m=fix[1], to_x_m=0.9, to_y_m=fix[1])
@@ -567,7 +567,7 @@ def test_g3_finds_bodies_that_meet(messages: list[Message]) -> None:
 
 
 def test_g4_finds_a_move_without_a_command(messages: list[Message]) -> None:
-    """A UAV that says it holds stays exactly where it was."""
+    """A UAV that reports a hold stays exactly at its waypoint."""
     change(messages, {"uav": "u2", "slot": 6}, Fix, executing=False, command_term=-1, command_seq=-1)
     violation = found(messages, "G4", "moved-without-command")
     assert (violation.slot, violation.uavs, violation.value_m) == (6, ["u2"], pytest.approx(2.0))
@@ -577,14 +577,14 @@ def test_g4_finds_a_move_without_a_command(messages: list[Message]) -> None:
 
 
 def test_g4_finds_a_truth_that_jumps_between_slots(messages: list[Message]) -> None:
-    """What a slot ends with, the next begins with."""
+    """The true position at the end of a slot is that at the start of the next one."""
     for slot, expected in ((6, [6, 7]), (0, [1, 6, 7])):
         change(messages, {"uav": "u2", "slot": slot}, Truth, from_x_m=24.5 + 1e-3, to_x_m=24.5 + 1e-3)
         assert [v.slot for v in results(messages)["G4"].violations if v.kind == "truth-jumped"] == expected
 
 
 def test_g4_trusts_no_waypoint_of_a_uav_without_memory(messages: list[Message]) -> None:
-    """Its disc stays where it last was, whatever it says."""
+    """The disc of a UAV without memory stays at its last place, for any waypoint in its fixes."""
     for slot in range(9, 20):
         drop(messages, Fix, uav="u2", slot=slot)
     last = next(m for m in messages if isinstance(m, Fix) and m.uav == "u2" and m.slot == 8)
@@ -602,7 +602,7 @@ def test_g4_trusts_no_waypoint_of_a_uav_without_memory(messages: list[Message]) 
 
 
 def test_g5_finds_a_hole(messages: list[Message]) -> None:
-    """Sequence numbers have no holes; what may only be missing is said to be so."""
+    """A sequence gap breaks G5, and the other verdicts note it."""
     drop(messages, Fix, uav="u1", slot=3)
     result = results(messages)["G5"]
     assert [v.text for v in result.violations] == ["uav/u1/fix of i1: messages 3 to 3 are missing (1)"]
@@ -610,7 +610,7 @@ def test_g5_finds_a_hole(messages: list[Message]) -> None:
 
 
 def test_g5_finds_a_missing_beginning_and_end(messages: list[Message]) -> None:
-    """Counting starts at 0 and ends where the publisher said."""
+    """A stream starts at number 0 and ends at the number in the `closed` event."""
     drop(messages, Truth, uav="u1", slot=0)
     drop(messages, Truth, uav="u2", slot=8)
     texts = results(messages)["G5"].where
@@ -621,40 +621,41 @@ def test_g5_finds_a_missing_beginning_and_end(messages: list[Message]) -> None:
 
 
 def test_g5_finds_a_stream_that_is_missing_altogether(messages: list[Message]) -> None:
-    """A key of which only the publisher's last word is recorded."""
+    """A key without any recorded message is missed by the `closed` event of its publisher."""
     messages[:] = [m for m in messages if not (isinstance(m, Truth) and m.uav == "u1")]
     assert "messages 0 to 8" in results(messages)["G5"].where[0]
 
 
 def test_g5_finds_a_duplicate(messages: list[Message]) -> None:
-    """The same number twice is no proof of anything."""
-    messages.append(next(m for m in messages if isinstance(m, Fix)))
+    """A number that is recorded twice breaks G5."""
+    first = next(m for m in messages if isinstance(m, Fix))
+    messages.append(msgspec.structs.replace(first, x_m=first.x_m + 1.0))
     assert results(messages)["G5"].violations[0].kind == "duplicate"
 
 
 def test_g5_names_unknown_tails(messages: list[Message]) -> None:
-    """A publisher that never closed may have said more: no violation, and no proof unless it was killed."""
+    """Without a `closed` event G5 is not judged, unless the publisher was killed."""
     drop(messages, Event, instance="i2")
     result = results(messages)["G5"]
     assert result.status == "not-judged"
-    assert result.notes[0] == "no last word of u2, and no recorded fault that ended it"
+    assert result.notes[0] == "no `closed` event of u2, and no recorded fault that ended it"
     note = result.notes[1]
     killed = Event(source="operator", sent_ns=EPOCH_NS + 9 * SLOT_NS, slot=9, kind="fault", detail="kill u2 @9", seq=0)
     drop(messages, Event, instance="")
     messages = [*messages, msgspec.structs.replace(killed, kind="closed", detail='{"mission":0}', seq=1)]
     assert results([*messages, killed])["G5"].notes == [note]
     assert results([*messages, killed])["G5"].held
-    assert note.startswith("tail unknown: what was last said on uav/u2/fix and 1 more may be missing")
+    assert note.startswith("end unknown: the last messages on uav/u2/fix and 1 more may be missing")
     assert note.endswith("of i2")
     drop(messages, Truth, uav="u2")
     drop(messages, Event, instance="")
-    words = "tail unknown: what was last said on "
+    words = "end unknown: the last messages on "
     notes = [note.removeprefix(words).split(" may be missing")[0] for note in results(messages)["G5"].notes[1:]]
     assert notes == ["mission", "uav/u2/fix", "the record ends at slot 8, without the end of the mission"]
 
 
 def test_g5_reports_what_cannot_be_read(messages: list[Message]) -> None:
-    """A torn file is a loss."""
+    """A torn file breaks G5."""
     recording = recorded(messages)
     recording.problems.append("torn: 3 bytes are unreadable")
     result = next(r for r in check(recording) if r.guarantee == "G5")
@@ -662,7 +663,7 @@ def test_g5_reports_what_cannot_be_read(messages: list[Message]) -> None:
 
 
 def test_g5_excuses_what_was_dropped_and_is_there_again(messages: list[Message]) -> None:
-    """Every publisher has said its last number and none is missing: a note."""
+    """Dropped messages are a note if every stream is complete by its numbers."""
     recording = recorded(messages)
     recording.run_end = {"dropped": "7"}
     result = next(r for r in check(recording) if r.guarantee == "G5")
@@ -672,7 +673,7 @@ def test_g5_excuses_what_was_dropped_and_is_there_again(messages: list[Message])
 
 @pytest.mark.parametrize(("kind", "fields"), [(Event, {"instance": "i2"}), (Fix, {"seq": 2})], ids=["tail", "gap"])
 def test_g5_reports_what_was_dropped_and_cannot_be_proved(messages: list[Message], kind: type, fields: dict) -> None:
-    """A publisher without a last word, or a gap: what was dropped may be what is missing."""
+    """Dropped messages break G5 if a `closed` event or a message is missing."""
     drop(messages, kind, **fields)
     recording = recorded(messages)
     recording.run_end = {"dropped": "7"}
@@ -681,11 +682,11 @@ def test_g5_reports_what_was_dropped_and_cannot_be_proved(messages: list[Message
 
 
 def test_g5_notes_what_is_no_message(messages: list[Message]) -> None:
-    """By topic and reason, so many kinds and no more, and what was not recorded at all."""
+    """Garbage is noted by topic and reason, within a limit, with the number of foreign messages left out."""
     recording = recorded(messages)
     recording.garbage += [Garbage("/a", 0, "torn"), Garbage("/b", 0, "torn"), Garbage("/a", 0, "torn")]
     recording.run_end = {"foreign_left_out": "7"}
-    left_out = "left out: 7 messages on keys of nobody in the mission"
+    left_out = "left out: 7 messages on foreign keys"
     kinds = ["not a message: /a (torn), 2 times", "not a message: /b (torn)"]
     assert check_no_loss(gather(recording)).notes == [*kinds, left_out]
     recording.garbage += [Garbage(f"/{number}", 0, "torn") for number in range(MAX_GARBAGE_NOTES - 2)]
@@ -694,7 +695,7 @@ def test_g5_notes_what_is_no_message(messages: list[Message]) -> None:
     notes = check_no_loss(gather(recording)).notes
     recording.run_end = None
     assert check_no_loss(gather(recording)).status == "held"
-    assert compute_metrics(recording).fetched == 0
+    assert compute_metrics(recording).fetched is None
     assert notes[MAX_GARBAGE_NOTES:] == [left_out, f"not messages: {MAX_GARBAGE_NOTES + 2} in all, 21 kinds of them"]
 
 
@@ -706,7 +707,7 @@ LIMIT = 201
 
 
 def unfinished(slots: int = LIMIT, **fields: object) -> list[Message]:
-    """u2 stops half-way and stays there until the record ends, after so many slots."""
+    """Return messages of u2 that stops half-way, in a record of `slots` slots."""
     paths = [[*path, *[path[-1]] * (slots - len(path))] for path in parallel()]
     messages = flight(paths, **{"v_max_mps": 1e4, "max_slots": 1000, **fields})
     mission = messages[0]
@@ -717,23 +718,23 @@ def unfinished(slots: int = LIMIT, **fields: object) -> list[Message]:
 
 
 def progress(messages: list[Message]) -> GuaranteeResult:
-    """The verdict on G7."""
+    """Return the verdict on G7."""
     return results(messages)["G7"]
 
 
 def ended(detail: str, source: str = "operator") -> Event:
-    """The event that ends a mission."""
+    """Return the event that ends a mission."""
     return Event(source=source, slot=8, kind="end", detail=detail)
 
 
 def test_g7_finds_who_has_not_arrived() -> None:
-    """Everyone who lives is at the target within the limit."""
+    """Every living UAV is at its target within the limit."""
     violation = found(unfinished(), "G7", "not-arrived")
     assert (violation.slot, violation.uavs, violation.value_m) == (LIMIT - 1, ["u2"], pytest.approx(24.0))
 
 
 def test_g7_needs_a_record_that_is_long_enough() -> None:
-    """Before the limit is over nothing is proved, whatever `max_slots` was."""
+    """A record that ends before the limit proves nothing, for any `max_slots`."""
     for max_slots, given in ((1000, ""), (5, " (max_slots = 5 was given)")):
         result = progress(unfinished(LIMIT - 1, max_slots=max_slots))
         assert (result.status, result.notes) == ("not-judged", [f"stopped after 200 slots{given}, before slot 201"])
@@ -754,13 +755,13 @@ def test_g7_needs_a_record_that_is_long_enough() -> None:
     ],
 )
 def test_g7_counts_anew_from_the_last_fault(fields: dict[str, object], settled: int) -> None:
-    """Also those that are healed."""
+    """The limit starts at the end of the last fault."""
     assert progress(unfinished(LIMIT + settled - 1, **fields)).status == "not-judged"
     assert progress(unfinished(LIMIT + settled, **fields)).status == "broken"
 
 
 def test_g7_counts_from_the_faults_that_were_told() -> None:
-    """Also those that the mission did not announce, or that came late."""
+    """Faults in events count too, also if the mission did not announce them or they came late."""
     told = Event(source="operator", slot=6, kind="fault", detail="link *>* loss 0.5 @6 for 1")
     for slots, status in ((LIMIT + 6, "not-judged"), (LIMIT + 7, "broken")):
         for planned in ([], ["link *>* loss 0.5 @6 for 1"]):
@@ -771,7 +772,7 @@ def test_g7_counts_from_the_faults_that_were_told() -> None:
 
 
 def test_g7_judges_a_stalled_mission_as_it_stands() -> None:
-    """Where nothing can change any more, more slots would show no more; only the operator can say so."""
+    """A stalled mission is judged as it stands, by the operator's event only."""
     for event, status in (
         (ended("stalled"), "broken"),
         (ended("max_slots"), "not-judged"),
@@ -781,7 +782,7 @@ def test_g7_judges_a_stalled_mission_as_it_stands() -> None:
 
 
 def test_g7_judges_a_lossy_network_after_a_longer_limit() -> None:
-    """Half of the messages lost for good: a third of the commands come in time."""
+    """With half of the messages lost for good, a third of the commands come in time."""
     for fields in ({"link": [Link(loss=0.5)]}, {"fault": ["link *>* loss 0.5 @0"]}):
         for slots, status in ((3 * LIMIT - 1, "not-judged"), (3 * LIMIT, "broken")):
             assert progress(unfinished(slots, **fields)).status == status
@@ -796,7 +797,7 @@ def test_g7_judges_a_lossy_network_after_a_longer_limit() -> None:
     ],
 )
 def test_g7_promises_nothing_after_some_faults_for_good(fields: dict[str, object], why: str) -> None:
-    """They are named, and only if they have happened; who arrives all the same has arrived."""
+    """The verdict names such faults if they happened; a UAV that arrived anyway counts as arrived."""
     result = progress(unfinished(**fields))
     assert (result.status, result.notes[0][: len(why)]) == ("not-applicable", why)
     assert progress(flight(parallel(), **fields)).status == "held"
@@ -806,7 +807,7 @@ def test_g7_promises_nothing_after_some_faults_for_good(fields: dict[str, object
 
 
 def test_g7_takes_faults_as_they_were_told() -> None:
-    """With ids for words; one that nobody was there for was none."""
+    """Faults in events have ids for roles; a fault without a target did not happen."""
     planned = {"fault": ["partition head|rest @2"]}
     assert progress(unfinished(LIMIT + 2, **planned)).status == "not-applicable"
     told = Event(source="operator", slot=2, kind="fault", detail="partition u0|u1,u2 @1s")
@@ -818,7 +819,7 @@ def test_g7_takes_faults_as_they_were_told() -> None:
 
 
 def test_g7_after_a_partition_for_good() -> None:
-    """It is promised to the side that has a quorum, beside those who hold."""
+    """G7 applies to the side with a quorum, and notes the other UAVs."""
     cut = {"fault": ["partition u2|rest @2"]}
     alone = progress(unfinished(LIMIT + 2, **cut))
     excuse = "u2 need not arrive: a partition that never heals cuts it off from the quorum"
@@ -831,7 +832,7 @@ def test_g7_after_a_partition_for_good() -> None:
 
 
 def test_g7_excuses_the_dead() -> None:
-    """A UAV that was killed need not arrive, and without a quorum of living nobody need."""
+    """A killed UAV need not arrive, and without a living quorum no UAV need."""
     messages = unfinished(20)
     for uav in ("u2", "u1"):
         messages.append(Event(source="operator", slot=20, kind="fault", detail=f"kill {uav} @20"))
@@ -840,12 +841,12 @@ def test_g7_excuses_the_dead() -> None:
 
 
 def dead(uav: str) -> Event:
-    """The event of a kill in the last slot of the missions above."""
+    """Return the event of a kill in the last slot of the missions above."""
     return Event(source="operator", slot=LIMIT - 1, kind="fault", detail=f"kill {uav} @0")
 
 
 def test_g7_does_not_take_empty_batteries_for_an_excuse() -> None:
-    """Within the limit there was too little time for a verdict, after it the UAV is late."""
+    """An empty battery within the limit prevents a verdict; after the limit the UAV is late."""
     for slots, slot, status in ((LIMIT, LIMIT - 1, "not-judged"), (LIMIT + 1, LIMIT, "broken")):
         empty = [Event(source=uav, slot=slot, kind="battery-empty") for uav in ("u0", "u1", "u2")]
         assert progress([*unfinished(slots), *empty]).status == status, "also if no quorum is left"
@@ -858,7 +859,7 @@ def test_g7_does_not_take_empty_batteries_for_an_excuse() -> None:
 
 
 def test_g7_excuses_targets_that_a_dead_uav_covers() -> None:
-    """Nobody can land where somebody lies."""
+    """A UAV need not arrive at a target below a dead UAV."""
     messages = unfinished(LIMIT)
     mission = messages[0]
     assert isinstance(mission, MissionMessage)
@@ -873,7 +874,7 @@ def test_g7_excuses_targets_that_a_dead_uav_covers() -> None:
 
 
 def test_g7_excuses_targets_that_a_dead_uav_may_cover() -> None:
-    """What the last plan had to keep clear of, nobody can reach."""
+    """A UAV need not arrive at a target within a hull of the last plan."""
     messages = unfinished(LIMIT)
     mission = messages[0]
     assert isinstance(mission, MissionMessage)
@@ -888,7 +889,7 @@ def test_g7_excuses_targets_that_a_dead_uav_may_cover() -> None:
 
 
 def test_g7_excuses_a_uav_that_must_hold() -> None:
-    """Whoever is where a dead UAV may be cannot move."""
+    """A UAV within the hull of a dead one must hold, so it need not arrive."""
     messages = [*unfinished(LIMIT), dead("u0"), ended("stalled")]
     last = max(i for i, m in enumerate(messages) if isinstance(m, Report))
     for radius_m, status in ((9.9, "broken"), (10.1, "held")):
@@ -902,29 +903,29 @@ def test_g7_excuses_a_uav_that_must_hold() -> None:
 
 
 def test_a_violation_is_told_in_one_line() -> None:
-    """Slot and time come first, where there are any."""
+    """The line of a violation starts with slot and time, if there are any."""
     assert str(Violation("gap", "x is missing")) == "x is missing"
     assert str(Violation("overlap", "a and b", 3, ["a", "b"], 1.75)) == "slot 3, 1.750 s: a and b"
 
 
 def test_a_slot_beyond_reason_is_one_clear_line(messages: list[Message]) -> None:
-    """A garbled slot number must not fill the memory."""
+    """A garbled slot number must not exhaust the memory."""
     change(messages, {"uav": "u1", "slot": 3}, Fix, slot=1 << 39)
-    with pytest.raises(RecordingError, match="beyond what can be examined"):
+    with pytest.raises(RecordingError, match="beyond the longest mission that can be analysed"):
         check(recorded(messages))
 
 
 def test_so_many_uav_slots_are_examined_and_no_more(messages: list[Message], monkeypatch: pytest.MonkeyPatch) -> None:
-    """Slots times UAVs count."""
-    monkeypatch.setattr(tracks, "MAX_CELLS", 9 * 3)
+    """The limit is on slots times UAVs."""
+    monkeypatch.setattr(tracks, "MAX_UAV_SLOTS", 9 * 3)
     assert broken(messages) == set()
-    monkeypatch.setattr(tracks, "MAX_CELLS", 9 * 3 - 1)
+    monkeypatch.setattr(tracks, "MAX_UAV_SLOTS", 9 * 3 - 1)
     with pytest.raises(RecordingError, match="slot 8 is beyond"):
         check(recorded(messages))
 
 
 def test_what_is_said_before_the_mission_or_by_strangers_is_no_part_of_it(messages: list[Message]) -> None:
-    """A fix of slot -1 is not one of the last slot, and an unknown UAV has no track."""
+    """A fix of slot -1 does not count as one of the last slot, and an unknown UAV has no track."""
     fix, truth = (next(m for m in messages if isinstance(m, kind) and m.uav == "u2") for kind in (Fix, Truth))
     far = {"waypoint_x_m": 90.0, "executing": True, "energy_j": 1.0}
     early = [msgspec.structs.replace(fix, slot=-1, **far), msgspec.structs.replace(truth, slot=-1, to_x_m=90.0)]

@@ -1,4 +1,4 @@
-"""When a mission is settled, how long it lasts, and what G7 promises after faults that never end."""
+"""The end of faults, the length of a mission, and the promise of G7 after faults without an end."""
 
 from __future__ import annotations
 
@@ -9,14 +9,14 @@ import pytest
 
 from edc_swarm.mission.configuration import Link, Mission, RosterEntry
 from edc_swarm.mission.faults import parse_faults
-from edc_swarm.mission.prospect import SLACK_SLOTS, default_max_slots, prospect_of, settled_slot
+from edc_swarm.mission.prospect import FAULT_SLACK_SLOTS, default_max_slots, prospect_of, settled_slot
 from edc_swarm.mission.roster import complete_mission
 
 LIMIT = 20 * 20 + 200
 
 
 def mission(*faults: str, uavs: int = 5, x_m: float = 50.0, **fields: Any) -> Mission:
-    """UAVs a, b, ... that fly 50 m with steps of 2.5 m (slot 0.5 s)."""
+    """Return a mission of UAVs a, b, ... that fly 50 m with steps of 2.5 m (slot 0.5 s)."""
     roster = [
         RosterEntry(
             uav=chr(97 + k) if uavs <= 26 else f"u{k}",
@@ -51,32 +51,32 @@ def mission(*faults: str, uavs: int = 5, x_m: float = 50.0, **fields: Any) -> Mi
     ],
 )
 def test_settled_when_the_last_fault_is_over(faults: Sequence[str], links: list[Link], slot: int) -> None:
-    """Each fault counts to its end, and from its start if it has none."""
+    """Each fault counts until its end, or from its start if it has none."""
     whole = mission(*faults, link=links)
     assert settled_slot(whole, parse_faults(whole)) == slot
 
 
 def test_a_mission_lasts_until_it_can_be_judged() -> None:
-    """By default; what a user says stands."""
+    """This is the default; a `max_slots` of the user takes precedence."""
     assert complete_mission(mission()).max_slots == LIMIT
     late = ["kill a @900", "partition halves @4 for 3"]
-    assert complete_mission(mission(*late)).max_slots == 900 + LIMIT + SLACK_SLOTS
+    assert complete_mission(mission(*late)).max_slots == 900 + LIMIT + FAULT_SLACK_SLOTS
     assert complete_mission(mission(*late, max_slots=7)).max_slots == 7
 
 
 def test_lost_commands_take_more_slots() -> None:
-    """The limit is that of a good network over the share of the commands that come in time (docs/latency.md)."""
+    """The limit is that of a good network divided by the share of the commands in time (docs/latency.md)."""
     for loss, share in ((0.1, 0.8242), (0.3, 0.5554), (0.5, 1 / 3)):
         by_file, by_fault = mission(link=[Link(loss=loss)]), mission(f"link *>* loss {loss} @3")
         for whole in (by_file, by_fault):
             prospect = prospect_of(whole, parse_faults(whole))
             assert prospect.obstacle == ""
             assert prospect.limit_slots == pytest.approx(LIMIT / share, abs=1)
-        assert default_max_slots(by_fault) == 3 + prospect.limit_slots + SLACK_SLOTS
+        assert default_max_slots(by_fault) == 3 + prospect.limit_slots + FAULT_SLACK_SLOTS
 
 
 def test_a_cut_by_a_word_does_not_shorten_a_lossy_mission() -> None:
-    """Whom `head` stands for is known only in flight: the mission must last long enough in any case."""
+    """The role `head` has an id only in flight, so the mission must be long enough for each UAV."""
     lossy = [Link(loss=0.3)]
     told = mission("partition a|rest @10", link=lossy)
     assert default_max_slots(mission("partition head|rest @10", link=lossy)) == default_max_slots(told)
@@ -106,7 +106,7 @@ def test_a_cut_by_a_word_does_not_shorten_a_lossy_mission() -> None:
     ],
 )
 def test_what_a_link_may_do_for_good(link: Link, missed_pct: int) -> None:
-    """At most half of the messages lost or late."""
+    """G7 allows at most half of the messages to be lost or late."""
     whole = mission(link=[link])
     said = prospect_of(whole, []).obstacle
     name = f"the link {link.sender}>{link.receiver}"
@@ -114,7 +114,7 @@ def test_what_a_link_may_do_for_good(link: Link, missed_pct: int) -> None:
 
 
 def test_a_later_rule_replaces_an_earlier_one() -> None:
-    """Of links only what is in force in the end counts."""
+    """Only the links in force at the end count."""
     assert not _obstacle("link *>* loss 1 @3", "link *>* @9")
     assert _obstacle("link *>* loss 1 @3", "link a>b @9")
     assert not _obstacle("link a>b loss 1 @3", "link a>b loss 0.1 @9")
@@ -142,7 +142,7 @@ def test_a_later_rule_replaces_an_earlier_one() -> None:
     ],
 )
 def test_faults_for_good(faults: Sequence[str], why: str) -> None:
-    """Some forbid every promise, and are named."""
+    """Some faults forbid every promise, and are named."""
     assert _obstacle(*faults, guard_s=0.04) == why
 
 
@@ -165,7 +165,7 @@ def test_faults_for_good(faults: Sequence[str], why: str) -> None:
 def test_a_partition_for_good_leaves_a_promise_to_the_side_with_a_quorum(
     faults: Sequence[str], side: str, why: str
 ) -> None:
-    """As long as it is cut off from all others, both ways, and whole in itself."""
+    """The side must be cut off from all others, both ways, and connected in itself."""
     whole = mission(*faults)
     prospect = prospect_of(whole, parse_faults(whole))
     assert prospect.side == frozenset(side)
@@ -174,14 +174,14 @@ def test_a_partition_for_good_leaves_a_promise_to_the_side_with_a_quorum(
 
 
 def test_many_partitions_of_many_uavs() -> None:
-    """The largest mission there can be, cut into many sides."""
+    """The largest possible mission is cut into many sides."""
     whole = mission(*[f"partition u{k}|rest @{k}" for k in range(100)], uavs=2000)
     assert len(prospect_of(whole, parse_faults(whole)).side) == 1900
 
 
 @pytest.mark.parametrize(("v_max_mps", "x_m"), [(5.0, 1e7), (1e-300, 50.0), (5e-324, 50.0), (5.0, 2e5)])
 def test_no_mission_lasts_for_ever(v_max_mps: float, x_m: float) -> None:
-    """However far and slow, `max_slots` stays within its limit."""
+    """For any distance and speed, `max_slots` stays within its limit."""
     for loss in (0.0, 0.5):
         assert default_max_slots(mission(uavs=1, x_m=2 * x_m, v_max_mps=v_max_mps, link=[Link(loss=loss)])) == 1_000_000
 

@@ -1,4 +1,4 @@
-"""What is known of the others: order of fixes, who is heard, each case of the hull."""
+"""Knowledge of the other UAVs: order of fixes, the UAVs heard, each case of the hull."""
 
 from __future__ import annotations
 
@@ -6,8 +6,9 @@ from typing import Any
 
 import pytest
 
-from edc_swarm.agent.knowledge import HullRules, Knowledge, Stadium
+from edc_swarm.agent.knowledge import HullRules, Knowledge
 from edc_swarm.mission.configuration import RosterEntry
+from edc_swarm.planner.interface import Hull
 from edc_swarm.protocol.messages import Command, Fix, Report
 
 ROSTER = [
@@ -34,7 +35,12 @@ def command(slot: int, to: tuple[float, float] = (3, 2)) -> Command:
     return Command(head="a", uav="b", slot=slot, term=3, start_x_m=1, start_y_m=2, target_x_m=to[0], target_y_m=to[1])
 
 
-def report(slot: int, hull: Stadium, term: int = 2, head: str = "c") -> Report:
+def place(ax_m: float, ay_m: float, bx_m: float, by_m: float, radius_m: float = 0.0) -> Hull:
+    """A hull of UAV b."""
+    return Hull(1, ax_m, ay_m, bx_m, by_m, radius_m, 5.0)
+
+
+def report(slot: int, hull: Hull, term: int = 2, head: str = "c") -> Report:
     """A report of another head that saw UAV b in `hull`."""
     return Report(
         head=head, slot=slot, term=term, status="planned", quorum=2, hull_uav=["b"], hull_ax_m=[hull.ax_m],
@@ -126,15 +132,15 @@ def test_hull_of_one_never_heard() -> None:
     """The ball about the roster start, one step for every slot up to t0 + 1, then no more."""
     knowledge = Knowledge(ROSTER)
     for t0, radius_m in ((0, 4.0), (3, 10.0), (9, 22.0)):
-        assert knowledge.hull("b", MINE, t0, {}, RULES) == Stadium(20, 0, 20, 0, radius_m)
+        assert knowledge.hull("b", MINE, t0, {}, RULES) == place(20, 0, 20, 0, radius_m)
 
 
 def test_hull_of_one_that_grants_me() -> None:
     """(a) The segment of the command for the slot after its fix, else the point."""
     knowledge = heard(fix(5))
-    point = Stadium(1, 2, 1, 2)
+    point = place(1, 2, 1, 2)
     assert knowledge.hull("b", MINE, 0, {}, RULES) == point
-    assert knowledge.hull("b", MINE, 9, {"b": command(6)}, RULES) == Stadium(1, 2, 3, 2)
+    assert knowledge.hull("b", MINE, 9, {"b": command(6)}, RULES) == place(1, 2, 3, 2)
     assert knowledge.hull("b", MINE, 9, {"b": command(5)}, RULES) == point
     assert knowledge.hull("b", MINE, 9, {"b": command(7)}, RULES) == point
 
@@ -144,41 +150,41 @@ def test_hull_of_one_that_grants_me() -> None:
 def test_hull_of_one_that_grants_another(grant: tuple[int, str], t0: int, radius_m: float) -> None:
     """(b) The ball about the waypoint, u_max for each slot from the fix to t0 + 1; own commands do not count."""
     knowledge = heard(fix(5, *grant), slot=30)
-    assert knowledge.hull("b", MINE, t0, {"b": command(6)}, RULES) == Stadium(1, 2, 1, 2, radius_m)
+    assert knowledge.hull("b", MINE, t0, {"b": command(6)}, RULES) == place(1, 2, 1, 2, radius_m)
 
 
 def test_hull_that_was_relayed() -> None:
     """A report serves like a fix of its slot, with its hull in place of the waypoint; the smallest ball counts."""
     knowledge = heard(fix(5, 1, "c"))
-    knowledge.hear_report(report(8, Stadium(1, 2, 7, 2, 1.5), term=1))
-    assert knowledge.hull("b", MINE, 9, {}, RULES) == Stadium(1, 2, 7, 2, 1.5 + 4.0)
-    assert knowledge.hull("b", MINE, 7, {}, RULES) == Stadium(1, 2, 7, 2, 1.5)
-    assert knowledge.hull("b", MINE, 4, {}, RULES) == Stadium(1, 2, 1, 2), "the fix alone, if nothing can have followed"
-    knowledge.hear_report(report(7, Stadium(0, 0, 0, 0, 0), term=1))
-    assert knowledge.hull("b", MINE, 7, {}, RULES) == Stadium(1, 2, 7, 2, 1.5), "an older report changes nothing"
+    knowledge.hear_report(report(8, place(1, 2, 7, 2, 1.5), term=1))
+    assert knowledge.hull("b", MINE, 9, {}, RULES) == place(1, 2, 7, 2, 1.5 + 4.0)
+    assert knowledge.hull("b", MINE, 7, {}, RULES) == place(1, 2, 7, 2, 1.5)
+    assert knowledge.hull("b", MINE, 4, {}, RULES) == place(1, 2, 1, 2), "the fix alone, if nothing can have followed"
+    knowledge.hear_report(report(7, place(0, 0, 0, 0, 0), term=1))
+    assert knowledge.hull("b", MINE, 7, {}, RULES) == place(1, 2, 7, 2, 1.5), "an older report changes nothing"
     knowledge.hear_fix(fix(8, 1, "c", at=(5, 5)), 9)
-    assert knowledge.hull("b", MINE, 9, {}, RULES) == Stadium(5, 5, 5, 5, 4.0), "a fix of that slot knows better"
-    knowledge.hear_report(report(9, Stadium(0, 0, 0, 0, 3), term=1))
-    assert knowledge.hull("b", MINE, 9, {}, RULES) == Stadium(5, 5, 5, 5, 4.0), "as does one before a wide hull"
+    assert knowledge.hull("b", MINE, 9, {}, RULES) == place(5, 5, 5, 5, 4.0), "a fix of that slot knows better"
+    knowledge.hear_report(report(9, place(0, 0, 0, 0, 3), term=1))
+    assert knowledge.hull("b", MINE, 9, {}, RULES) == place(5, 5, 5, 5, 4.0), "as does one before a wide hull"
     knowledge.hear_fix(fix(8, 3, "a", at=(5, 5)), 9)
-    assert knowledge.hull("b", MINE, 9, {}, RULES) == Stadium(5, 5, 5, 5), "one that grants me moves by no other"
+    assert knowledge.hull("b", MINE, 9, {}, RULES) == place(5, 5, 5, 5), "one that grants me moves by no other"
 
 
 @pytest.mark.parametrize(("term", "radius_m"), [(2, 1.5), (1, 3.5), (3, 3.5)])
 def test_the_term_just_before_is_known_a_slot_longer(term: int, radius_m: float) -> None:
     """Its head moved none of those in the slot after its report; an older one may have had a successor that did."""
     knowledge = Knowledge(ROSTER)
-    knowledge.hear_report(report(8, Stadium(1, 2, 7, 2, 1.5), term=term))
-    assert knowledge.hull("b", MINE, 8, {}, RULES) == Stadium(1, 2, 7, 2, radius_m)
+    knowledge.hear_report(report(8, place(1, 2, 7, 2, 1.5), term=term))
+    assert knowledge.hull("b", MINE, 8, {}, RULES) == place(1, 2, 7, 2, radius_m)
 
 
 def test_of_two_reports_of_a_slot_the_later_term_counts() -> None:
     """Whichever comes first."""
     knowledge = Knowledge(ROSTER)
-    later, earlier = report(8, Stadium(7, 7, 7, 7), term=2), report(8, Stadium(5, 5, 5, 5), term=1)
+    later, earlier = report(8, place(7, 7, 7, 7), term=2), report(8, place(5, 5, 5, 5), term=1)
     for said in (earlier, later, earlier):
         knowledge.hear_report(said)
-    assert knowledge.hull("b", MINE, 8, {}, RULES) == Stadium(7, 7, 7, 7)
+    assert knowledge.hull("b", MINE, 8, {}, RULES) == place(7, 7, 7, 7)
 
 
 def test_relayed_hull_of_a_stranger() -> None:
@@ -200,15 +206,15 @@ def test_relayed_hull_of_a_stranger() -> None:
             hull_r_m=[1],
         )
     )
-    assert knowledge.hull("b", MINE, 0, {}, RULES) == Stadium(20, 0, 20, 0, 4.0)
+    assert knowledge.hull("b", MINE, 0, {}, RULES) == place(20, 0, 20, 0, 4.0)
 
 
 def test_hull_with_lag() -> None:
     """Vehicles that may still be on their previous step: that segment belongs to every hull."""
     late = fix(5, from_x_m=1.0, from_y_m=0.0)
-    assert heard(late).hull("b", MINE, 0, {}, LAGGING) == Stadium(1, 0, 1, 2)
+    assert heard(late).hull("b", MINE, 0, {}, LAGGING) == place(1, 0, 1, 2)
     other = heard(fix(5, 2, "c", from_x_m=1.0, from_y_m=0.0))
-    assert other.hull("b", MINE, 5, {}, LAGGING) == Stadium(1, 0, 1, 2, 2.0)
+    assert other.hull("b", MINE, 5, {}, LAGGING) == place(1, 0, 1, 2, 2.0)
     corner = heard(late).hull("b", MINE, 0, {"b": command(6)}, LAGGING)
     assert (corner.ax_m, corner.ay_m, corner.bx_m, corner.by_m) == (1, 0, 3, 2)
     assert corner.radius_m == pytest.approx(2**0.5), "the waypoint between the two steps is inside"

@@ -1,4 +1,4 @@
-"""Declared latency sweeps: cells, missions, keys, and what is refused; the slot arithmetic behind them."""
+"""Declared latency sweeps: cells, missions, keys, invalid declarations, and the slot arithmetic."""
 
 from __future__ import annotations
 
@@ -18,12 +18,12 @@ SMALL: dict[str, Any] = {"delays_ms": [0, 250], "jitters_ms": [0], "losses": [0,
 
 
 def linked(uavs: int = 10, **link: Any) -> Mission:
-    """A mission whose links are all alike."""
+    """Return a mission with one link for all UAVs."""
     return Mission(uavs=uavs, link=[Link(**link)])
 
 
 def test_the_default_grid_is_the_promised_one() -> None:
-    """Every combination once, with as many seeds as repeats."""
+    """Every combination appears once, with as many seeds as repeats."""
     sweep = sweep_of({})
     assert len(sweep.cells) == 7 * 3 * 4 * 2
     runs = runs_of(sweep, "sim")
@@ -33,7 +33,7 @@ def test_the_default_grid_is_the_promised_one() -> None:
 
 
 def test_a_cell_is_a_mission() -> None:
-    """Its link comes first, so that links of the mission itself hold where they match."""
+    """The swept link comes first, so that links of the mission take precedence where they match."""
     own = {"sender": "u001", "loss": 1.0}
     sweep = sweep_of({**SMALL, "link": {"distribution": "normal"}, "mission": {"area_m2": 2500, "link": [own]}})
     mission = mission_of(sweep, Cell(3, 0.5, 20.0, 0.1, 50.0), 7)
@@ -43,14 +43,14 @@ def test_a_cell_is_a_mission() -> None:
 
 
 def test_the_documented_sweep_file() -> None:
-    """The one in docs/latency.md is accepted, and says what it is there for."""
+    """The sweep file in docs/latency.md is valid and contains what the text says."""
     text = Path(__file__).parents[2].joinpath("docs/latency.md").read_text(encoding="utf-8")
     sweep = sweep_of(msgspec.toml.decode(text.split("```toml\n")[1].split("```")[0]))
     assert (sweep.link.distribution, sweep.mission.area_m2, sweep.mission.link[0].range_m) == ("lognormal", 40_000, 80)
 
 
 def test_limits_of_a_mission() -> None:
-    """Short where the swarm can only hold, else the mission's own or the one declared."""
+    """A mission in which UAVs can only hold is short; others have their own limit or the declared one."""
     cells = {cell.delay_ms: cell for cell in sweep_of(SMALL).cells}
     limits = [
         [mission_of(sweep_of({**SMALL, **extra}), cells[delay_ms], 0).max_slots for delay_ms in (0, 250)]
@@ -60,7 +60,7 @@ def test_limits_of_a_mission() -> None:
 
 
 def test_processes_have_a_grid_of_their_own() -> None:
-    """Runs are flown by `edc-swarm run`, and are not those of the simulator."""
+    """The runs use `edc-swarm run`, and have other keys than those of the simulator."""
     sweep = sweep_of({"engine": "processes"})
     assert sweep.uavs == DEFAULTS["processes"]["uavs"]
     (cell, *_) = sweep.cells
@@ -93,7 +93,7 @@ def test_processes_have_a_grid_of_their_own() -> None:
     ],
 )
 def test_what_is_refused(raw: dict[str, Any], field: str) -> None:
-    """Field and value, before anything is flown."""
+    """The error has the field and the value, before any run starts."""
     with pytest.raises(InputError) as refused:
         sweep_of(raw)
     assert refused.value.field == field
@@ -101,7 +101,7 @@ def test_what_is_refused(raw: dict[str, Any], field: str) -> None:
 
 @pytest.mark.parametrize("text", [None, "delays_ms = [", "\x00"])
 def test_files_that_are_no_sweeps(tmp_path: Path, text: str | None) -> None:
-    """Missing, or not TOML."""
+    """A file that is missing or not TOML is reported."""
     file = tmp_path / "sweep.toml"
     if text is not None:
         file.write_text(text, encoding="utf-8")
@@ -111,13 +111,13 @@ def test_files_that_are_no_sweeps(tmp_path: Path, text: str | None) -> None:
 
 @pytest.mark.parametrize(("delay_ms", "holds"), [(0, False), (249.4, False), (249.5, True), (400, True)])
 def test_two_delays_fill_a_slot(delay_ms: float, holds: bool) -> None:
-    """Two ways of the transport, half a millisecond each, count too."""
+    """Two transports of half a millisecond each count too."""
     assert only_holds(linked(delay_ms=delay_ms)) is holds
     assert in_time_share(linked(delay_ms=delay_ms)) == (0.0 if holds else 1.0)
 
 
 def test_slots_are_as_long_as_on_the_wall() -> None:
-    """A mission flown twice as fast leaves half the time for messages."""
+    """A mission at time scale 2 leaves half the time for messages."""
     assert hold_delay_ms(Mission(dt_s=0.5, time_scale=2.0)) == 124.5
     assert hold_delay_ms(Mission(dt_s=1.0)) == 499.5
     late = [Link(delay_ms=201, jitter_ms=20)]
@@ -125,7 +125,7 @@ def test_slots_are_as_long_as_on_the_wall() -> None:
 
 
 def test_share_in_time_with_loss() -> None:
-    """A fix, or the same said again by whom the last slot left without a command, and a command must get through."""
+    """A fix, or its second copy after a slot without a command, and a command must arrive."""
     for loss in (0.1, 0.3, 0.5):
         both = (1 - loss) ** 2
         assert in_time_share(linked(loss=loss)) == pytest.approx(both * (1 + loss) / (1 + loss * both), abs=0.02)
@@ -133,7 +133,7 @@ def test_share_in_time_with_loss() -> None:
 
 
 def test_share_in_time_within_radio_range() -> None:
-    """Who is too far from the head's start has no command; those near it have all."""
+    """A UAV too far from the head's start has no command; those near it have all."""
     roster = [
         RosterEntry(
             uav=uav, start_x_m=x_m, start_y_m=0, target_x_m=x_m, target_y_m=0, r_m=1, body_m=1, energy_j=energy_j
@@ -145,12 +145,12 @@ def test_share_in_time_within_radio_range() -> None:
 
 
 def test_nobody_is_waited_for_when_all_are_in() -> None:
-    """A head that may wait long plans at once, so that commands are in time."""
+    """A head with a long tau plans at once when it has all fixes, so that commands are in time."""
     assert in_time_share(Mission(tau_s=0.4, link=[Link(delay_ms=120)])) == 1.0
 
 
 def test_too_few_commands_for_the_longest_way() -> None:
-    """A way of 40 steps needs as many commands in time within the limit."""
+    """A way of 40 steps needs 40 commands in time within the limit."""
     roster = [
         RosterEntry(uav=uav, start_x_m=0, start_y_m=y_m, target_x_m=x_m, target_y_m=y_m, r_m=1, body_m=1, energy_j=1)
         for uav, x_m, y_m in (("a", 100, 0), ("b", 5, 50))
@@ -161,7 +161,7 @@ def test_too_few_commands_for_the_longest_way() -> None:
 
 
 def test_share_in_time_beyond_tau() -> None:
-    """With fixes spread beyond tau only a quorum's are counted; a longer wait is worse where commands are then late."""
+    """With fixes spread beyond tau only a quorum's count; a longer wait is worse if commands are late then."""
     spread = in_time_share(linked(delay_ms=201, jitter_ms=20))
     assert spread == pytest.approx(5 / 9, abs=0.01)
     assert in_time_share(linked(delay_ms=150, jitter_ms=20)) == 1.0

@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
+import ast
 import re
 import subprocess
 import sys
+from collections import defaultdict
 from pathlib import Path
 
 ROOT = Path(__file__).resolve().parents[2]
@@ -32,3 +34,15 @@ def test_nothing_flown_is_reckoned_with_what_differs_between_processors():
     assert len(reckoning) > 10
     differs = re.compile(r"np\.(sin|cos|tan|exp|log|arc|power|cbrt)")
     assert [path.name for path in reckoning if differs.search(path.read_text())] == []
+
+
+def test_one_name_is_one_number():
+    """A constant of a module that has the name of another's has its value: different limits have different names."""
+    values = defaultdict(set)
+    for path in (*ROOT.glob("edc_swarm/**/*.py"), *ROOT.glob("processes/**/*.py")):
+        for node in ast.parse(path.read_text()).body:
+            match node:
+                case ast.Assign([ast.Name(name)], ast.Constant(int() | float() as value)) if name.isupper():
+                    values[name].add(value)
+    assert len(values) > 100
+    assert {name: found for name, found in values.items() if len(found) > 1} == {}

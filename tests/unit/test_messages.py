@@ -10,10 +10,21 @@ import pytest
 
 from edc_swarm.errors import MessageError
 from edc_swarm.mission.configuration import RosterEntry
+from edc_swarm.planner.interface import PlanStatus
 from edc_swarm.protocol.codec import decode, encode
 from edc_swarm.protocol.events import EVENT_FORMS, EventKind
 from edc_swarm.protocol.keys import KEY_FORMS, Keys, kind_of, source_of
-from edc_swarm.protocol.messages import Command, Event, Fix, Message, MissionMessage, Report, Truth, roster_index
+from edc_swarm.protocol.messages import (
+    PLANNED,
+    Command,
+    Event,
+    Fix,
+    Message,
+    MissionMessage,
+    Report,
+    Truth,
+    roster_index,
+)
 
 KEYS = Keys("m1")
 
@@ -65,7 +76,7 @@ def test_numbers_that_are_none(field: str, number: bytes) -> None:
 
 
 def test_lists_are_finite_too() -> None:
-    """Nor does an infinite number hide in a list, or in the roster of a mission."""
+    """A list, or the roster of a mission, has no infinite number either."""
     raw = encode(msgspec.structs.replace(REPORT, hull_r_m=[1.0, 123456.5])).replace(b"123456.5", b"1e999")
     with pytest.raises(MessageError):
         decode("head/h/report", raw)
@@ -126,7 +137,7 @@ def test_required_fields(name: str) -> None:
     ],
 )
 def test_sender_and_receiver_are_those_in_the_key(key: str, message: Fix | Command | Report) -> None:
-    """What one UAV may publish is decided by its keys alone."""
+    """The key alone decides which sender and receiver a message may name."""
     with pytest.raises(MessageError, match="is not the one in the key"):
         decode(key, encode(message))
 
@@ -138,6 +149,11 @@ def test_garbage(payload: bytes) -> None:
     """Only `MessageError` comes out, however deep it is nested."""
     with pytest.raises(MessageError):
         decode("uav/a/fix", payload)
+
+
+def test_the_statuses_of_planners_are_those_of_reports_with_a_plan() -> None:
+    """A planner may not know messages, so its words stand in `planner.interface` too; they are the same."""
+    assert frozenset(get_args(PlanStatus)) == PLANNED
 
 
 @pytest.mark.parametrize(
@@ -176,7 +192,7 @@ def _unbounded(kind: Any, where: str) -> list[str]:
 
 @pytest.mark.parametrize("kind", [Fix, Truth, Command, Report, Event, MissionMessage])
 def test_everything_in_a_message_has_a_limit(kind: type[msgspec.Struct]) -> None:
-    """So no infinity gets in, no product of two numbers overflows, and no list is endless."""
+    """Hence no infinity passes, no product of two numbers overflows, and no list is endless."""
     assert _unbounded(kind, kind.__name__) == []
 
 

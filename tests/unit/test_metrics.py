@@ -1,4 +1,4 @@
-"""Metrics, by their definitions, on missions small enough to compute by hand."""
+"""Metrics by their definitions, on missions that are small enough to compute by hand."""
 
 from __future__ import annotations
 
@@ -7,7 +7,7 @@ from pathlib import Path
 import msgspec
 import numpy as np
 import pytest
-from synthetic import EPOCH_NS, SLOT_NS, change, flight, parallel, recorded, straight
+from synthetic import EPOCH_NS, SLOT_NS, change, flight, parallel, recorded, straight, whole
 
 from edc_swarm.analysis.energy_bill import energy_bills
 from edc_swarm.analysis.metrics import (
@@ -61,17 +61,17 @@ PROMISED = {
 
 @pytest.fixture
 def messages() -> list[Message]:
-    """Three UAVs 12 m apart that fly 16 m north in slots 1 to 8."""
+    """Return the messages of three UAVs 12 m apart that fly 16 m north in slots 1 to 8."""
     return flight(parallel())
 
 
 def metrics(messages: list[Message]) -> Metrics:
-    """Metrics of the recording of `messages`."""
+    """Return the metrics of the recording of `messages`."""
     return compute_metrics(recorded(messages))
 
 
 def test_json_holds_every_promised_name(messages: list[Message]) -> None:
-    """The names are a promise to users."""
+    """The names of metrics are a promise to users."""
     printed = msgspec.json.decode(msgspec.json.encode(metrics(messages)))
     assert printed.keys() >= PROMISED
     assert printed["plan_ms"].keys() == {"p50", "p99", "max"}
@@ -79,7 +79,7 @@ def test_json_holds_every_promised_name(messages: list[Message]) -> None:
 
 
 def test_a_straight_mission(messages: list[Message]) -> None:
-    """Everything that follows from the geometry."""
+    """All metrics that follow from the geometry have their values."""
     m = metrics(messages)
     assert (m.uavs, m.slots, m.duration_s) == (3, 9, 4.5)
     assert (m.completed, m.arrived, m.not_living) == (True, 3, [])
@@ -95,7 +95,7 @@ def test_a_straight_mission(messages: list[Message]) -> None:
 
 
 def test_faults_that_came_to_nothing() -> None:
-    """One whose target nobody was, and one that was to come after the end; not one that was injected."""
+    """Faults without a target and faults after the end are listed, injected ones are not."""
     messages = flight(parallel(), fault=["kill head @0", "heal @8", "heal @9", "kill u1 @20s"])
     messages.append(Event(source="operator", slot=0, kind="fault-without-target", detail="kill head @0s"))
     assert metrics(messages).faults_undone == ["kill head @0s", "heal @4.5s", "kill u1 @20s"]
@@ -104,7 +104,7 @@ def test_faults_that_came_to_nothing() -> None:
 
 
 def test_energy_is_the_power_curve_over_the_flight(messages: list[Message]) -> None:
-    """4 m/s for 4 s each, against the same way at 5 m/s."""
+    """The energy is that of 4 m/s for 4 s each, compared with the same distance at 5 m/s."""
     m, model = metrics(messages), EnergyModel()
     assert m.energy_propulsion_j == pytest.approx(3 * 4.0 * propulsion_power_w(4.0, model))
     assert m.energy_straight_j == pytest.approx(48.0 / 5.0 * propulsion_power_w(5.0, model))
@@ -112,7 +112,7 @@ def test_energy_is_the_power_curve_over_the_flight(messages: list[Message]) -> N
 
 
 def test_guards_are_flown_around() -> None:
-    """Within the guards a UAV hovers; in between it is faster."""
+    """A UAV hovers within the guards, and is faster between them."""
     m = metrics(flight(parallel(), guard_s=0.05))
     model = EnergyModel()
     slot_j = 0.4 * propulsion_power_w(5.0, model) + 0.1 * propulsion_power_w(0.0, model)
@@ -121,7 +121,7 @@ def test_guards_are_flown_around() -> None:
 
 
 def test_a_detour_is_extra_distance() -> None:
-    """In total, and as the mean of each UAV's own; who has nowhere to go is left out of the mean."""
+    """Extra distance is measured in total and as the mean over the UAVs whose start is not their target."""
     detour = [(0.0, 0.0), (0.0, 2.0), (2.0, 2.0), (2.0, 0.0)]
     paths = [detour, straight((50, 0), (56, 0), 3), [(100.0, 0.0)] * 2]
     m = metrics(flight(paths))
@@ -130,7 +130,7 @@ def test_a_detour_is_extra_distance() -> None:
 
 
 def test_collisions_are_pairs_at_any_instant() -> None:
-    """Two UAVs that swap places within one slot overlap once, however often."""
+    """Two UAVs that swap places within one slot overlap once."""
     paths = [straight((0, 0), (12, 0), 1), straight((12, 0.4), (0, 0.4), 1), straight((90, 0), (91, 0), 1)]
     m = metrics(flight(paths, v_max_mps=30.0))
     assert (m.potential_collisions, m.true_collisions) == (1, 1)
@@ -139,18 +139,19 @@ def test_collisions_are_pairs_at_any_instant() -> None:
 
 
 def test_makespan_begins_with_the_first_command_and_ends_for_good() -> None:
-    """Waiting for a head does not count, leaving the target again does."""
+    """Time without a head before the first command does not count; time after leaving the target does."""
     paths = [straight((0, 0), (4, 0), 2), [(50, 0), (50, 0), (50, 2), (50, 2), (50, 0)]]
     messages = flight(paths)
     for slot in (0, 1):
         messages[:] = [m for m in messages if not (isinstance(m, Command) and m.slot == slot + 1)]
-    m = metrics(messages)
+    assert metrics(messages).makespan_s is None, "the record lacks commands"
+    m = metrics(whole(messages))
     assert m.makespan_s == pytest.approx((4 + 1 - 3) * 0.5)
     assert m.makespan_ratio == pytest.approx(m.makespan_s * 5.0 / 4.0)
 
 
 def test_an_unfinished_mission_has_no_makespan(messages: list[Message]) -> None:
-    """Who lives and has not arrived keeps the mission open."""
+    """A living UAV that has not arrived leaves the makespan undefined."""
     mission = messages[0]
     far = msgspec.structs.replace(mission.roster[2], target_y_m=99.0)
     messages[0] = msgspec.structs.replace(mission, roster=[*mission.roster[:2], far])
@@ -159,7 +160,7 @@ def test_an_unfinished_mission_has_no_makespan(messages: list[Message]) -> None:
 
 
 def test_a_mission_is_completed_when_everybody_is_home(messages: list[Message]) -> None:
-    """A killed UAV is named with the reason; those that live have their makespan all the same."""
+    """A killed UAV is named with the reason; the living ones still have a makespan."""
     mission = messages[0]
     far = msgspec.structs.replace(mission.roster[2], target_y_m=99.0)
     messages[0] = msgspec.structs.replace(mission, roster=[*mission.roster[:2], far])
@@ -174,12 +175,13 @@ def test_a_mission_is_completed_when_everybody_is_home(messages: list[Message]) 
 
 
 def test_the_dead_cost_and_hold_nothing(messages: list[Message]) -> None:
-    """From its last fix on, a killed UAV neither hovers nor waits, and its way is compared with nothing."""
+    """From its last fix on, a killed UAV costs no energy, holds no slot, and has no extra distance."""
     mission = messages[0]
     far = msgspec.structs.replace(mission.roster[2], target_y_m=99.0)
     messages[0] = msgspec.structs.replace(mission, roster=[*mission.roster[:2], far])
     messages[:] = [m for m in messages if not (isinstance(m, Fix | Truth) and m.uav == "u2" and m.slot > 3)]
     messages.append(Event(source="operator", slot=4, kind="fault", detail="kill u2 @4"))
+    messages = whole(messages)
     m, columns = metrics(messages), columns_of(recorded(messages))
     assert (m.completed, m.not_living, m.slots_held) == (False, ["u2"], 0)
     assert columns.alive.sum(axis=0).tolist() == [9, 9, 4]
@@ -190,7 +192,7 @@ def test_the_dead_cost_and_hold_nothing(messages: list[Message]) -> None:
 
 
 def test_the_table_compares_only_who_is_home(messages: list[Message]) -> None:
-    """Nobody home: no comparison, no makespan; some home: it says whose."""
+    """Without a UAV at home there is no comparison and no makespan; with some, the table names them."""
     rows = dict(metric_rows(metrics(messages)))
     assert (rows["way flown"], rows["makespan"]) == (
         "48.0 m, 0.00 % more than straight",
@@ -206,28 +208,29 @@ def test_the_table_compares_only_who_is_home(messages: list[Message]) -> None:
 
 
 def test_held_and_missed_slots() -> None:
-    """A held UAV-slot is one away from the target without a command; a missed slot has no command at all."""
+    """A held UAV-slot is away from the target without a command; a missed slot has no command at all."""
     paths = [[*path[:4], path[3], *path[4:]] for path in parallel(2)]
     messages = flight(paths)
     messages = [m for m in messages if not (isinstance(m, Command) and m.slot == 4)]
     change(messages, {"slot": 4}, Fix, executing=False, command_term=-1, command_seq=-1)
-    m = metrics(messages)
-    assert (m.slots_held, m.slots_missed, m.gaps) == (2, 1, 2)
+    m, torn = metrics(whole(messages)), metrics(messages)
+    assert (m.slots_held, m.slots_missed, m.gaps) == (2, 1, 0)
+    assert (torn.slots_held, torn.slots_missed, torn.gaps) == (None, None, 2)
 
 
 def test_slots_count_until_completion(messages: list[Message]) -> None:
-    """What goes by without commands after that is not missed; of an unfinished mission the last slot is."""
-    last = [m for m in messages if not (isinstance(m, Command) and m.slot == 8)]
+    """Slots without commands after completion are not missed; an unfinished mission counts to its last slot."""
+    last = whole(m for m in messages if not (isinstance(m, Command) and m.slot == 8))
     assert metrics(last).slots_missed == 1
     change(last, {"slot": 8}, Fix, waypoint_y_m=14.0, executing=False)
     assert (metrics(last).completed, metrics(last).slots_missed, metrics(last).slots_held) == (False, 1, 3)
     still = [*parallel()[:2], [*parallel()[2], *[parallel()[2][-1]] * 4]]
-    rest = [m for m in flight(still) if not (isinstance(m, Command) and m.slot in {9, 10, 11})]
+    rest = whole(m for m in flight(still) if not (isinstance(m, Command) and m.slot in {9, 10, 11}))
     assert (metrics(rest).slots, metrics(rest).slots_missed) == (13, 0)
 
 
 def test_latency_is_counted_from_the_fix_that_the_head_used(messages: list[Message]) -> None:
-    """Neither a fix that is sent again, nor one under way, restarts the count; a command that names none has none."""
+    """The latency counts from the fix in the command; a command without one has no latency."""
     fix = next(m for m in messages if isinstance(m, Fix) and m.uav == "u1" and m.slot == 3)
     messages.append(msgspec.structs.replace(fix, sent_ns=fix.sent_ns + 4_000_000, seq=77))
     assert set(np.round(columns_of(recorded(messages)).fix_to_command_ms, 6)) == {10.0}
@@ -239,7 +242,7 @@ def test_latency_is_counted_from_the_fix_that_the_head_used(messages: list[Messa
 
 @pytest.mark.parametrize("again", [False, True])
 def test_a_command_that_answers_no_fix_has_no_latency(messages: list[Message], again: bool) -> None:
-    """A fix that was sent after the command, once or twice, is not what it answers."""
+    """A fix that was sent after the command cannot be its input."""
     change(messages, {"uav": "u1", "slot": 3}, Fix, sent_ns=EPOCH_NS + 4 * SLOT_NS)
     fix = next(m for m in messages if isinstance(m, Fix) and m.uav == "u1" and m.slot == 3)
     messages += [msgspec.structs.replace(fix, sent_ns=fix.sent_ns + 1)] * again
@@ -249,7 +252,7 @@ def test_a_command_that_answers_no_fix_has_no_latency(messages: list[Message], a
 
 
 def test_heads_and_failover() -> None:
-    """Who led when, and how many slots went by without commands at the change; a claim makes nobody head."""
+    """Each head has its slots, a change of heads its slots without commands; a claim alone makes no head."""
     messages = flight(parallel())
     for slot in range(9):
         if slot in (4, 5):
@@ -273,12 +276,12 @@ def test_heads_and_failover() -> None:
 
 
 def test_what_is_recorded_twice_is_no_gap(messages: list[Message]) -> None:
-    """A duplicate is G5's to tell, but nothing is missing."""
+    """A duplicate belongs to G5, and nothing is missing."""
     assert metrics([*messages, messages[-1]]).gaps == 0
 
 
 def test_late_ticks_are_counted_per_life() -> None:
-    """`late_ticks` starts again with every instance."""
+    """`late_ticks` starts at 0 with every instance."""
     messages = flight(parallel(1))
     change(messages, {"slot": 3}, Fix, late_ticks=1)
     change(messages, {"slot": 8}, Fix, late_ticks=2, instance="i0b")
@@ -286,7 +289,7 @@ def test_late_ticks_are_counted_per_life() -> None:
 
 
 def test_timings_replace_recorded_plan_times(tmp_path: Path, messages: list[Message]) -> None:
-    """A simulated recording carries none of its own."""
+    """Timings replace the plan times, which a simulated recording lacks."""
     (tmp_path / "run.mcap").write_bytes(b"a recording")
     plans = [Timing(slot, 4.0 + 2 * (slot % 2), solve_ms=1.0) for slot in range(9)]
     saved = Timings(content_hash(tmp_path / "run.mcap"), plans)
@@ -303,7 +306,7 @@ def test_timings_replace_recorded_plan_times(tmp_path: Path, messages: list[Mess
     "saved", [b'{"recording":"00","plans":[{"slot":0,"plan_ms":4.0}]}', b'[{"slot":0,"plan_ms":4.0}]']
 )
 def test_timings_of_another_recording_are_refused(tmp_path: Path, saved: bytes) -> None:
-    """The name alone ties no times to a recording."""
+    """The file name alone does not connect timings to a recording."""
     (tmp_path / "run.mcap").write_bytes(b"a recording")
     (tmp_path / "run.timings.json").write_bytes(saved)
     told: list[str] = []
@@ -313,7 +316,7 @@ def test_timings_of_another_recording_are_refused(tmp_path: Path, saved: bytes) 
 
 
 def test_plan_times_that_nobody_measured_are_unknown(messages: list[Message]) -> None:
-    """A simulated recording says 0 ms of every plan."""
+    """A plan time of 0 ms, as in simulated recordings, means unknown."""
     change(messages, {}, Report, plan_ms=0.0)
     recording = recorded(messages)
     m = compute_metrics(recording)
@@ -322,7 +325,7 @@ def test_plan_times_that_nobody_measured_are_unknown(messages: list[Message]) ->
 
 
 def test_a_real_run_has_plan_times_of_its_own(messages: list[Message]) -> None:
-    """Timings beside it are left over from a simulation that had the same name."""
+    """Timings beside a real recording belong to a simulation with the same file name."""
     recording = recorded(messages)
     recording.run["clock"] = "wall"
     assert compute_metrics(recording, [Timing(0, 400.0)]).plan_ms.max == 10.0
@@ -330,7 +333,7 @@ def test_a_real_run_has_plan_times_of_its_own(messages: list[Message]) -> None:
 
 
 def test_timings_are_optional_and_must_be_timings(tmp_path: Path) -> None:
-    """No file is fine, another file is one clear line."""
+    """A missing file is accepted, an invalid one is reported in one line."""
     assert load_timings(tmp_path / "run.mcap") == []
     (tmp_path / "run.timings.json").write_bytes(b'{"slot":1}')
     with pytest.raises(RecordingError, match="holds no timings"):
@@ -338,23 +341,24 @@ def test_timings_are_optional_and_must_be_timings(tmp_path: Path) -> None:
 
 
 def test_missing_truth_leaves_true_metrics_open(messages: list[Message]) -> None:
-    """Without truth there is no true distance, and everything else stands."""
+    """Without truths there is no true distance, and all other metrics stay defined."""
     untrue = [m for m in messages if not isinstance(m, Truth)]
     m = metrics(untrue)
-    assert (m.min_true_distance_m, m.true_collisions, m.completed) == (None, 0, True)
+    assert (m.min_true_distance_m, m.true_collisions, m.completed) == (None, None, True)
     assert len(columns_of(recorded(untrue)).time_s) == 9
 
 
 def test_a_mission_without_fixes_or_of_one_uav_has_metrics() -> None:
-    """What is not defined is None, never an exception."""
+    """Undefined metrics are None, never an exception."""
     nothing = metrics(flight(parallel())[:1])
-    assert (nothing.slots, nothing.completed, nothing.makespan_s, nothing.plan_ms.p50) == (0, False, None, None)
-    assert (nothing.energy_propulsion_j, nothing.slots_missed, nothing.slots_held, nothing.ticks_late_pct) == (
-        0,
-        0,
-        0,
-        0,
-    )
+    assert (nothing.slots, nothing.completed, nothing.makespan_s, nothing.plan_ms.p50) == (0, None, None, None)
+    assert (nothing.energy_propulsion_j, nothing.path_m, nothing.ticks_late_pct) == (None, None, None)
+    assert (nothing.slots_missed, nothing.slots_held, nothing.gaps, nothing.fetched) == (None, None, None, None)
+    assert (nothing.potential_collisions, nothing.true_collisions) == (None, None)
+    rows = dict(metric_rows(nothing))
+    assert (rows["collisions"], rows["way flown"], rows["late ticks"]) == ("- potential, - true", "-", "-")
+    assert (rows["slots"], rows["messages"]) == ("0 (0 s), - without commands", "1, - gaps")
+    assert (rows["heads"], rows["energy"].split(",")[0]) == ("none recorded", "-")
     parked = flight([[(0.0, 0.0)] * 2])
     still = metrics(parked)
     assert (still.completed, still.extra_distance_pct, still.extra_distance_mean_pct) == (True, None, None)

@@ -10,13 +10,13 @@ import pytest
 from edc_swarm.agent.node import (
     MAX_PENDING,
     Effect,
+    Land,
     Listen,
     PeerGone,
     Persist,
     PlannerReady,
     Publish,
     Received,
-    Stop,
     Tick,
     UavNode,
     WantPlanner,
@@ -93,7 +93,7 @@ def said(effects: list[Effect], kind: type[Message]) -> list[Any]:
 
 
 def flown(effects: list[Effect]) -> bool:
-    """Whether the slot that began in this step began with a command."""
+    """Return True if the slot that began in this step began with a command."""
     return bool(said(effects, Fix)[0].executing)
 
 
@@ -123,7 +123,7 @@ def test_a_step_is_persisted_before_it_is_said() -> None:
 
 
 def test_no_geodesy_is_left_for_the_tick() -> None:
-    """Where the next fix will be is converted when the command comes, not when the slot begins."""
+    """The node converts the position of the next fix when the command arrives, not when the slot begins."""
     uav = node()
     uav.step(Tick(), at(5))
     uav.step(Received(command(6, target_y_m=1.0625)), at(5.5))
@@ -215,7 +215,7 @@ def test_a_clock_that_steps_back() -> None:
 
 
 def test_a_frozen_uav_wakes_to_late_messages() -> None:
-    """What queued up while it slept was not received in time: the slot begins first."""
+    """Messages queued during the freeze were not received in time: the slot begins first."""
     uav = node()
     uav.step(Tick(), at(5))
     effects = uav.step(Received(command(8)), at(8.05))
@@ -231,7 +231,7 @@ def test_the_battery_must_cover_the_step() -> None:
     effects = uav.step(Tick(), at(6))
     assert isinstance(effects[0], Persist)
     assert effects[0].airframe.y_m == 0.0
-    assert isinstance(effects[-1], Stop)
+    assert isinstance(effects[-1], Land)
     assert [event.kind for event in said(effects, Event)] == ["battery-empty"]
     assert uav.ended
     assert uav.step(Tick(), at(7)) == []
@@ -256,9 +256,8 @@ def test_pending_commands_are_few() -> None:
     uav = node()
     uav.step(Tick(), at(5))
     for slot in range(6, 100):
-        uav.step(Received(command(slot)), at(5.5))
-    assert len(uav._pending) == MAX_PENDING
-    assert flown(uav.step(Tick(), at(6)))
+        uav.step(Received(command(slot, start_y_m=slot - 6.0, target_y_m=slot - 5.0)), at(5.5))
+    assert [slot for slot in range(6, 100) if flown(uav.step(Tick(), at(slot)))] == list(range(6, 6 + MAX_PENDING))
 
 
 # --- what may be lost ---------------------------------------------------------------------------
@@ -381,7 +380,7 @@ def test_no_fix_waits_for_a_solver() -> None:
 
 
 def test_wishes() -> None:
-    """Whoever suspects listens to all fixes; who hears the head and is no standby does not; standbys want a planner."""
+    """A UAV that suspects, or is a standby, listens to all fixes; others do not; a standby wants a planner."""
     uav = node("c")
     first = uav.step(Tick(), at(5))
     assert Listen(True) in first
@@ -461,4 +460,4 @@ def test_strangers_leave_no_trace() -> None:
         stranger = msgspec.structs.replace(fix("a", 5), uav=f"x{number}", sent_ns=at(50))
         assert uav.step(Received(stranger), at(5.2)) == []
         assert uav.step(PeerGone(f"x{number}"), at(5.2)) == []
-    assert (uav._gone, uav._clock_reported) == (set(), set())
+    assert (uav._leadership.gone, uav._clock._reported) == (set(), set())

@@ -1,4 +1,4 @@
-"""Why a UAV is not home: one planted reason at a time, and nothing said that the record does not show."""
+"""Reasons why a UAV is not home, planted one at a time, and no reason without evidence."""
 
 from __future__ import annotations
 
@@ -15,21 +15,21 @@ from edc_swarm.protocol.messages import Command, Event, Fix, Message, MissionMes
 
 
 def mission_in(messages: list[Message]) -> MissionMessage:
-    """The mission, first of all messages."""
+    """Return the mission, which is the first of all messages."""
     mission = messages[0]
     assert isinstance(mission, MissionMessage)
     return mission
 
 
 def with_target(messages: list[Message], k: int, x_m: float, y_m: float) -> None:
-    """Move the target of UAV `k`: it was not flown there."""
+    """Move the target of UAV `k`, without a change of its flight."""
     roster = list(mission_in(messages).roster)
     roster[k] = msgspec.structs.replace(roster[k], target_x_m=x_m, target_y_m=y_m)
     messages[0] = msgspec.structs.replace(mission_in(messages), roster=roster)
 
 
 def without(messages: list[Message], uav: str, kinds: Any, after: int) -> list[Message]:
-    """Leave out what is about `uav` in slots later than `after`, and its last word."""
+    """Remove the messages about `uav` in slots later than `after`, and its `closed` event."""
     return [
         m
         for m in messages
@@ -39,12 +39,12 @@ def without(messages: list[Message], uav: str, kinds: Any, after: int) -> list[M
 
 
 def metrics(messages: list[Message]) -> Metrics:
-    """The metrics of what was said."""
+    """Return the metrics of the messages."""
     return compute_metrics(recorded(messages))
 
 
 def only(messages: list[Message]) -> NotHome:
-    """The one UAV that is not home."""
+    """Return the one UAV that is not home."""
     found = metrics(messages)
     assert not found.completed
     (who,) = found.not_home
@@ -54,19 +54,19 @@ def only(messages: list[Message]) -> NotHome:
 
 @pytest.fixture
 def messages() -> list[Message]:
-    """Three UAVs 12 m apart that fly north in slots 1 to 30; the target of u2 is 100 m beyond its last waypoint."""
+    """Return messages of three UAVs 12 m apart that fly north in slots 1 to 30; u2 ends 100 m before its target."""
     said = flight(parallel(steps=30))
     with_target(said, 2, 24.0, 160.0)
     return said
 
 
 def end(slot: int, why: str) -> Event:
-    """The operator's word that the mission is over."""
+    """Return the operator's event at the end of the mission."""
     return Event(source="operator", slot=slot, kind="end", detail=why)
 
 
 def test_everybody_home_is_completed() -> None:
-    """And nobody is named."""
+    """No UAV is listed as not home."""
     found = metrics(flight(parallel()))
     assert (found.completed, found.arrived, found.not_home) == (True, 3, [])
     assert "not home" not in dict(metric_rows(found))
@@ -85,7 +85,7 @@ def test_everybody_home_is_completed() -> None:
 def test_who_was_on_its_way_has_the_mission_s_end_as_its_reason(
     messages: list[Message], why: str | None, reason: str
 ) -> None:
-    """What the operator said at the end, or that the record says nothing."""
+    """The reason is the detail of the event `end`, or that the record has none."""
     messages += [end(30, why)] if why is not None else []
     who = only(messages)
     assert (who.uav, who.cause, who.reason, who.away_m) == ("u2", "mission-ended", reason, pytest.approx(100.0))
@@ -117,6 +117,11 @@ def test_who_was_on_its_way_has_the_mission_s_end_as_its_reason(
             "silent since slot 13 (frozen, cut off, or its process gone)",
         ),
         (
+            Event(source="operator", slot=14, kind="fault", detail="heal @14"),
+            "silent",
+            "silent since slot 13 (frozen, cut off, or its process gone)",
+        ),
+        (
             Event(source="operator", slot=5, kind="fault", detail="freeze u2 @5 for 1"),
             "silent",
             "silent since slot 13 (frozen, cut off, or its process gone)",
@@ -126,7 +131,7 @@ def test_who_was_on_its_way_has_the_mission_s_end_as_its_reason(
 def test_who_lives_no_more_is_dead_for_what_was_told(
     messages: list[Message], event: Event, cause: str, reason: str
 ) -> None:
-    """The last event that ended its flight; an event of another, or one that it outlived, is none."""
+    """The cause is the last event that ended its flight, not one of another UAV, nor one that it outlived."""
     said = without(messages, "u2", Fix | Truth, 12)
     change(said, {}, Report, heard=["u0", "u1"])
     who = only([*said, event])
@@ -134,14 +139,14 @@ def test_who_lives_no_more_is_dead_for_what_was_told(
 
 
 def test_lost_memory_is_a_reason(messages: list[Message]) -> None:
-    """Such a UAV grants nobody, and is commanded by nobody."""
+    """A UAV without memory grants no head, so no head commands it."""
     for slot in range(20, 31):
         change(messages, {"uav": "u2", "slot": slot}, Fix, voter=False, executing=False)
     assert (only(messages).cause, only(messages).slot) == ("memory-lost", 20)
 
 
 def test_fixes_that_the_record_lacks_are_unknown(messages: list[Message]) -> None:
-    """The head heard it, or its last word names more: then its silence is the record's, not its own."""
+    """If the head heard the UAV, or its `closed` event lists more fixes, the record lacks them."""
     heard = without(messages, "u2", Fix | Truth, 12)
     numbered = [m for m in messages if not (isinstance(m, Fix | Truth) and m.uav == "u2" and m.slot > 12)]
     change(numbered, {}, Report, heard=["u0", "u1"])
@@ -153,7 +158,7 @@ def test_fixes_that_the_record_lacks_are_unknown(messages: list[Message]) -> Non
 
 
 def test_who_was_never_heard_is_unknown_even_where_it_began_at_its_target(messages: list[Message]) -> None:
-    """That it is where the mission says is no evidence."""
+    """The start in the mission is no evidence of the UAV's place."""
     with_target(messages, 2, 24.0, 0.0)
     said = without(messages, "u2", Fix | Truth | Command, -1)
     who = only(said)
@@ -161,7 +166,7 @@ def test_who_was_never_heard_is_unknown_even_where_it_began_at_its_target(messag
 
 
 def test_a_target_below_a_dead_uav_is_covered(messages: list[Message]) -> None:
-    """By its disc where it is known to be, by its hull where it may have flown."""
+    """A target is covered by the disc at a known place, or by the hull."""
     with_target(messages, 2, 20.0, 60.0)
     with_target(messages, 1, 12.0, 90.0)
     messages.append(Event(source="operator", slot=30, kind="fault", detail="kill u1 @30"))
@@ -185,7 +190,7 @@ def test_a_target_below_a_dead_uav_is_covered(messages: list[Message]) -> None:
 
 
 def test_who_stands_before_a_hull_is_blocked_by_it() -> None:
-    """For long, and within a step of touching it."""
+    """A UAV is blocked if it is stuck within one step of touching a hull."""
     paths = parallel(steps=8)
     waits = [[*path, *[path[-1]] * STUCK_SLOTS] for path in paths]
     said = flight(waits)
@@ -199,18 +204,18 @@ def test_who_stands_before_a_hull_is_blocked_by_it() -> None:
 
 
 def test_who_is_not_commanded_says_since_when(messages: list[Message]) -> None:
-    """Alone, or with everybody; a command that is not flown is told apart."""
+    """The reason says if no UAV was commanded; a command that was not flown has its own reason."""
     alone = [m for m in messages if not (isinstance(m, Command) and m.uav == "u2" and m.slot > 20)]
     assert (only(alone).cause, only(alone).reason) == ("not-commanded", "not commanded since slot 21")
     nobody = [m for m in messages if not (isinstance(m, Command) and m.slot > 20)]
-    assert only(nobody).reason == "not commanded since slot 21: nobody was"
+    assert only(nobody).reason == "not commanded since slot 21: no UAV was"
     for slot in range(21, 31):
         change(messages, {"uav": "u2", "slot": slot}, Fix, executing=False)
     assert (only(messages).cause, only(messages).slot) == ("commands-not-flown", 21)
 
 
 def test_a_long_list_is_cut_in_the_table_alone() -> None:
-    """The metrics name everybody."""
+    """The metrics name all UAVs."""
     said = flight(parallel(uavs=MAX_NAMED + 2))
     for k in range(MAX_NAMED + 2):
         with_target(said, k, 12.0 * k, 160.0)

@@ -34,7 +34,7 @@ class Flight:
         self.least_gap_m = math.inf
 
     def request(self, uav: np.ndarray, hulls: list[Hull]) -> PlanRequest:
-        """What a head would ask for."""
+        """The request of a head."""
         late = self.previous_m[uav] if self.mission.lag_slots else None
         return PlanRequest(
             self.slot, uav.tolist(), self.position_m[uav], self.target_m[uav], self.r_m[uav], hulls, late
@@ -59,7 +59,7 @@ class Flight:
         return plan
 
     def done(self) -> bool:
-        """Whether all have arrived."""
+        """Return True if all have arrived."""
         return bool((length_m(self.position_m - self.target_m) < 0.1).all())
 
     def slots(self) -> Iterator[int]:
@@ -248,7 +248,7 @@ def test_lengths_and_indices_are_checked() -> None:
 
 @pytest.mark.parametrize("r_m", [0.0, 5.0])
 def test_coincident_and_overlapping_uavs_do_not_crash(r_m: float) -> None:
-    """What should never happen gives a plan in which nobody closes in."""
+    """Impossible positions give a plan in which no UAV closes in."""
     position_m = [(0.0, 0.0), (0.0, 0.0), (3.0, 0.0)]
     target_m = [(40.0, 0.0), (-40.0, 0.0), (0.0, 0.0)]
     planner = make_planner("edc", Mission(uavs=3))

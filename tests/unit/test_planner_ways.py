@@ -113,7 +113,7 @@ def test_a_goal_within_the_buffer_moves_by_less_than_arriving_takes() -> None:
 
 
 def test_a_covered_target_becomes_a_place_out_of_the_way() -> None:
-    """Whoever cannot get home waits near by, clear of the hull and of the targets of those who can."""
+    """A UAV whose target is covered waits near by, clear of the hull and of the targets of the others."""
     target_m = np.array([[0.5, 1.0], [0.5, 10.5], [0.5, -0.5]])
     goal_m = free_goals(target_m, np.full(3, R_M), capsule(0, 0, 1, 0))
     assert goal_m[1].tolist() == target_m[1].tolist()

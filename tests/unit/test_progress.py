@@ -1,4 +1,4 @@
-"""When a mission is over, because all are there or nothing can change any more, and who leads."""
+"""End of a mission: all UAVs are at their targets, or nothing can change any more; and its head."""
 
 from __future__ import annotations
 
@@ -153,7 +153,7 @@ def test_slots_without_a_plan_prove_nothing() -> None:
 
 
 def test_nothing_stalls_before_the_last_fault_is_over() -> None:
-    """What a fault has stopped may go on when it is healed."""
+    """UAVs that a fault has stopped may fly on after it is healed."""
     judge = MissionMonitor(Mission(uavs=2, roster=ROSTER, fault=["freeze b @10 for 500"]))
     _plans(judge, 0, 509 + STALL_SLOTS)
     assert not judge.stalled(600)

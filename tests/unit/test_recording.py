@@ -1,4 +1,4 @@
-"""Recordings: what is written comes back, the same bytes every time, and torn files are read."""
+"""Recordings are read as they were written, the same bytes every time, and torn files are read in part."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from typing import Any
 import msgspec
 import pytest
 from mcap.reader import make_reader
-from synthetic import flight, parallel
+from synthetic import EPOCH_NS, flight, parallel
 
 from edc_swarm.analysis.guarantees.check import check
 from edc_swarm.errors import RecordingError
@@ -34,7 +34,7 @@ KINDS = (Fix, Truth, Command, Report, Event, MissionMessage)
 
 
 def record(messages: list[Message], stream: Any = None, finish: bool = True) -> bytes:
-    """Bytes of a recording of `messages`, received when sent."""
+    """Return the bytes of a recording of `messages`, received when sent."""
     stream = stream or io.BytesIO()
     writer = RecordingWriter(stream, RUN)
     for message in messages:
@@ -48,18 +48,18 @@ def record(messages: list[Message], stream: Any = None, finish: bool = True) -> 
 
 @pytest.fixture
 def messages() -> list[Message]:
-    """A faultless mission of three UAVs."""
+    """Return a faultless mission of three UAVs."""
     return flight(parallel())
 
 
 def saved(path: Path, data: bytes) -> Path:
-    """A file with that content."""
+    """Write a file with that content."""
     path.write_bytes(data)
     return path
 
 
 def test_what_is_written_comes_back(tmp_path: Path, messages: list[Message]) -> None:
-    """Every message, in its list, and the facts of the run."""
+    """Every message is in its list, and the facts of the run are there."""
     recording = read_recording(saved(tmp_path / "a.mcap", record(messages)))
     expected = Recording.from_messages(messages)
     assert recording.lists() == expected.lists()
@@ -71,7 +71,7 @@ def test_what_is_written_comes_back(tmp_path: Path, messages: list[Message]) -> 
 
 @pytest.mark.parametrize("run_end", [{"fetched": "1"}, {"recovered": "torn"}, {"fetched": "0"}])
 def test_what_came_late_is_read_in_its_place(tmp_path: Path, messages: list[Message], run_end: dict[str, str]) -> None:
-    """By its number, whatever `run_end` says of it."""
+    """A late message takes its place by its number, for any `run_end`."""
     late = [m for m in messages if isinstance(m, Fix) and m.uav == "u1" and m.slot in {2, 3}]
     stream = io.BytesIO()
     writer = RecordingWriter(stream, {})
@@ -84,7 +84,7 @@ def test_what_came_late_is_read_in_its_place(tmp_path: Path, messages: list[Mess
 
 
 def test_same_messages_same_bytes(messages: list[Message]) -> None:
-    """The file depends on nothing but what was written."""
+    """The bytes of a file depend only on its messages."""
     assert record(messages) == record(messages)
 
 
@@ -107,7 +107,7 @@ def test_an_independent_reader_sees_the_promised_layout(messages: list[Message])
 
 
 def test_garbage_and_unknown_topics_are_kept_verbatim(tmp_path: Path, messages: list[Message]) -> None:
-    """Nothing on the bus is refused by the recorder; readers say what was no message."""
+    """The recorder writes every payload; readers report those that are not messages."""
     stream = io.BytesIO()
     writer = RecordingWriter(stream, RUN)
     for message in messages:
@@ -140,7 +140,7 @@ def test_garbage_and_unknown_topics_are_kept_verbatim(tmp_path: Path, messages: 
 def test_the_fast_decoder_refuses_what_the_codec_refuses(
     tmp_path: Path, messages: list[Message], field: str, value: bytes
 ) -> None:
-    """Infinity, another sender, and every limit: garbage in, garbage reported."""
+    """Infinity, a wrong sender, and every value beyond a limit is reported as garbage."""
     fix = next(m for m in messages if isinstance(m, Fix))
     whole = {k: msgspec.Raw(msgspec.json.encode(v)) for k, v in msgspec.to_builtins(fix).items()}
     payload = msgspec.json.encode({**whole, field: msgspec.Raw(value)})
@@ -154,7 +154,7 @@ def test_the_fast_decoder_refuses_what_the_codec_refuses(
 
 
 def test_log_time_never_goes_back(messages: list[Message]) -> None:
-    """A clock that steps back does not disorder the file."""
+    """A clock that goes back does not change the order of the file."""
     stream = io.BytesIO()
     writer = RecordingWriter(stream, RUN)
     for log_ns in (5, 3, 9):
@@ -165,7 +165,7 @@ def test_log_time_never_goes_back(messages: list[Message]) -> None:
 
 
 def test_what_was_flushed_survives(tmp_path: Path, messages: list[Message]) -> None:
-    """A file that ends after a flush is torn, and yet every message in it is read."""
+    """A file that ends after a flush is torn, and every message in it is still read."""
     path = saved(tmp_path / "a.mcap", record(messages, finish=False))
     with pytest.raises(RecordingError, match="torn"):
         read_recording(path)
@@ -176,7 +176,7 @@ def test_what_was_flushed_survives(tmp_path: Path, messages: list[Message]) -> N
 
 
 def test_a_torn_file_is_read_at_every_length(tmp_path: Path, messages: list[Message]) -> None:
-    """However many bytes are missing: one line, or whatever is whole."""
+    """A file cut at any byte gives one line, or its complete part."""
     stream = io.BytesIO()
     writer = RecordingWriter(stream, RUN)
     for number, message in enumerate(messages):
@@ -197,7 +197,7 @@ def test_a_torn_file_is_read_at_every_length(tmp_path: Path, messages: list[Mess
 
 
 def test_a_torn_file_says_what_is_missing(tmp_path: Path, messages: list[Message]) -> None:
-    """Bytes of a record that was cut off, or that it simply stops."""
+    """The line gives the bytes of a cut record, or that the file stops."""
     whole, stopped = record(messages), record(messages, finish=False)
     end = len(whole) - len(MAGIC)
     assert problem_of(tmp_path, whole[:-1]) == f"{len(MAGIC) - 1} bytes after byte {end} are unreadable"
@@ -205,13 +205,13 @@ def test_a_torn_file_says_what_is_missing(tmp_path: Path, messages: list[Message
 
 
 def problem_of(folder: Path, data: bytes) -> str:
-    """What is said of a file without an end."""
+    """Return the problem that is reported for a file without an end."""
     (problem,) = read_recording(saved(folder / "torn.mcap", data), salvage=True).problems
     return problem.removeprefix("torn: no end of file; ")
 
 
 def test_recover_makes_a_whole_file(tmp_path: Path, messages: list[Message]) -> None:
-    """A recovered file reads like any other and says what was missing."""
+    """A recovered file is intact and lists what was missing."""
     torn = saved(tmp_path / "a.mcap.part", record(messages, finish=False)[:-3])
     stream = io.BytesIO()
     problems = recover(torn, stream)
@@ -249,7 +249,7 @@ def test_recover_changes_nothing_of_a_whole_file(tmp_path: Path, messages: list[
     ],
 )
 def test_bad_files_are_one_clear_line(tmp_path: Path, data: bytes, reason: str) -> None:
-    """The error names the file and what is wrong with it."""
+    """The error names the file and the problem."""
     path = saved(tmp_path / "bad.mcap", data)
     with pytest.raises(RecordingError, match=reason) as caught:
         read_recording(path, salvage=True)
@@ -257,13 +257,13 @@ def test_bad_files_are_one_clear_line(tmp_path: Path, data: bytes, reason: str) 
 
 
 def test_a_missing_file_is_one_clear_line(tmp_path: Path) -> None:
-    """The operating system's reason is kept."""
+    """The error contains the operating system's reason."""
     with pytest.raises(RecordingError, match="No such file"):
         read_recording(tmp_path / "none.mcap")
 
 
 def test_other_formats_are_refused(tmp_path: Path, messages: list[Message]) -> None:
-    """A recording of another format version, or of another program, is said to be one."""
+    """The error names a recording of another format version, or of another program."""
     data = record(messages)
     newer = data.replace(b"format\x01\x00\x00\x001", b"format\x01\x00\x00\x009")
     with pytest.raises(RecordingError, match="has recording format 9; this version reads 1"):
@@ -280,7 +280,7 @@ def test_a_recording_without_a_mission_is_refused(tmp_path: Path, messages: list
 
 
 def in_subset(schema: dict[str, Any]) -> bool:
-    """Whether viewers accept a schema: every field typed, no references, no nested arrays."""
+    """Return True if viewers accept a schema: every field typed, no references, no nested arrays."""
     assert schema.keys() <= {"title", "type", "enum", "properties", "items"}
     assert schema["type"] in {"object", "array", "string", "number", "integer", "boolean"}
     if schema["type"] == "array":
@@ -291,7 +291,7 @@ def in_subset(schema: dict[str, Any]) -> bool:
 
 @pytest.mark.parametrize("kind", KINDS)
 def test_every_schema_is_inside_what_viewers_accept(kind: type[msgspec.Struct]) -> None:
-    """Viewers drop a whole topic over anything else; and no field is left out."""
+    """Viewers reject a whole topic with any other schema; no field is left out."""
     schema = json_schema(kind)
     assert in_subset(schema)
     assert set(schema["properties"]) == set(kind.__struct_fields__)
@@ -307,7 +307,7 @@ def test_nullable_fields_are_flattened() -> None:
 
 
 def test_chunks_do_not_overlap(messages: list[Message]) -> None:
-    """Viewers warn of chunks that overlap in time and read them slowly; times that go back are held."""
+    """Viewers warn of chunks that overlap in time and read them slowly, so times that go back are held."""
     stream = io.BytesIO()
     writer = RecordingWriter(stream, RUN)
     for number, message in enumerate(messages):
@@ -323,7 +323,7 @@ def test_chunks_do_not_overlap(messages: list[Message]) -> None:
 
 
 def test_what_is_of_nobody_or_of_an_older_run_counts_for_nothing(tmp_path: Path, messages: list[Message]) -> None:
-    """It is in the file, and told of; what a UAV of this run says stays, however wrong it is."""
+    """Foreign messages are in the file and reported; a wrong message of a UAV of this run stays."""
     fix = next(m for m in messages if isinstance(m, Fix))
     report = next(m for m in messages if isinstance(m, Report))
     older = {"instance": "old", "sent_ns": fix.sent_ns - 10**12}
@@ -338,14 +338,14 @@ def test_what_is_of_nobody_or_of_an_older_run_counts_for_nothing(tmp_path: Path,
     wrong = msgspec.structs.replace(report, slot=9, seq=9, grants=["u0"], quorum=1)
     recording = read_recording(saved(tmp_path / "a.mcap", record([*messages, *strange, wrong])))
     assert recording.garbage_count == len(strange)
-    assert {garbage.reason for garbage in recording.garbage} == {"of an older run", "of nobody in the mission"}
+    assert {garbage.reason for garbage in recording.garbage} == {"from an older run", "from no process of the mission"}
     assert recording.lists() == Recording.from_messages([*messages, wrong]).lists()
     (complete,) = (result for result in check(recording) if result.guarantee == "G5")
     assert not any("99" in where for where in complete.where)
 
 
 def test_a_flood_of_garbage_makes_few_notes(tmp_path: Path, messages: list[Message]) -> None:
-    """One per topic and reason, and not too many of those."""
+    """There is one note per topic and reason, within a limit."""
     stream = io.BytesIO()
     writer = RecordingWriter(stream, RUN)
     writer.write(KEYS.mission, b"garbage first", 0)
@@ -364,7 +364,7 @@ def test_a_flood_of_garbage_makes_few_notes(tmp_path: Path, messages: list[Messa
 
 
 def test_a_file_of_huge_payloads_is_read_in_bounded_memory(tmp_path: Path, messages: list[Message]) -> None:
-    """Each is gone before the next is read, and each is garbage; 80 MB of them need less than half of that."""
+    """Each payload is freed before the next is read: 80 MB of them need less than half of that."""
     path = tmp_path / "a.mcap"
     with path.open("wb") as stream:
         writer = RecordingWriter(stream, RUN)
@@ -385,7 +385,7 @@ def test_a_file_of_huge_payloads_is_read_in_bounded_memory(tmp_path: Path, messa
 
 
 def test_of_a_payload_that_was_too_large_is_told_what_was_kept(tmp_path: Path, messages: list[Message]) -> None:
-    """Its key, its size, its hash: garbage like all that is no message."""
+    """Key, size and hash of a too large payload are reported as garbage."""
     stream = io.BytesIO()
     writer = RecordingWriter(stream, RUN)
     writer.write(KEYS.mission, encode(messages[0]), 0)
@@ -410,3 +410,36 @@ def test_an_unknown_codec_is_named_and_nothing_is_recovered(tmp_path: Path, mess
         with pytest.raises(RecordingError, match="is compressed with 'oops'; known are '', 'zstd', 'lz4'"):
             work()
     assert kept.getvalue() == b""
+
+
+def test_messages_and_the_file_of_them_are_in_one_order(tmp_path: Path) -> None:
+    """Whatever order they come in, and with one of them twice."""
+    messages = flight(parallel())
+    path, shuffled = tmp_path / "run.mcap", [*reversed(messages), messages[-1]]
+    with path.open("w+b") as stream:
+        writer = RecordingWriter(stream, {})
+        for message in shuffled:
+            writer.write(Keys("mission").of(message), encode(message), EPOCH_NS)
+        writer.finish({})
+    made, read = Recording.from_messages(shuffled), read_recording(path)
+    assert made.lists() == read.lists() == Recording.from_messages(messages).lists()
+    assert (made.duplicates, read.duplicates) == (1, 1)
+
+
+def test_a_message_under_the_key_of_another_is_told(tmp_path: Path) -> None:
+    """Under another UAV's key, and under one that nobody uses: how many, and the first; noise there is only unknown."""
+    messages, path = flight(parallel()), tmp_path / "run.mcap"
+    fixes = [encode(m) for m in messages if isinstance(m, Fix) and m.uav == "u1"]
+    with path.open("w+b") as stream:
+        writer = RecordingWriter(stream, {})
+        for message in messages:
+            writer.write(Keys("mission").of(message), encode(message), EPOCH_NS)
+        writer.write("swarm/mission/head/u1/fix", fixes[0], EPOCH_NS + 1)
+        writer.write("swarm/mission/head/u1/fix", fixes[1], EPOCH_NS + 2)
+        writer.write("swarm/mission/uav/u0/fix", fixes[2], EPOCH_NS + 3)
+        writer.write("swarm/mission/head/u2/fix", b"{}", EPOCH_NS + 4)
+        writer.finish({})
+    (complete,) = (result for result in check(read_recording(path)) if result.guarantee == "G5")
+    told = "recorded under the key of another: 3 messages, the first under swarm/mission/head/u1/fix"
+    assert [note for note in complete.notes if "another" in note] == [told]
+    assert any("unknown topics: 1 with 1 messages: 'swarm/mission/head/u2/fix'" in note for note in complete.notes)

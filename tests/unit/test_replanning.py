@@ -1,4 +1,4 @@
-"""Planning a recording again gives its commands back, and finds one that was changed."""
+"""Replanning a recording gives its commands, and finds a changed one."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ from edc_swarm.simulation.simulator import Simulation
 
 @pytest.fixture(scope="module")
 def said() -> list[Message]:
-    """A mission of five UAVs, one of which is cut off, so that its hull matters."""
+    """Return a mission of five UAVs, one of which is cut off, so that its hull matters."""
     fields = {"name": "again", "uavs": 5, "area_m2": 2500.0, "max_slots": 30, "lag_slots": 1}
     mission = complete_mission(mission_from_dict({**fields, "fault": ["partition u003|rest @6 for 8"]}))
     message, messages = mission_message(mission), list[Message]()
@@ -25,20 +25,20 @@ def said() -> list[Message]:
 
 
 def planned_again(messages: list[Message]) -> Replanned:
-    """The verdict on a record."""
+    """Return the result of replanning a record."""
     recording = Recording.from_messages(messages)
     return replan(recording, lambda: make_planner("edc", recording.mission))
 
 
 def test_planning_again_gives_the_same_bits(said: list[Message]) -> None:
-    """Fixes and reports hold all that a planner is given, hulls and previous waypoints among them."""
+    """Fixes and reports contain the whole input of a planner, including hulls and previous waypoints."""
     result = planned_again(said)
     assert result.commands == sum(isinstance(message, Command) for message in said)
     assert (result.identical, result.skipped, result.differences) == (result.commands, 0, [])
 
 
 def test_a_changed_command_is_found(said: list[Message]) -> None:
-    """One target, one centimetre."""
+    """A change of one target by one centimetre is found."""
     at = next(i for i, m in enumerate(said) if isinstance(m, Command) and m.slot == 9)
     changed = said[at]
     assert isinstance(changed, Command)
@@ -49,7 +49,7 @@ def test_a_changed_command_is_found(said: list[Message]) -> None:
 
 
 def test_a_plan_without_its_report_is_no_plan(said: list[Message]) -> None:
-    """What the record does not hold whole is counted, not guessed."""
+    """An incomplete plan is counted as skipped."""
     gone = [m for m in said if not (isinstance(m, Command) and m.slot == 9 and m.uav == "u001")]
     result = planned_again(gone)
     assert result.skipped == 1

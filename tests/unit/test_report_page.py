@@ -1,4 +1,4 @@
-"""The report page: the numbers of the metrics, in a document that needs nothing else."""
+"""The report page shows the numbers of the metrics, in one document without references."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ from importlib.resources import files
 import msgspec
 import numpy as np
 import pytest
-from synthetic import EPOCH_NS, change, flight, parallel, recorded, straight
+from synthetic import EPOCH_NS, change, flight, parallel, recorded, straight, whole
 
 from edc_swarm.analysis.guarantees.check import check
 from edc_swarm.analysis.guarantees.verdict import GuaranteeResult, Status, Violation, headline
@@ -25,18 +25,18 @@ from edc_swarm.report_page.render import MAX_WHERE, Assets, _guarantee, render
 
 @pytest.fixture
 def messages() -> list[Message]:
-    """Three UAVs that fly north side by side; u0 leads."""
+    """Return the messages of three UAVs that fly north side by side, with head u0."""
     return flight(parallel())
 
 
 def page_of(messages: list[Message]) -> Page:
-    """The page's data of a record."""
+    """Return the page's data of a record."""
     recording = recorded(messages)
     return Page.of(recording, compute_metrics(recording).heads)
 
 
 def document(recording: Recording, guarantees: list[GuaranteeResult] | None = None) -> str:
-    """The whole page, made of the files that the command uses."""
+    """Return the whole page, made from the files that the command uses."""
     folder = files("edc_swarm.report_page")
     assets = Assets(*((folder / f"page.{kind}").read_text() for kind in ("html", "css", "js")))
     metrics = compute_metrics(recording)
@@ -45,7 +45,7 @@ def document(recording: Recording, guarantees: list[GuaranteeResult] | None = No
 
 
 def test_centres_come_back_from_base64(messages: list[Message]) -> None:
-    """One more row than frames: the positions at the end."""
+    """There is one more row than frames, for the positions at the end."""
     page = page_of(messages)
     centres = np.frombuffer(base64.b64decode(page.centres), "<f4").reshape(page.frames + 1, 3, 2)
     assert centres[0].tolist() == [[0, 0], [12, 0], [24, 0]]
@@ -55,7 +55,7 @@ def test_centres_come_back_from_base64(messages: list[Message]) -> None:
 
 
 def test_who_led_and_who_was_heard(messages: list[Message]) -> None:
-    """A slot without a plan that counts has no head; a slot without a fix is one of silence."""
+    """A slot without a valid plan has no head, and a slot without a fix is not heard."""
     messages = [m for m in messages if not (isinstance(m, Report) and m.slot == 4)]
     messages = [m for m in messages if not (isinstance(m, Fix) and (m.uav, m.slot) == ("u2", 6))]
     report = next(m for m in messages if isinstance(m, Report))
@@ -68,7 +68,7 @@ def test_who_led_and_who_was_heard(messages: list[Message]) -> None:
 
 
 def test_faults_stand_at_mission_time(messages: list[Message]) -> None:
-    """Four times as fast as the clock, a second of wall time is four of the mission."""
+    """At time scale 4, a second of wall time is four seconds of mission time."""
     fault = Event(source="operator", kind="fault", detail="kill u1 @6s", sent_ns=EPOCH_NS + 1_500_000_000)
     change(messages, {}, type(messages[0]), time_scale=4.0)
     (mark,) = page_of([*messages, fault]).faults
@@ -76,7 +76,7 @@ def test_faults_stand_at_mission_time(messages: list[Message]) -> None:
 
 
 def test_plots_show_what_the_metrics_sum_up(messages: list[Message]) -> None:
-    """Least of the gaps, greatest of the plan times and latencies, all energy."""
+    """The least gap, the greatest plan times and latencies, and the whole energy agree with the metrics."""
     recording = recorded(messages)
     metrics, page = compute_metrics(recording), page_of(messages)
     gap, plan, latency, energy = page.plots
@@ -88,29 +88,29 @@ def test_plots_show_what_the_metrics_sum_up(messages: list[Message]) -> None:
 
 
 def test_plots_stand_at_mission_time_with_their_limits() -> None:
-    """The plan time has what is left of a slot of the wall, and a command answers the fix of the slot before."""
+    """The limit of the plan time is the rest of a slot in wall time; a command answers the fix of the slot before."""
     gap, plan, latency, _ = page_of(flight(parallel(), dt_s=1.0, time_scale=2.0)).plots
     assert (gap.limit, plan.limit) == (0.0, pytest.approx(1e3 * (1.0 - 0.2) / 2.0))
     assert gap.series[0].x == plan.series[0].x == latency.series[0].x == [float(slot) for slot in range(9)]
 
 
 def test_no_gap_is_drawn_where_the_way_is_lost(messages: list[Message]) -> None:
-    """Nobody knows where the disc was."""
+    """In lost slots the place of the disc is unknown."""
     change(messages, {"uav": "u1", "slot": 6}, Fix, from_x_m=13.0)
     kept = [m for m in messages if not (getattr(m, "uav", "") == "u1" and 3 <= getattr(m, "slot", 0) <= 5)]
     assert page_of(kept).plots[0].series[0].x == [0.0, 0.5, 1.0, 3.0, 3.5, 4.0]
 
 
 def test_energy_is_used_from_the_first_word_to_the_last(messages: list[Message]) -> None:
-    """Of who comes late and who falls silent."""
+    """A UAV that is first heard late, or is silent at the end, counts between its first and last fix."""
     quiet = {("u1", 0), ("u1", 1), *(("u2", slot) for slot in range(4, 9))}
     kept = [m for m in messages if not (isinstance(m, Fix) and (m.uav, m.slot) in quiet)]
-    assert page_of(kept).plots[3].series[0].y[-1] == pytest.approx(70 * (8 + 6 + 3) / 1e3)
+    assert page_of(whole(kept)).plots[3].series[0].y[-1] == pytest.approx(70 * (8 + 6 + 3) / 1e3)
 
 
 def test_long_missions_are_thinned_out(messages: list[Message], monkeypatch: pytest.MonkeyPatch) -> None:
-    """The page stays small, and still ends where the mission ends."""
-    monkeypatch.setattr(page_data, "MAX_CELLS", 10)
+    """The page stays small, and ends at the end of the mission."""
+    monkeypatch.setattr(page_data, "MAX_ANIMATED", 10)
     page = page_of(messages)
     assert (page.frames, page.frame_s) == (3, 1.5)
     centres = np.frombuffer(base64.b64decode(page.centres), "<f4").reshape(-1, 3, 2)
@@ -118,12 +118,12 @@ def test_long_missions_are_thinned_out(messages: list[Message], monkeypatch: pyt
 
 
 def test_an_empty_record_still_makes_a_page() -> None:
-    """A run that ended before its first fix."""
+    """A run that ended before its first fix has a page."""
     assert "0 of 3 UAVs arrived" in document(recorded(flight(parallel())[:1]))
 
 
 def test_the_page_needs_no_network_and_cannot_be_broken_out_of(messages: list[Message]) -> None:
-    """No address but the SVG name space; texts from a recording stay texts."""
+    """The only address is the SVG name space, and texts of a recording stay texts."""
     evil = "</script><script>alert(1)</script>"
     messages[0] = msgspec.structs.replace(messages[0], name=evil)
     messages.append(Event(source="operator", kind="fault", detail=evil, sent_ns=EPOCH_NS))
@@ -134,7 +134,7 @@ def test_the_page_needs_no_network_and_cannot_be_broken_out_of(messages: list[Me
 
 
 def test_a_mission_without_faults_says_so(messages: list[Message]) -> None:
-    """And that everything held."""
+    """The page says that there were no faults and that every guarantee held."""
     text = document(recorded(messages))
     assert "; every guarantee held" in text
     short = msgspec.structs.replace(check(recorded(messages))[-1], status="not-judged", notes=["cut short"])
@@ -157,12 +157,12 @@ def test_a_mission_without_faults_says_so(messages: list[Message]) -> None:
     ],
 )
 def test_the_headline_says_of_every_guarantee_what_it_came_to(statuses: list[Status], said: str) -> None:
-    """Every guarantee held only where each was judged and held."""
+    """Every guarantee held only if each was judged and held."""
     assert headline([GuaranteeResult(f"G{i + 1}", "", status) for i, status in enumerate(statuses)]) == said
 
 
 def test_so_many_violations_are_told() -> None:
-    """Of more, their number."""
+    """Beyond a limit, the page gives only the number of violations."""
     for extra in (0, 1):
         violations = [Violation("gap", f"x{number}.") for number in range(MAX_WHERE + extra)]
         text = _guarantee(GuaranteeResult("G5", "No loss", "broken", violations))
@@ -171,13 +171,13 @@ def test_so_many_violations_are_told() -> None:
 
 
 def test_a_list_of_the_roster_can_be_broken_into_lines(messages: list[Message]) -> None:
-    """It has no space in it; names are not cut."""
+    """A list of the roster has no space, and names are not cut."""
     messages.append(Event(source="operator", kind="fault", detail="partition u0|u1,u2 @1s", sent_ns=EPOCH_NS))
     assert "<td>partition u0|u1,<wbr>u2 @1s</td>" in document(recorded(messages))
 
 
 def test_the_page_says_what_the_terminal_says() -> None:
-    """Metrics row by row, the metrics' own JSON, and every broken guarantee."""
+    """The page has the rows of the metrics, their JSON, and every broken guarantee."""
     recording = recorded(flight([straight((0, 0), (0, 20), 10), straight((9, 20), (9, 0), 10)], planner="straight"))
     text, metrics = document(recording), compute_metrics(recording)
     cells = re.findall(r"<tr><th scope=row>(.*?)</th><td>(.*?)</td></tr>", text)

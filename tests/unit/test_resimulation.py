@@ -1,4 +1,4 @@
-"""G6: a recorded simulation is simulated again; a difference is found, and only what proves one is called broken."""
+"""G6: a second simulation finds a difference, and only a difference that proves a fault breaks G6."""
 
 from __future__ import annotations
 
@@ -38,7 +38,7 @@ class Restless(Straight):
 
 @pytest.fixture
 def restless(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> str:
-    """The name of that planner."""
+    """Return the name of that planner."""
     (tmp_path / "restless_planner.py").write_text(RESTLESS)
     monkeypatch.syspath_prepend(str(tmp_path))
     monkeypatch.delitem(sys.modules, "restless_planner", raising=False)
@@ -46,14 +46,14 @@ def restless(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> str:
 
 
 def simulated(mission: Mission = MISSION) -> Recording:
-    """A simulated mission, as `sim` records it."""
+    """Return a simulated mission, as `sim` records it."""
     recording, _ = simulate(mission)
     recording.run = {"clock": "virtual"}
     return recording
 
 
 def test_the_same_mission_says_the_same_bytes() -> None:
-    """All seven guarantees are judged, in order; the second run is followed slot by slot."""
+    """All seven guarantees are judged, in order; the callback follows the second run slot by slot."""
     recording = simulated()
     watched: list[tuple[int, int]] = []
     results = judge(recording, "", lambda done, of: watched.append((done, of)))
@@ -67,15 +67,15 @@ def test_the_same_mission_says_the_same_bytes() -> None:
 
 
 def test_a_planner_that_remembers_other_runs_breaks_it(restless: str) -> None:
-    """From the first plan on."""
-    result = check_same_bytes(simulated(msgspec.structs.replace(MISSION, planner=restless)))
+    """The messages differ from the first plan on."""
+    result = check_same_bytes(simulated(msgspec.structs.replace(MISSION, planner=restless)), load_planner=True)
     assert result.broken
     assert any("command/u001 0: target_x_m was " in line for line in result.where)
 
 
 @pytest.mark.parametrize("field", ["sent_ns", "energy_j", "x_m"])
 def test_any_field_counts(field: str) -> None:
-    """Also the time at which something was said, and the last bit of a number."""
+    """A change of a sending time, or of the last bit of a number, is found."""
     recording = simulated()
     fix = recording.fixes[7]
     changed = getattr(fix, field) * (1 + 2**-52) if field != "sent_ns" else fix.sent_ns + 1
@@ -87,7 +87,7 @@ def test_any_field_counts(field: str) -> None:
 
 
 def test_minus_zero_is_other_bytes() -> None:
-    """Equal as numbers, not as bytes."""
+    """Minus zero equals zero as a number, but not in its bytes."""
     recording = simulated()
     i, fix = next((i, fix) for i, fix in enumerate(recording.fixes) if fix.lat_deg == 0.0 or fix.response_ms == 0.0)
     recording.fixes[i] = msgspec.structs.replace(fix, response_ms=-0.0)
@@ -97,15 +97,16 @@ def test_minus_zero_is_other_bytes() -> None:
 
 
 def test_what_is_not_said_again_breaks_it() -> None:
-    """A message more than the mission gives."""
+    """A message beyond those of the mission breaks G6."""
     recording = simulated()
     recording.events.append(Event(source="u001", instance="u001-9", kind="said once"))
     assert check_same_bytes(recording).violations[0].kind == "unsaid"
 
 
 def test_a_difference_of_other_code_proves_nothing_but_equality_does(restless: str) -> None:
-    """Not judged, with what is other."""
-    differs = check_same_bytes(simulated(msgspec.structs.replace(MISSION, planner=restless)), "made with numpy 1")
+    """The verdict is "not judged", with the differences of version or machine."""
+    recording = simulated(msgspec.structs.replace(MISSION, planner=restless))
+    differs = check_same_bytes(recording, "made with numpy 1", load_planner=True)
     assert differs.status == "not-judged"
     assert "the recording was made with numpy 1" in differs.notes[0]
     assert check_same_bytes(simulated(), "made with numpy 1").held
@@ -113,7 +114,7 @@ def test_a_difference_of_other_code_proves_nothing_but_equality_does(restless: s
 
 @pytest.mark.parametrize("kept", [0.5, 0.0])
 def test_what_the_record_lacks_is_not_judged(kept: float) -> None:
-    """Whatever is there is equal, and that is all that is known."""
+    """All recorded messages are equal, and the others are unknown."""
     recording = simulated()
     for said in recording.lists().values():
         del said[max(int(kept * len(said)), said is recording.missions) :]
@@ -123,26 +124,56 @@ def test_what_the_record_lacks_is_not_judged(kept: float) -> None:
 
 
 def test_a_planner_that_is_not_there_is_not_judged() -> None:
-    """With the planner's name."""
+    """The verdict names the planner."""
     recording = simulated()
     recording.missions[0] = msgspec.structs.replace(recording.mission, planner="no_such_module:Planner")
-    result = check_same_bytes(recording)
+    result = check_same_bytes(recording, load_planner=True)
     assert result.status == "not-judged"
     assert "no_such_module:Planner" in result.notes[0]
+
+
+def test_a_recording_names_no_code_to_run(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """`sim` loads the user's planner and judges; `check` and `report` import nothing of it, unless told to."""
+    package, trace, path = tmp_path / "own_package", tmp_path / "imported", tmp_path / "run.mcap"
+    package.mkdir()
+    (package / "__init__.py").write_text(f"open({str(trace)!r}, 'a').close()")
+    (package / "own.py").write_text("from edc_swarm.planner.straight import Straight as Own")
+    monkeypatch.syspath_prepend(str(tmp_path))
+
+    def run(*words: str) -> tuple[int, str]:
+        for name in [name for name in sys.modules if name.startswith("own_package")]:
+            monkeypatch.delitem(sys.modules, name)
+        trace.unlink(missing_ok=True)
+        status = main([*words])
+        return status, capsys.readouterr().out
+
+    status, said = run("sim", "--uavs", "2", "--seed", "5", "--planner", "own_package.own:Own", "--out", str(path))
+    assert (status, trace.exists(), "G6 Same seed, same bytes: held" in said) == (0, True, True)
+    status, said = run("check", str(path))
+    assert (status, trace.exists()) == (3, False)
+    why = "the planner own_package.own:Own is not one of this project's; give --load-planner to load it"
+    assert f"G6 Same seed, same bytes: not judged ({why})" in said
+    assert run("report", str(path))[0] == 0
+    assert run("replay", "--verify", str(path))[0] == 2
+    assert not trace.exists()
+    status, said = run("check", "--load-planner", str(path))
+    assert (status, trace.exists(), "G6 Same seed, same bytes: held" in said) == (0, True, True)
 
 
 @pytest.mark.parametrize(
     ("run", "status"), [({"clock": "wall"}, "not-applicable"), ({}, "not-judged"), ({"clock": "sun"}, "not-judged")]
 )
 def test_who_made_it_must_be_known(run: dict[str, str], status: str) -> None:
-    """Real processes follow the machine's timing; nobody's recording is no simulation."""
+    """Real processes depend on the machine's timing; a record of unknown origin is no simulation."""
     recording = recorded(flight(parallel()))
     recording.run = run
     assert check_same_bytes(recording).status == status
 
 
 def test_a_record_that_claims_endless_slots_is_not_simulated() -> None:
-    """Nor is one that never moves flown on for ever."""
+    """A record with endless slots is not repeated, and one without motion ends."""
     recording = simulated()
     recording.events.append(Event(source="u001", slot=MAX_SLOTS + 1, kind="far"))
     assert "beyond" in check_same_bytes(recording).notes[0]
@@ -151,7 +182,7 @@ def test_a_record_that_claims_endless_slots_is_not_simulated() -> None:
 def test_sim_and_check_judge_all_seven(
     restless: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    """As commands: 0 for the default planner; 1 for one that remembers, with G6 named by both."""
+    """The commands return 0 for the default planner, and 1 for one that remembers, and name G6."""
     monkeypatch.chdir(tmp_path)
     flown = ["--uavs", "3", "--area", "40000", "--json"]
 
@@ -164,13 +195,14 @@ def test_sim_and_check_judge_all_seven(
     good = verdicts(0, "sim", *flown, "--out", "good.mcap")
     assert good == verdicts(0, "check", "good.mcap", "--json") == {f"G{i}": "held" for i in range(1, 8)}
     bad = verdicts(1, "sim", *flown, "--planner", restless, "--out", "bad.mcap")
-    assert (bad["G6"], verdicts(1, "check", "bad.mcap", "--json")["G6"]) == ("broken", "broken")
+    again = "check", "bad.mcap", "--load-planner", "--json"
+    assert (bad["G6"], verdicts(1, *again)["G6"]) == ("broken", "broken")
     (tmp_path / "restless_planner.py").write_text(RESTLESS + "# changed since\n")
-    assert verdicts(3, "check", "bad.mcap", "--json")["G6"] == "not-judged"
+    assert verdicts(3, *again)["G6"] == "not-judged"
 
 
 def test_the_same_code_is_the_same_whatever_its_commit_is_called() -> None:
-    """Other code, other libraries or another machine may say something else."""
+    """Other code, other libraries or another machine may publish other messages."""
     run = {**run_facts("virtual"), CODE: code_digest("edc")}
     assert simulated_otherwise({**run, "commit": "another"}, "edc") == ""
     assert "numpy 1.2.3" in simulated_otherwise({**run, "version numpy": "1.2.3"}, "edc")

@@ -1,4 +1,4 @@
-"""Means, confidence intervals and power laws, against scipy."""
+"""Means, confidence intervals and power laws equal those of scipy."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ def test_interval_is_student_t(count: int) -> None:
 
 
 def test_interval_covers_as_often_as_it_says() -> None:
-    """Of 4000 intervals of samples of 6, 95 % hold the true mean, within three standard errors."""
+    """Of 4000 intervals from samples of 6, 95 % contain the true mean, within three standard errors."""
     rng = np.random.default_rng(0)
     intervals = [estimate(list(rng.normal(1.0, 1.0, 6))) for _ in range(4000)]
     share = np.mean([found.low < 1.0 < found.high for found in intervals if found.low is not None and found.high])
@@ -30,7 +30,7 @@ def test_interval_covers_as_often_as_it_says() -> None:
 
 
 def test_one_run_has_no_interval() -> None:
-    """A single run says nothing about its spread."""
+    """A single run has no estimate of its spread."""
     assert (estimate([4.0]).low, estimate([4.0]).high) == (None, None)
 
 
@@ -48,7 +48,7 @@ def test_power_law_is_linear_regression_of_logarithms() -> None:
 
 
 def test_power_law_needs_two_positive_points() -> None:
-    """Zeroes have no logarithm, and one point no slope."""
+    """Zeroes have no logarithm, and one point has no slope."""
     assert power_law([10.0, 20.0], [0.0, 3.0]) is None
     assert power_law([0.0, 20.0], [1.0, 3.0]) is None
     assert power_law([10.0, 10.0], [1.0, 3.0]) is None

@@ -1,4 +1,4 @@
-"""Runs of a sweep: keys tell them apart, commands fly them again."""
+"""Keys distinguish the runs of a sweep, and commands repeat them."""
 
 from __future__ import annotations
 
@@ -15,14 +15,14 @@ from edc_swarm.mission.validation import load_mission
 
 
 def test_key_depends_on_measure_and_mission() -> None:
-    """The same mission measured alike has one key; anything else has another."""
+    """The same mission with the same measure has one key; anything else has another."""
     run = Run("m:f", Mission(seed=1))
     assert run.key == Run("m:f", Mission(seed=1)).key
     assert len({run.key, Run("m:g", Mission(seed=1)).key, Run("m:f", Mission(seed=2)).key}) == 3
 
 
 def test_command_says_every_field() -> None:
-    """What differs from the defaults is said with the options of `sim`."""
+    """The options of `sim` give every field that is not at its default."""
     mission = Mission(
         uavs=50, area_m2=40_000.0, r_m=2.5, seed=7, planner="paper", link=[Link(loss=0.1)], fault=["kill head @10"]
     )
@@ -33,7 +33,7 @@ def test_command_says_every_field() -> None:
 
 
 def test_command_says_numbers_to_the_last_digit() -> None:
-    """Short where short is exact, and otherwise in full."""
+    """A number is short if that is exact, and otherwise has all its digits."""
     assert command_of(Mission(r_m=1 / 3, area_m2=40_000.0)).endswith("--area 40000 --gps-error 0.3333333333333333")
 
 
@@ -46,13 +46,13 @@ def test_command_says_numbers_to_the_last_digit() -> None:
     ],
 )
 def test_what_no_option_says_is_refused(mission: Mission) -> None:
-    """A command that would fly another mission is never printed."""
+    """A command of another mission is never printed."""
     with pytest.raises(InputError):
         command_of(mission)
 
 
 def test_a_mission_file_says_every_field(tmp_path: Path) -> None:
-    """What no option says is said by a file, and read again as the same mission."""
+    """A file gives the fields without an option, and reads as the same mission."""
     mission = complete_mission(
         Mission(
             name="odd",
@@ -69,7 +69,7 @@ def test_a_mission_file_says_every_field(tmp_path: Path) -> None:
 
 
 def test_figures_share_runs() -> None:
-    """Each run is declared once, and Fig. 5 adds nothing to what Fig. 4 flies."""
+    """Each run is declared once, and Fig. 5 adds no run to those of Fig. 4."""
     runs = runs_of(NAMES, 3)
     assert len({run.key for run in runs}) == len(runs)
     assert {r.key for r in runs_of(["4a", "4b", "5a", "5b"], 3)} == {r.key for r in runs_of(["4a", "4b"], 3)}
@@ -81,11 +81,11 @@ def test_every_run_can_be_flown_again() -> None:
 
 
 def test_long_mission_is_the_scenario() -> None:
-    """The mission in the catalogue and the shipped file say the same."""
+    """The mission in the catalogue equals the shipped file."""
     assert load_mission(LONG_FILE) == LONG_MISSION
 
 
 def test_unknown_figure_is_refused() -> None:
-    """The error names the figures that there are."""
+    """The error lists the figures."""
     with pytest.raises(InputError, match="4a, 4b"):
         chosen(["7a"])

@@ -1,4 +1,4 @@
-"""What viewers are shown: scenes that say what the messages say, in the form that viewers accept."""
+"""The scenes for viewers agree with the messages, in the form that viewers accept."""
 
 from __future__ import annotations
 
@@ -31,7 +31,7 @@ from edc_swarm.viz.shapes import RED, VERTICES, colour_of, stadium
 
 
 def shown(messages: list[Message], until_ns: int | None = None) -> list[Shown]:
-    """All that is shown of a mission, up to a time."""
+    """Return all that is shown of a mission up to a time."""
     scenery, said = Scenery(), []
     for message in sorted(messages, key=lambda message: message.sent_ns):
         if until_ns is not None and message.sent_ns > until_ns:
@@ -42,25 +42,25 @@ def shown(messages: list[Message], until_ns: int | None = None) -> list[Shown]:
 
 
 def scene(messages: list[Message], name: str, slot: float) -> dict[str, Any]:
-    """Entities of the last scene on a topic, by id, at a time in slots."""
+    """Return the entities of the last scene on a topic, by id, at a time in slots."""
     said = [each for each in shown(messages, EPOCH_NS + round(slot * SLOT_NS)) if each.topic == f"/viz/{name}"]
     return {entity.id: entity for entity in SceneUpdate.FromString(said[-1].payload).entities}
 
 
 @pytest.fixture
 def messages() -> list[Message]:
-    """Three UAVs that fly north side by side; u0 leads. The mission is published at its epoch."""
+    """Return a mission, published at its epoch, of three UAVs that fly north side by side, with head u0."""
     said = flight(parallel())
     return [msgspec.structs.replace(said[0], sent_ns=EPOCH_NS), *[m for m in said[1:] if m.sent_ns]]
 
 
 def test_the_same_messages_give_the_same_bytes(messages: list[Message]) -> None:
-    """Nothing of the view depends on anything else."""
+    """Scenes depend only on the messages and the given times."""
     assert shown(messages) == shown(messages)
 
 
 def test_what_comes_late_takes_nothing_back(messages: list[Message]) -> None:
-    """Messages that were fetched again stand late in a record: what is newer stays in sight."""
+    """Fetched messages stand late in a record, and newer ones stay visible."""
     messages = [msgspec.structs.replace(m, speed_mps=1.0) if isinstance(m, Command) else m for m in messages]
     late = [m for m in messages if isinstance(m, Fix | Truth | Command | Report) and m.slot == 2]
     assert {type(message) for message in late} == {Fix, Truth, Command, Report}
@@ -75,7 +75,7 @@ def test_what_comes_late_takes_nothing_back(messages: list[Message]) -> None:
 
 
 def test_each_topic_has_its_rate(messages: list[Message]) -> None:
-    """Discs twice a second, trails and the map once, what stays where it is once a minute."""
+    """Discs have two scenes per second, trails and the map one, static objects one per minute."""
     scenery = Scenery()
     assert scenery.next_ns is None
     for message in messages[:7]:
@@ -92,7 +92,7 @@ def test_each_topic_has_its_rate(messages: list[Message]) -> None:
 
 
 def test_the_time_of_a_long_silence_is_not_shown(messages: list[Message]) -> None:
-    """One picture after it, not hundreds of what nobody saw."""
+    """After a long silence there is one scene, not hundreds of the time between."""
     scenery = Scenery()
     scenery.hear(messages[0], EPOCH_NS)
     scenery.advance(EPOCH_NS)
@@ -104,13 +104,13 @@ def test_the_time_of_a_long_silence_is_not_shown(messages: list[Message]) -> Non
 
 
 def test_a_uav_without_memory_is_shown_where_its_disc_is(messages: list[Message]) -> None:
-    """Its fix says nothing about that."""
+    """The fix of a UAV without memory does not move its disc."""
     change(messages, {"uav": "u1", "slot": 4}, Fix, voter=False, executing=False, waypoint_x_m=90.0)
     assert scene(messages, "uavs", 4.9)["u1"].cylinders[0].pose.position.x == 12.0
 
 
 def test_every_scene_is_a_full_snapshot(messages: list[Message]) -> None:
-    """A viewer that seeks loads only the last message: all that was shown before must go."""
+    """A viewer that seeks loads only the last message, so each scene replaces all earlier ones."""
     scenes = [each for each in shown(messages) if channel_of(each.topic).schema_name == "foxglove.SceneUpdate"]
     assert len({each.topic for each in scenes}) == 5
     for each in scenes:
@@ -133,7 +133,7 @@ def test_discs_are_where_the_fixes_say(messages: list[Message]) -> None:
 
 
 def test_the_head_is_marked_and_standbys_are_numbered(messages: list[Message]) -> None:
-    """A second ring and an H, said inside the disc, where no label of another UAV is."""
+    """The head has a second ring and an H inside the disc, where no label of another UAV is."""
     change(messages, {}, Report, standby=["u2", "u1"])
     entities = scene(messages, "uavs", 3)
     assert {name: [each.text for each in entity.texts] for name, entity in entities.items()} == {
@@ -160,7 +160,7 @@ def test_labels_are_legible_at_every_zoom_and_clear_their_disc(messages: list[Me
 
 
 def test_overlapping_discs_are_red(messages: list[Message]) -> None:
-    """And only they."""
+    """Only overlapping discs are red."""
     change(messages, {"uav": "u1", "slot": 3}, Fix, waypoint_x_m=5.0, from_x_m=5.0)
     colours = {n: (e.cylinders[0].color.r, e.cylinders[0].color.g) for n, e in scene(messages, "uavs", 4).items()}
     assert colours["u0"] == colours["u1"] == RED[:2]
@@ -179,7 +179,7 @@ def test_hulls_of_the_unheard_are_outlined_with_their_radius(messages: list[Mess
 
 
 def test_an_outline_goes_once_round_its_segment() -> None:
-    """Wherever the segment points: to its radius beyond both ends and on both sides, in order."""
+    """The outline of a segment in any direction reaches its radius beyond both ends and on both sides, in order."""
     points = stadium((1.0, 2.0), (4.0, 6.0), 2.5)
     along = [((x - 1) * 3 + (y - 2) * 4) / 5 for x, y in points]
     across = [((y - 2) * 3 - (x - 1) * 4) / 5 for x, y in points]
@@ -203,7 +203,7 @@ def test_trails_fade_and_commands_are_drawn(messages: list[Message]) -> None:
 
 
 def test_the_status_is_that_of_the_last_plan(messages: list[Message]) -> None:
-    """With what all who were heard have said."""
+    """The status has the values of the last plan and of all fixes."""
     kept = [m for m in messages if not (isinstance(m, Fix) and m.uav == "u2")]
     said = [each for each in shown(kept, EPOCH_NS + 9 * SLOT_NS) if each.topic == "/viz/status"]
     assert msgspec.json.decode(said[-1].payload, type=Status) == Status(
@@ -224,7 +224,7 @@ def test_the_status_is_that_of_the_last_plan(messages: list[Message]) -> None:
 
 
 def test_what_nobody_measured_is_absent_from_the_status(messages: list[Message]) -> None:
-    """A simulated report says 0 ms of every plan; the viewers' plot must not."""
+    """A simulated report has a plan time of 0 ms, which the plot must leave out."""
     change(messages, {}, Report, plan_ms=0.0)
     said = [each for each in shown(messages, EPOCH_NS + 9 * SLOT_NS) if each.topic == "/viz/status"]
     assert said
@@ -232,13 +232,13 @@ def test_what_nobody_measured_is_absent_from_the_status(messages: list[Message])
 
 
 def test_targets_are_marked(messages: list[Message]) -> None:
-    """Each with a ring about it."""
+    """Each target has a ring."""
     rings = scene(messages, "area", 1)["targets"].lines
     assert [(ring.pose.position.x, ring.pose.position.y) for ring in rings] == [(0.0, 16.0), (12.0, 16.0), (24.0, 16.0)]
 
 
 def test_the_area_holds_all_starts_and_targets() -> None:
-    """Missions of a file may lie anywhere."""
+    """Missions from a file may lie anywhere."""
     mission = mission_of([[(-30.0, 4.0), (500.0, 4.0)]], area_m2=100.0, sent_ns=EPOCH_NS)
     fence = scene([mission], "area", 1)["geofence"].lines[0]
     assert {p.x for p in fence.points} == {-30.0, 500.0}
@@ -246,7 +246,7 @@ def test_the_area_holds_all_starts_and_targets() -> None:
 
 
 def test_events_are_logged_with_their_source() -> None:
-    """Faults as warnings."""
+    """Faults are logged as warnings."""
     event = Event(source="operator", kind="fault", detail="kill u1 @3s", sent_ns=EPOCH_NS, slot=6)
     (said,) = shown([event], EPOCH_NS + 1)
     log = Log.FromString(said.payload)
@@ -254,14 +254,14 @@ def test_events_are_logged_with_their_source() -> None:
 
 
 def test_long_lists_in_the_log_can_be_broken_into_lines() -> None:
-    """Viewers break at spaces only; a partition of 50 UAVs would run out of the panel."""
+    """Viewers break lines at spaces only; a partition of 50 UAVs would exceed the panel."""
     event = Event(source="operator", kind="fault", detail="partition u1,u2|u3,u4 @3s", sent_ns=EPOCH_NS, slot=6)
     (said,) = shown([event], EPOCH_NS + 1)
     assert Log.FromString(said.payload).message == "fault: partition u1, u2|u3, u4 @3s"
 
 
 def test_positions_on_the_map_state_their_covariance(messages: list[Message]) -> None:
-    """A viewer draws no error ellipse for an unknown type."""
+    """A viewer draws no error ellipse for an unknown type of covariance."""
     change(messages, {}, Fix, lat_deg=47.4, lon_deg=8.5)
     fix = LocationFix.FromString(next(s for s in shown(messages)[::-1] if s.topic == "/viz/location/u1").payload)
     assert (fix.latitude, fix.longitude) == (47.4, 8.5)
@@ -270,7 +270,7 @@ def test_positions_on_the_map_state_their_covariance(messages: list[Message]) ->
 
 
 def test_the_last_words_of_a_mission_with_one_uav() -> None:
-    """No pair, no gap, no failure."""
+    """A mission with one UAV has no pair and no gap, and raises no error."""
     messages = flight(parallel(uavs=1))
     said = shown([msgspec.structs.replace(messages[0], sent_ns=EPOCH_NS), *messages[1:]])
     status = msgspec.json.decode(next(s for s in said if s.topic == "/viz/status").payload, type=Status)
@@ -278,7 +278,7 @@ def test_the_last_words_of_a_mission_with_one_uav() -> None:
 
 
 def test_every_topic_is_described_by_a_schema_that_stands_alone(messages: list[Message]) -> None:
-    """A reader that has only the file can decode every message."""
+    """A reader with the file alone can decode every message."""
     for each in {each.topic: each for each in shown(messages)}.values():
         channel = channel_of(each.topic)
         assert channel is not None
@@ -293,7 +293,7 @@ def test_every_topic_is_described_by_a_schema_that_stands_alone(messages: list[M
 
 
 def test_topics_leave_the_mission_out() -> None:
-    """So one layout fits every recording."""
+    """One layout fits every recording."""
     assert topic_of("swarm/m-1/viz/location/u1") == "/viz/location/u1"
     assert topic_of("swarm/m-1/uav/u1/fix") is None
     assert channel_of("/viz/other") is None
@@ -315,14 +315,14 @@ def test_the_layout_shows_only_what_there_is(messages: list[Message]) -> None:
 
 @pytest.mark.parametrize(("area_m2", "step_m"), [(10_000.0, 20.0), (160_000.0, 20.0), (9e6, 500.0)])
 def test_the_grid_is_coarser_over_larger_areas(area_m2: float, step_m: float) -> None:
-    """Of 20 m, and never so fine that it is a grey veil."""
+    """The grid has 20 m, or more in large areas, where it would look like a solid surface."""
     grid = layout(mission_of(parallel(), area_m2=area_m2))["configById"]["3D!swarm"]["layers"]["grid"]
     assert grid["size"] / grid["divisions"] == step_m
     assert grid["divisions"] <= 50
 
 
 def test_roles_stand_below_their_name_where_discs_are_small() -> None:
-    """In an area so large that a label is higher than a disc."""
+    """In a large area a label is higher than a disc."""
     messages = flight(parallel(), area_m2=9e6)
     name, role = scene([msgspec.structs.replace(messages[0], sent_ns=EPOCH_NS), *messages[1:]], "uavs", 3)["u0"].texts
     assert name.pose.position.y - role.pose.position.y > 3000 * name.font_size / 600 * 0.9
@@ -330,7 +330,7 @@ def test_roles_stand_below_their_name_where_discs_are_small() -> None:
 
 @pytest.mark.parametrize(("area_m2", "metres"), [(10_000.0, 100.0), (1_000_000.0, 1000.0)])
 def test_the_map_shows_the_whole_area(area_m2: float, metres: float) -> None:
-    """Centred on it, at the closest zoom at which it fits into the panel."""
+    """The map is centred on the area, at the closest zoom at which it fits into the panel."""
     mission = mission_of(parallel(), area_m2=area_m2, origin_lat_deg=60.0, origin_lon_deg=24.0)
     config = layout(mission)["configById"]["map!gps"]
     middle = to_wgs84(metres / 2, metres / 2, 60.0, 24.0)
@@ -345,7 +345,7 @@ def _leaves(node: Any) -> set[str]:
 
 @given(st.lists(st.tuples(st.tuples(st.floats(0, 60), st.floats(0, 60)), st.floats(0.5, 8)), max_size=9))
 def test_gaps_are_those_of_all_pairs(discs: list[tuple[tuple[float, float], float]]) -> None:
-    """Looking from left to right misses no pair."""
+    """The sweep from left to right misses no pair."""
     named = [(centre, r_m, str(k)) for k, (centre, r_m) in enumerate(discs)]
     pairs = [
         (math.hypot(a[0][0] - b[0][0], a[0][1] - b[0][1]) - a[1] - b[1], {a[2], b[2]})

@@ -1,9 +1,9 @@
-"""The guarantees, checked on a recording alone: real and simulated missions alike.
+"""Check of the guarantees on a recording of a real or simulated mission.
 
 G1 one head per term, G2 fencing, G3 separation, G4 hold on silence, G5 no loss in the record,
-G7 progress. (G6, same seed same bytes, takes a second simulation: `edc_swarm.experiments.resimulation`.) What a
-guarantee needs in order to be judged is a table in `evidence`: what is broken for certain stays broken, and nothing
-holds on missing evidence.
+G7 progress. (G6, same seed same bytes, takes a second simulation: `edc_swarm.experiments.resimulation`.) A table in
+`evidence` lists the evidence that each guarantee needs. Missing evidence never makes a guarantee hold; a violation
+that is certain stays one.
 """
 
 from __future__ import annotations
@@ -29,13 +29,13 @@ CHECKERS = (
 
 
 def check(recording: Recording) -> list[GuaranteeResult]:
-    """The verdict on every guarantee, in order."""
+    """Return the verdict on every guarantee, in order."""
     evidence = gather(recording)
     return [_on_evidence(evidence, checker(evidence)) for checker in CHECKERS]
 
 
 def _on_evidence(evidence: Evidence, result: GuaranteeResult) -> GuaranteeResult:
-    """Return `result`, unless it says that nothing is broken where the evidence for that is missing."""
+    """Return `result`, or "not judged" if it is "held" and evidence for that is missing."""
     lacking = evidence.lacking(result.guarantee)
     if result.broken or not lacking:
         return result

@@ -1,4 +1,4 @@
-"""G5: nothing published is missing from the record, and what is missing is named."""
+"""G5: the recording contains every published message, or the verdict names the missing ones."""
 
 from __future__ import annotations
 
@@ -9,26 +9,35 @@ from edc_swarm.analysis.guarantees.evidence import Evidence
 from edc_swarm.analysis.guarantees.verdict import GuaranteeResult, Violation, not_judged, verdict
 from edc_swarm.foreign_text import shown
 from edc_swarm.mission.configuration import OPERATOR
+from edc_swarm.protocol.codec import MISPLACED
 from edc_swarm.protocol.events import EventKind
 from edc_swarm.recording.model import Recording
+from edc_swarm.recording.ordering import MAX_DIGITS
 from edc_swarm.recording.sequences import Gap, sequence_numbers, unknown_tails
 
 _G5 = ("G5", "No loss in the record")
 MAX_GARBAGE_NOTES = 20
 MESSAGES = "messages"
 """Fact of `run_end`: how many messages were written."""
-MAX_DIGITS = 18
 VIEWERS = "/viz/"
 MAX_TOPICS = 5
 MAX_TOPIC = 60
-"""Characters of a topic that are told."""
+"""Most characters of a topic that a note quotes."""
 
 
 def check_no_loss(evidence: Evidence) -> GuaranteeResult:
-    """G5. The tail of a publisher that a fault ended is unknown: a note. Of any other it leaves G5 not judged.
+    """Return the verdict on G5.
 
-    What the recorder had to drop is a loss too, unless the numbers prove that it has had all of it again;
-    so is what it counted and the file does not hold.
+    ==============================================  =======================================================
+    Finding                                         Verdict
+    ==============================================  =======================================================
+    Sequence gap, or a number recorded twice        broken
+    Recorder counted more messages than it wrote    broken
+    A part of the file is unreadable                broken
+    Recorder dropped messages                       broken, unless the numbers prove that it fetched them all
+    No `closed` event, a fault ended the publisher  held, with a note that the end of its stream is unknown
+    No `closed` event, for any other reason         not judged
+    ==============================================  =======================================================
     """
     recording = evidence.recording
     found = [_lost(gap) for gap in evidence.gaps]
@@ -37,42 +46,42 @@ def check_no_loss(evidence: Evidence) -> GuaranteeResult:
     notes = list(_unknown_tails(recording))
     dropped = (recording.run_end or {}).get("dropped", "0")
     if dropped != "0" and not (evidence.gaps or notes):
-        notes.append(f"the recorder dropped {dropped} messages; all that were said are there all the same")
+        notes.append(f"the recorder dropped {dropped} messages, and fetched all of them later")
     elif dropped != "0":
         found.append(Violation("dropped", f"the recorder dropped {dropped} messages"))
-    notes += [*_unfinished(evidence), *_garbage(recording), *_unknown_topics(recording)]
+    notes += [*_unfinished(evidence), *_misplaced(recording), *_garbage(recording), *_unknown_topics(recording)]
     if recording.duplicates:
         notes.append(f"duplicates: {recording.duplicates} messages are in the file again, bit by bit; each counts once")
-    if not found and (why := _unproved(evidence)):
+    if not found and (why := unproved(evidence)):
         return not_judged(*_G5, why, notes)
     return verdict(*_G5, found, notes)
 
 
 def _uncounted(recording: Recording) -> Iterator[Violation]:
-    """What the recorder says that it wrote, and the file does not hold."""
+    """Yield a violation if the file holds fewer messages than the recorder counted."""
     counted = (recording.run_end or {}).get(MESSAGES, "")
     there = recording.message_count + recording.garbage_count + sum(recording.unknown.values()) + recording.duplicates
     if counted.isdecimal() and len(counted) <= MAX_DIGITS and int(counted) > there:
         yield Violation("count", f"{counted} messages were recorded, {there} are in the file")
 
 
-def _unproved(evidence: Evidence) -> str:
-    """Why the numbers prove nothing, "" where they do."""
+def unproved(evidence: Evidence) -> str:
+    """Return why the numbers prove nothing, "" where they do."""
     recording = evidence.recording
     if not sequence_numbers(recording):
         return "no message carries a number"
     closed = {(event.source, event.instance) for event in recording.events if event.kind == EventKind.CLOSED}
     if not closed:
-        return "no publisher said its last numbers"
+        return "no publisher sent a `closed` event"
     speaking = sorted(evidence.ends.unended)
     if speaking:
         more = f" and {len(speaking) - 1} more" if len(speaking) > 1 else ""
-        return f"no last word of {speaking[0]}{more}, and no recorded fault that ended it"
+        return f"no `closed` event of {speaking[0]}{more}, and no recorded fault that ended it"
     return ""
 
 
 def _unfinished(evidence: Evidence) -> Iterator[str]:
-    """Say where a record ends that does not hold the end of its mission."""
+    """Yield the last recorded slot if the recording lacks the end of its mission."""
     recording = evidence.recording
     said = {event.kind for event in recording.events if event.source == OPERATOR}
     if not said & {EventKind.END, EventKind.CLOSED}:
@@ -81,7 +90,7 @@ def _unfinished(evidence: Evidence) -> Iterator[str]:
 
 
 def _unknown_topics(recording: Recording) -> Iterator[str]:
-    """Name the topics of messages that nobody of the swarm defines; viewers' topics are known."""
+    """Yield a note on the topics that the protocol does not define; the topics of viewers count as defined."""
     strange = Counter({t: n for t, n in recording.unknown.items() if not t.startswith(VIEWERS)})
     if strange:
         named = ", ".join(f"{topic[:MAX_TOPIC]!r} ({count})" for topic, count in strange.most_common(MAX_TOPICS))
@@ -97,24 +106,34 @@ def _lost(gap: Gap) -> Violation:
 
 
 def _unknown_tails(recording: Recording) -> Iterator[str]:
-    """One note per publisher that never said its last words."""
+    """Yield one note per publisher without a `closed` event."""
     keys: dict[str, list[str]] = {}
     for key, instance in unknown_tails(recording):
         keys.setdefault(instance or "unnamed", []).append(key)
     for instance, silent in keys.items():
         more = f" and {len(silent) - 1} more" if len(silent) > 1 else ""
-        yield f"tail unknown: what was last said on {silent[0]}{more} may be missing, no last word of {instance}"
+        yield f"end unknown: the last messages on {silent[0]}{more} may be missing, no `closed` event of {instance}"
+
+
+def _misplaced(recording: Recording) -> Iterator[str]:
+    """Say how many messages stand under a key that their content does not name."""
+    found = [garbage for garbage in recording.garbage if garbage.reason == MISPLACED]
+    if found:
+        first = min(found, key=lambda garbage: (garbage.log_time_ns, garbage.topic))
+        count = sum(garbage.count for garbage in found)
+        yield f"recorded under the key of another: {count} messages, the first under {shown(first.topic)}"
 
 
 def _garbage(recording: Recording) -> Iterator[str]:
-    """One note per topic and reason, however much of it there is."""
+    """Yield one note per topic and reason of garbage."""
     counts: Counter[tuple[str, str]] = Counter()
     for garbage in sorted(recording.garbage, key=lambda garbage: (garbage.topic, garbage.reason)):
-        counts[garbage.topic, garbage.reason] += garbage.count
+        if garbage.reason != MISPLACED:
+            counts[garbage.topic, garbage.reason] += garbage.count
     for (topic, reason), count in counts.most_common(MAX_GARBAGE_NOTES):
         yield f"not a message: {shown(topic)} ({shown(reason)})" + (f", {count} times" if count > 1 else "")
     left_out = (recording.run_end or {}).get("foreign_left_out", "0")
     if left_out != "0":
-        yield f"left out: {left_out} messages on keys of nobody in the mission"
+        yield f"left out: {left_out} messages on foreign keys"
     if len(counts) > MAX_GARBAGE_NOTES:
         yield f"not messages: {recording.garbage_count} in all, {len(counts)} kinds of them"

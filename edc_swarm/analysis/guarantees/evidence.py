@@ -1,7 +1,7 @@
-"""What several checkers need of a recording, gathered once, and what of it is missing.
+"""The evidence of a recording that the checkers share, and the parts of it that are missing.
 
-A guarantee holds only where what it says could be seen. Beside the numbers without holes, a stream is whole
-only when its publisher said its last word, or when a fault is known to have ended it. Each guarantee needs:
+A guarantee holds only if the recording shows it. A stream of messages is complete if its sequence numbers have no
+gap, and its publisher sent a `closed` event or is known to have been ended by a fault. Each guarantee needs:
 
 ========= ====================== ==========================================================
 Guarantee Needs                  Without it
@@ -11,7 +11,7 @@ G1        fixes, commands,       grants and plans are unknown
 G2        fixes, commands        what was executed, or who ordered it, is unknown
 G3        fixes, truths          without fixes the discs, without truths the bodies are unknown
 G4        fixes, truths          motion is unknown
-G5        numbers, last words    what is missing is unknown; `run_end` tells how many there were
+G5        numbers, `closed`      what is missing is unknown; `run_end` tells how many there were
 G7        fixes                  who has arrived is unknown
 ========= ====================== ==========================================================
 """
@@ -30,12 +30,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from edc_swarm.analysis.tracks import Tracks, tracks_of
-from edc_swarm.protocol.messages import Command, Fix, MissionMessage, Report, Truth, roster_index
+from edc_swarm.protocol.messages import PLANNED, Command, Fix, MissionMessage, Report, Truth, roster_index
 from edc_swarm.recording.ends import Ends, ends_of
 from edc_swarm.recording.model import Recording
 from edc_swarm.recording.sequences import Gap, find_gaps
 
-PLANNED = frozenset({"planned", "no-qp-needed", "failed"})
 NEEDS: dict[str, tuple[str, ...]] = {
     "G1": ("fix", "command", "report"),
     "G2": ("fix", "command"),
@@ -43,8 +42,8 @@ NEEDS: dict[str, tuple[str, ...]] = {
     "G4": ("fix", "truth"),
     "G7": ("fix",),
 }
-"""Kinds of messages without which a guarantee cannot be judged."""
-MOST_NAMED = 5
+"""Kinds of messages that each guarantee needs in order to be judged."""
+MOST_LISTED = 5
 _PLURAL = {"fix": "fixes", "truth": "truths", "command": "commands", "report": "reports"}
 _KEY = {
     "fix": re.compile(r"uav/([^/]+)/fix").fullmatch,
@@ -67,7 +66,7 @@ class Evidence:
     commands
         By UAV and slot.
     plans
-        Reports that say that a plan was made.
+        Reports of slots with a plan.
     ends
         How each publisher ended.
     """
@@ -83,7 +82,7 @@ class Evidence:
     ends: Ends
 
     def time_s(self, slot: int, share: float = 0.0) -> float:
-        """Mission time at a share of a slot."""
+        """Return the mission time at a share of a slot."""
         return (slot + share) * self.mission.dt_s
 
     @cached_property
@@ -94,8 +93,12 @@ class Evidence:
         """UAVs of whose fixes some may be missing from the record: what they granted there is unknown."""
         return self._fixes_lost
 
+    def lacks(self, uav: str, kind: str) -> bool:
+        """Return True if messages of `kind` by `uav` may be missing from the record, or it holds no fix of it."""
+        return not self.fixes.get(uav) or uav in _lacking(self.gaps, self.ends, kind)
+
     def fix_lost(self, uav: str, slot: int) -> bool:
-        """Whether the fix of `uav` in `slot` may be missing from the record."""
+        """Return True if the fix of `uav` in `slot` may be missing from the recording."""
         if uav in self._fixes_lost:
             return True
         if uav not in self.ends.without_last_word:
@@ -103,12 +106,12 @@ class Evidence:
         return all(fix.slot < slot for fix in self.fixes.get(uav, []))
 
     def start_lost(self, uav: str, slot: int) -> bool:
-        """Whether it is unknown where `uav` was as `slot` began: the fix of the slot before may be missing."""
+        """Return True if the place of `uav` at the start of `slot` is unknown, since the fix before may be missing."""
         return slot > 0 and uav in self._fixes_lost and not self.tracks.heard[slot - 1, self.index[uav]]
 
     @cached_property
     def _newest_command(self) -> dict[tuple[str, str], int]:
-        """Greatest number of the recorded commands of each head to each UAV."""
+        """Greatest recorded sequence number of the commands of each head to each UAV."""
         newest: dict[tuple[str, str], int] = {}
         for command in self.recording.commands:
             pair = command.head, command.uav
@@ -116,7 +119,7 @@ class Evidence:
         return newest
 
     def command_lost(self, fix: Fix) -> bool:
-        """Whether the command that `fix` names may be missing from the record, as its number says."""
+        """Return True if the command that `fix` names may be missing from the recording, by its sequence number."""
         if any(
             gap.key.endswith(f"/command/{fix.uav}") and gap.first <= fix.command_seq <= gap.last
             for gap in self.gaps
@@ -127,29 +130,30 @@ class Evidence:
         return any(self._newest_command.get((head, fix.uav), -1) < fix.command_seq for head in heads)
 
     def gap_notes(self) -> list[str]:
-        """A warning where what looks broken may only be missing from the record."""
+        """Return a warning if messages are missing, so that a violation may be one of the recording only."""
         return ["the record has gaps (see G5): what is missing here may have been said"] if self.gaps else []
 
     def lacking(self, guarantee: str) -> list[str]:
-        """What is missing of the evidence that `guarantee` needs, one reason each; none when all is there."""
-        return [reason for kind in NEEDS.get(guarantee, ()) for reason in self._lacking(kind)]
+        """Return one reason for each part of the evidence for `guarantee` that is missing."""
+        return [reason for kind in NEEDS.get(guarantee, ()) for reason in self.missing(kind)]
 
-    def _lacking(self, kind: str) -> Iterator[str]:
+    def missing(self, kind: str) -> Iterator[str]:
+        """Yield the reasons why the record may lack messages of `kind` (a key of `_PLURAL`)."""
         name = _PLURAL[kind]
         missing = sum(gap.count for gap in self.gaps if not gap.duplicate and _KEY[kind](gap.key))
         if missing:
             yield f"{missing} {name} are missing"
         if unended := self.ends.unended & self.index.keys():
-            yield f"{name} of {_named(unended)} may be missing: no last word"
+            yield f"{name} of {_named(unended)} may be missing: no `closed` event"
         if kind in {"fix", "truth"}:
-            told = self.recording.fixes if kind == "fix" else self.recording.truths
-            silent = self.index.keys() - set(map(attrgetter("uav"), told)) - self.ends.ended_by_fault - unended
+            published = self.recording.fixes if kind == "fix" else self.recording.truths
+            silent = self.index.keys() - set(map(attrgetter("uav"), published)) - self.ends.ended_by_fault - unended
             if silent:
                 yield f"no {name} of {_named(silent)}" + (": bodies cannot be judged" if kind == "truth" else "")
 
 
 def gather(recording: Recording) -> Evidence:
-    """Evidence of a recording."""
+    """Return the evidence of a recording."""
     index = roster_index(recording.mission.roster)
     fixes: dict[str, list[Fix]] = {uav: [] for uav in index}
     for fix in recording.fixes:
@@ -173,15 +177,15 @@ def gather(recording: Recording) -> Evidence:
 
 
 def _lacking(gaps: list[Gap], ends: Ends, kind: str) -> set[str]:
-    """UAVs of whose messages of this kind some may be missing, unless a fault explains that they end."""
+    """Return the UAVs whose messages of this kind may be incomplete, without those that a fault ended."""
     holed = {found[1] for gap in gaps if not gap.duplicate and (found := _KEY[kind](gap.key))}
     return holed | ends.unended
 
 
 def _judgeable(recording: Recording, index: dict[str, int], gaps: list[Gap], ends: Ends) -> Tracks:
-    """Tracks in which all that only may be so, since fixes or truths may be missing, is lost or NaN.
+    """Return tracks in which every motion that is uncertain, since fixes or truths may be missing, is lost or NaN.
 
-    A UAV whose fixes are whole rests where no fix tells otherwise; one whose fixes are not may be anywhere.
+    In a slot without a fix, a UAV with complete fixes held, and the place of one with incomplete fixes is unknown.
     """
     tracks = tracks_of(recording)
     no_fix = _holes(recording.fixes, "fix", index, gaps, ends, tracks.heard.shape)
@@ -189,11 +193,11 @@ def _judgeable(recording: Recording, index: dict[str, int], gaps: list[Gap], end
     lost = tracks.lost | (~tracks.heard & no_fix)
     if not (lost.any() or no_truth.any()):
         return tracks
-    told = np.zeros_like(tracks.heard)
+    published = np.zeros_like(tracks.heard)
     for truth in recording.truths:
         if truth.slot >= 0 and truth.uav in index:
-            told[truth.slot, index[truth.uav]] = True
-    unknown = (~told & (no_truth | lost))[..., None]
+            published[truth.slot, index[truth.uav]] = True
+    unknown = (~published & (no_truth | lost))[..., None]
     return replace(
         tracks,
         lost=lost,
@@ -210,7 +214,7 @@ def _holes(
     ends: Ends,
     shape: tuple[int, ...],
 ) -> NDArray[np.bool_]:
-    """(S, K) slots of which a message of `kind` may be missing, as the numbers around them say."""
+    """Return (S, K) slots whose message of `kind` may be missing, by the sequence numbers around them."""
     holes = np.zeros(shape, bool)
     lacking = _lacking(gaps, ends, kind) & index.keys()
     streams: dict[tuple[str, str], list[tuple[int, int]]] = {}
@@ -233,5 +237,5 @@ def _holes(
 
 def _named(uavs: set[str] | frozenset[str]) -> str:
     names = sorted(uavs)
-    more = f" and {len(names) - MOST_NAMED} more" if len(names) > MOST_NAMED else ""
-    return ", ".join(names[:MOST_NAMED]) + more
+    more = f" and {len(names) - MOST_LISTED} more" if len(names) > MOST_LISTED else ""
+    return ", ".join(names[:MOST_LISTED]) + more

@@ -9,16 +9,15 @@ import numpy as np
 
 from edc_swarm.analysis.guarantees.evidence import Evidence
 from edc_swarm.analysis.guarantees.verdict import GuaranteeResult, Violation, not_judged, verdict
-from edc_swarm.analysis.tracks import Step
+from edc_swarm.analysis.tracks import TRUTH_TOLERANCE_M, Step
 from edc_swarm.mission.configuration import NS_PER_S
 from edc_swarm.protocol.messages import Command, Fix
 
-TRUTH_TOLERANCE_M = 1e-9
 LENGTH_TOLERANCE_M = 1e-9
 
 
 def check_fencing(evidence: Evidence) -> GuaranteeResult:
-    """G2."""
+    """Return the verdict on G2."""
     silent: dict[int, list[Step]] = {}
     for step in evidence.tracks.silent:
         silent.setdefault(step.uav, []).append(step)
@@ -33,7 +32,7 @@ def check_fencing(evidence: Evidence) -> GuaranteeResult:
 
 
 def _absent(evidence: Evidence) -> dict[str, set[int]]:
-    """Slots, by UAV, in which a command was executed that is not recorded and may have been published."""
+    """Return, by UAV, the slots whose executed command is not recorded although it may have been published."""
     return {
         uav: {
             fix.slot
@@ -45,7 +44,7 @@ def _absent(evidence: Evidence) -> dict[str, set[int]]:
 
 
 def _executions(evidence: Evidence, uav: str, fixes: list[Fix]) -> Iterator[Violation]:
-    """Faults of the steps that fixes report; a fix that is sent again in its slot says nothing new."""
+    """Yield the violations of the steps that fixes report; a retransmitted fix is judged once."""
     granted: set[tuple[int, str]] = set()
     slot, judged, newest, before = -1, -1, 0, 0
     for fix in fixes:
@@ -60,7 +59,7 @@ def _executions(evidence: Evidence, uav: str, fixes: list[Fix]) -> Iterator[Viol
 
 
 def _judged(evidence: Evidence, uav: str, fix: Fix, granted: set[tuple[int, str]], before: int) -> Iterator[Violation]:
-    """Faults of one step. `before` is the newest term granted before the slot's tick."""
+    """Yield the violations of one step. `before` is the newest term granted before the slot's tick."""
     if not fix.voter:
         yield Violation("without-memory", f"{uav} lost its memory and yet executes", fix.slot, [uav])
         return
@@ -76,7 +75,7 @@ def _judged(evidence: Evidence, uav: str, fix: Fix, granted: set[tuple[int, str]
 def _explained(
     evidence: Evidence, fix: Fix, command: Command, granted: set[tuple[int, str]], before: int
 ) -> Iterator[Violation]:
-    """Faults of the step that `fix` reports if `command` is what was executed."""
+    """Yield the violations of the step that `fix` reports if the UAV executed `command`."""
     uav = fix.uav
     target_m, waypoint_m = (command.target_x_m, command.target_y_m), (fix.waypoint_x_m, fix.waypoint_y_m)
     if target_m != waypoint_m:
@@ -90,7 +89,7 @@ def _explained(
 
 
 def _silent_executions(evidence: Evidence, uav: str, steps: list[Step]) -> Iterator[Violation]:
-    """Faults of steps that no fix reports: the grants are those said before the slot."""
+    """Yield the violations of steps that no fix reports, judged with the grants published before the slot."""
     for step in steps:
         earlier = [(f.term, f.head) for f in evidence.fixes[uav] if f.slot < step.slot and f.voter]
         granted = max(earlier, default=None)
@@ -101,7 +100,7 @@ def _silent_executions(evidence: Evidence, uav: str, steps: list[Step]) -> Itera
 def _silently_explained(
     evidence: Evidence, uav: str, command: Command, granted: tuple[int, str] | None
 ) -> Iterator[Violation]:
-    """Faults of a step that no fix reports if `command` is what was executed."""
+    """Yield the violations of a step that no fix reports if the UAV executed `command`."""
     if (command.term, command.head) != granted and uav not in evidence.fixes_lost():
         text = f"{uav} executed term {command.term} of {command.head}, which it did not grant"
         yield Violation("not-granted", text, command.slot, [uav])
@@ -109,7 +108,7 @@ def _silently_explained(
 
 
 def _invalid(evidence: Evidence, uav: str, command: Command) -> Iterator[Violation]:
-    """What makes a command invalid for its slot, whoever granted it."""
+    """Yield the reasons that make a command invalid for its slot, apart from grants."""
     mission, slot = evidence.mission, command.slot
     start_m = (command.start_x_m, command.start_y_m)
     x_m, y_m = evidence.tracks.centre_m[slot, evidence.index[uav]].tolist()
@@ -127,8 +126,9 @@ def _invalid(evidence: Evidence, uav: str, command: Command) -> Iterator[Violati
 
 
 def _latest_ns(evidence: Evidence, slot: int) -> int:
-    """When a command for `slot` may be stamped at the latest: the sender's clock and the receiver's
-    may each be off by the guard.
+    """Return the latest valid sending time of a command for `slot`.
+
+    It is the start of the slot plus 2 `guard_s`, since the clocks of sender and receiver may each be off by `guard_s`.
     """
     mission = evidence.mission
     guard_ns = round(2 * mission.guard_s * NS_PER_S / mission.time_scale)
@@ -136,7 +136,7 @@ def _latest_ns(evidence: Evidence, slot: int) -> int:
 
 
 def _named(evidence: Evidence, fix: Fix) -> list[Command]:
-    """The commands that the fix may name: rival heads can give equal numbers."""
+    """Return the commands that the fix may name; several, if rival heads use equal sequence numbers."""
     return [
         command
         for command in evidence.commands.get((fix.uav, fix.slot), [])
@@ -149,11 +149,11 @@ def _unknown(evidence: Evidence, fix: Fix) -> tuple[str, str]:
     for command in evidence.recording.commands:
         if (command.uav, command.term, command.seq) == (fix.uav, fix.command_term, fix.command_seq):
             return "other-slot", f"{named}, which is for slot {command.slot}"
-    return "no-such-command", f"{named}, which nobody published"
+    return "no-such-command", f"{named}, which no head published"
 
 
 def _astray(evidence: Evidence) -> Iterator[Violation]:
-    """Executed steps whose true motion is another than the disc's."""
+    """Yield a violation for each executed step whose true motion differs from that of the disc."""
     tracks = evidence.tracks
     moved_m = np.diff(tracks.centre_m, axis=0)
     apart_m = np.hypot(*np.moveaxis(tracks.true_to_m - tracks.true_from_m - moved_m, 2, 0))

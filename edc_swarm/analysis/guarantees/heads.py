@@ -14,7 +14,7 @@ Granted = set[tuple[str, int, int, str]]
 
 
 def check_one_head(evidence: Evidence) -> GuaranteeResult:
-    """G1. UAVs that lost their memory grant nothing, whatever their fixes say."""
+    """Return the verdict on G1. The fixes of UAVs that lost their memory count as no grant."""
     granted: Granted = {(f.uav, f.slot, f.term, f.head) for f in evidence.recording.fixes if f.voter}
     found = [
         *_rivals(evidence),
@@ -27,7 +27,7 @@ def check_one_head(evidence: Evidence) -> GuaranteeResult:
 
 
 def _rivals(evidence: Evidence) -> Iterator[Violation]:
-    """Terms in which more than one UAV planned or commanded."""
+    """Yield a violation for each term in which more than one UAV planned or commanded."""
     said = [(r.term, r.head, r.slot) for r in evidence.plans]
     said += [(c.term, c.head, c.slot - 1) for c in evidence.recording.commands]
     first: dict[int, dict[str, int]] = {}
@@ -58,7 +58,7 @@ def _unbacked_plans(evidence: Evidence, granted: Granted) -> Iterator[Violation]
 
 
 def _unbacked_commands(evidence: Evidence, granted: Granted) -> Iterator[Violation]:
-    """Commands to UAVs that were not heard, and plans without a quorum, whether a report accounts for them or not."""
+    """Yield violations for commands to unheard UAVs, and for commands without a quorum, with or without a report."""
     support = Counter((term, head, slot) for _, slot, term, head in granted)
     unsupported = set()
     for c in evidence.recording.commands:
@@ -75,7 +75,7 @@ def _unbacked_commands(evidence: Evidence, granted: Granted) -> Iterator[Violati
 
 
 def _second_plans(evidence: Evidence) -> Iterator[Violation]:
-    """A head plans at most once per term and slot."""
+    """Yield a violation for each head that planned more than once in a term and slot."""
     plans = Counter((r.term, r.slot, r.head) for r in evidence.plans)
     for (term, slot, head), count in plans.items():
         if count > 1:
@@ -87,7 +87,7 @@ def _second_plans(evidence: Evidence) -> Iterator[Violation]:
 
 
 def _broken_promises(evidence: Evidence) -> Iterator[Violation]:
-    """Terms that went down, and terms in which a UAV granted more than one head."""
+    """Yield violations for UAVs whose term decreases, or that grant two heads in one term."""
     for uav, fixes in evidence.fixes.items():
         newest = 0
         heads: dict[int, str] = {}
@@ -99,7 +99,7 @@ def _broken_promises(evidence: Evidence) -> Iterator[Violation]:
             newest = max(newest, fix.term)
             head = heads.setdefault(fix.term, fix.head)
             if head != fix.head:
-                text = f"grants {fix.head or 'nobody'} in term {fix.term} after {head or 'nobody'}"
+                text = f"grants {fix.head or 'no head'} in term {fix.term} after {head or 'no head'}"
                 yield Violation("grant-changed", text, fix.slot, [uav])
                 heads[fix.term] = fix.head
 

@@ -9,12 +9,11 @@ from numpy.typing import NDArray
 
 from edc_swarm.analysis.guarantees.evidence import Evidence
 from edc_swarm.analysis.guarantees.verdict import GuaranteeResult, Violation, verdict
-
-TRUTH_TOLERANCE_M = 1e-9
+from edc_swarm.analysis.tracks import TRUTH_TOLERANCE_M
 
 
 def check_hold_on_silence(evidence: Evidence) -> GuaranteeResult:
-    """G4. Discs must not move at all; truth not beyond rounding, nor between two slots."""
+    """Return the verdict on G4: a disc must not move at all, a body only by rounding, neither between two slots."""
     tracks = evidence.tracks
     disc_m = _length_m(np.diff(tracks.centre_m, axis=0))
     true_m = _length_m(tracks.true_to_m - tracks.true_from_m)

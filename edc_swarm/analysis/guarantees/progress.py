@@ -1,13 +1,13 @@
-"""G7: every living UAV is at its target within a limit of the last healed fault.
+"""G7: every living UAV is at its target within a limit after the last fault.
 
-What the limit is, and of whom G7 promises it when a fault never ends: `edc_swarm.mission.prospect`. A mission that
-was stopped because nothing could change any more (`progress.STALLED`) is judged as it stands: whoever has not
-arrived by then never would.
+`edc_swarm.mission.prospect` defines the limit, and the UAVs for which G7 promises progress after a fault without an
+end. A mission that stopped because nothing could change any more (`prospect.STALLED`) is judged at that slot, since
+more slots would change nothing.
 
-Excused, and named in the notes, is whoever a UAV that no longer flies keeps away: it covers the target or, by the
-last plan's hulls, may cover it; or it may be where the living UAV is, which then must hold (ARCHITECTURE.md, near a
-hull). An empty battery is no excuse but no proof either: it counts as "not judged" if it was empty within the limit,
-since a swarm that does nothing until all batteries are empty must not pass for one that had no time.
+A living UAV is excused, and named in the notes, if a UAV that no longer flies keeps it away: this one covers its
+target, or its hull in the last plan does; or its hull contains the place of the living UAV, which then must hold
+(ARCHITECTURE.md, near a hull). An empty battery is neither an excuse nor a violation: if a battery is empty within
+the limit, the verdict is "not judged". Else a swarm that hovers until all batteries are empty would pass.
 """
 
 from __future__ import annotations
@@ -20,10 +20,9 @@ from numpy.typing import NDArray
 from edc_swarm.analysis.guarantees.evidence import Evidence
 from edc_swarm.analysis.guarantees.verdict import GuaranteeResult, Violation, not_applicable, not_judged, verdict
 from edc_swarm.analysis.living import living_at_end
-from edc_swarm.errors import MissionError
 from edc_swarm.geometry import Floats, capsule_distance_m
 from edc_swarm.mission.configuration import ARRIVED_M, OPERATOR
-from edc_swarm.mission.faults import Fault, parse_fault, parse_faults
+from edc_swarm.mission.faults import Fault, parse_faults, read_fault
 from edc_swarm.mission.prospect import STALLED, default_max_slots, prospect_of, settled_slot
 from edc_swarm.protocol.events import EventKind
 
@@ -31,7 +30,7 @@ _G7 = ("G7", "Progress")
 
 
 def check_progress(evidence: Evidence) -> GuaranteeResult:
-    """G7. Not applicable without a living quorum, or after a fault for good that forbids any promise."""
+    """Return the verdict on G7: not applicable without a living quorum, or after a fault that forbids any promise."""
     tracks, mission = evidence.tracks, evidence.mission
     if not tracks.heard.any():
         return not_judged(*_G7, "the record has no fixes")
@@ -64,7 +63,7 @@ def check_progress(evidence: Evidence) -> GuaranteeResult:
 
 
 def _drained(evidence: Evidence) -> NDArray[np.int64]:
-    """(K,) slot in which the battery was empty of each UAV that could still be commanded, -1 for never."""
+    """Return (K,) slots in which the battery of each UAV that can be commanded became empty, -1 for never."""
     slots = np.full(len(evidence.tracks.uavs), -1)
     forgetful = {fix.uav for fix in evidence.recording.fixes if not fix.voter}
     for event in evidence.recording.events:
@@ -84,7 +83,7 @@ def _away_m(evidence: Evidence, k: int) -> float:
 
 
 def _excuse(evidence: Evidence, k: int, bound: NDArray[np.bool_]) -> str:
-    """Why UAV `k` need not arrive: where the UAVs that no longer fly are, or may be. "" if it must."""
+    """Return the reason why UAV `k` need not arrive, with the UAVs that keep it away; "" if it must arrive."""
     uavs, roster = evidence.tracks.uavs, evidence.mission.roster
     target_m, centre_m = np.array([roster[k].target_x_m, roster[k].target_y_m]), evidence.tracks.centre_m[-1, k]
     covering, holding = [], []
@@ -101,7 +100,7 @@ def _excuse(evidence: Evidence, k: int, bound: NDArray[np.bool_]) -> str:
 
 
 def _clearance_m(evidence: Evidence, point_m: Floats, other: int) -> float:
-    """From a point to where a UAV that no longer flies is, or can be by the last plan's hulls."""
+    """Return the distance from a point to the disc, or the hull in the last plan, of a UAV that no longer flies."""
     centre_m = float(np.hypot(*(evidence.tracks.centre_m[-1][other] - point_m)))
     plan = max(evidence.plans, key=lambda report: (report.term, report.slot), default=None)
     uav = evidence.mission.roster[other].uav
@@ -119,47 +118,35 @@ def _missing(evidence: Evidence, k: int) -> Violation:
 
 
 def _faults(evidence: Evidence) -> list[Fault]:
-    """Faults by time: as they were told, and those planned of which the record tells nothing."""
+    """Return the faults by time: as the events report them, and the planned ones that no event reports."""
     mission, events = evidence.mission, evidence.recording.events
     told = [
-        _read(event.detail, mission.dt_s)
+        read_fault(event.detail, mission.dt_s)
         for event in events
         if event.kind == EventKind.FAULT and event.source == OPERATOR
     ]
     done = [fault for fault in told if fault is not None]
-    accounted = {_kind(fault) for fault in done}
+    accounted = {fault.without_names() for fault in done}
     aimless = {
         event.detail for event in events if event.kind == EventKind.FAULT_WITHOUT_TARGET and event.source == OPERATOR
     }
-    planned = [f for f in parse_faults(mission) if _kind(f) not in accounted and str(f) not in aimless]
+    planned = [f for f in parse_faults(mission) if f.without_names() not in accounted and str(f) not in aimless]
     return sorted([*done, *planned], key=lambda fault: fault.at_s)
 
 
-def _read(text: str, dt_s: float) -> Fault | None:
-    try:
-        return parse_fault(text, dt_s)
-    except MissionError:
-        return None
-
-
-def _kind(fault: Fault) -> tuple[object, ...]:
-    """All of a fault but whom it is about, which a told fault says with ids."""
-    return (fault.verb, fault.flags, fault.numbers, fault.at_s, fault.for_s)
-
-
 def _settled_slot(evidence: Evidence, faults: list[Fault]) -> int:
-    """First slot after the last fault, which may have been carried out later than planned."""
-    told = [event.slot + 1 for event in evidence.recording.events if event.kind == EventKind.FAULT]
-    return max([settled_slot(evidence.mission, faults), *told])
+    """Return the first slot after the last fault, which may have been carried out later than planned."""
+    reported = [event.slot + 1 for event in evidence.recording.events if event.kind == EventKind.FAULT]
+    return max([settled_slot(evidence.mission, faults), *reported])
 
 
 def _stalled(evidence: Evidence) -> bool:
-    """Whether the operator stopped the mission because nothing could change any more."""
+    """Return True if the operator stopped the mission because nothing could change any more."""
     events = evidence.recording.events
     return any(event.kind == EventKind.END and event.source == OPERATOR and event.detail == STALLED for event in events)
 
 
 def _given(evidence: Evidence) -> str:
-    """Say so where the mission was told to last less than it would by itself."""
+    """Return a remark if the user gave a `max_slots` below the default, else ""."""
     mission = evidence.mission
     return f" (max_slots = {mission.max_slots} was given)" if mission.max_slots < default_max_slots(mission) else ""

@@ -10,17 +10,16 @@ from numpy.typing import NDArray
 from edc_swarm.analysis.guarantees.evidence import Evidence
 from edc_swarm.analysis.guarantees.verdict import GuaranteeResult, Violation, verdict
 from edc_swarm.analysis.separation import Encounters, closest_moment, encounters, swept_encounters
+from edc_swarm.geometry import BODY_TOLERANCE_M, DISC_TOLERANCE_M
 
 Floats = NDArray[np.float64]
 
-DISC_TOLERANCE_M = 1e-9
-BODY_TOLERANCE_M = 1e-6
 UNEVEN_PLANNER = "edc"
-"""The planner that keeps discs apart however unevenly the steps are executed."""
+"""The planner that keeps discs apart for any uneven execution of the steps."""
 
 
 def check_separation(evidence: Evidence) -> GuaranteeResult:
-    """G3. All UAVs count, the dead ones too, where they were left."""
+    """Return the verdict on G3. Dead UAVs count too, at their last place."""
     overlaps = _overlaps(evidence)
     found = [*overlaps, *_touching(evidence), *_outside(evidence)]
     if evidence.mission.planner == UNEVEN_PLANNER:
@@ -30,14 +29,14 @@ def check_separation(evidence: Evidence) -> GuaranteeResult:
 
 
 def _overlaps(evidence: Evidence) -> list[Violation]:
-    """Pairs whose discs overlap while all move together (the paper's eq. 16, at every instant)."""
+    """Return the pairs whose discs overlap while all move simultaneously (the paper's eq. 16, at every instant)."""
     ends_m = evidence.tracks.seen_m
     met = encounters(*ends_m, _radius_m(evidence), -DISC_TOLERANCE_M)
     return [_timed(evidence, "overlap", "discs overlap by", met, pair, ends_m) for pair in _by_pair(met)]
 
 
 def _touching(evidence: Evidence) -> list[Violation]:
-    """Pairs whose bodies truly meet."""
+    """Return the pairs whose bodies touch."""
     ends_m = (evidence.tracks.true_from_m, evidence.tracks.true_to_m)
     body_m = np.array([entry.body_m for entry in evidence.mission.roster])
     met = encounters(*ends_m, body_m, -BODY_TOLERANCE_M)
@@ -45,7 +44,7 @@ def _touching(evidence: Evidence) -> list[Violation]:
 
 
 def _uneven(evidence: Evidence) -> Iterator[Violation]:
-    """Pairs that could have overlapped had one lagged within the slot (with `lag_slots`: a slot)."""
+    """Yield the pairs that would overlap if one lagged within the slot (with `lag_slots`: by one slot)."""
     from_m, to_m = evidence.tracks.seen_m
     radius_m, count = _radius_m(evidence), len(evidence.index)
     if evidence.mission.lag_slots:
@@ -59,12 +58,12 @@ def _uneven(evidence: Evidence) -> Iterator[Violation]:
 
 
 def _one_slot_late(points_m: Floats) -> Floats:
-    """Row t holds what row t - 1 was; the first row is kept, as nothing came before it."""
+    """Return the rows shifted by one slot: row t is the old row t - 1, and row 0 stays."""
     return np.concatenate([points_m[:1], points_m[:-1]])
 
 
 def _outside(evidence: Evidence) -> Iterator[Violation]:
-    """UAVs whose body is not wholly inside their tracked disc."""
+    """Yield a violation for each UAV whose body is not wholly inside its tracked disc."""
     tracks = evidence.tracks
     offset_m = np.hypot(*np.moveaxis(tracks.true_to_m - tracks.centre_m[1:], 2, 0))
     body_m = np.array([entry.body_m for entry in evidence.mission.roster])
@@ -80,7 +79,7 @@ def _radius_m(evidence: Evidence) -> Floats:
 
 
 def _by_pair(met: Encounters) -> list[NDArray[np.int64]]:
-    """Rows of each pair, in the order of slots."""
+    """Return the rows of each pair, in the order of slots."""
     rows: dict[tuple[int, int], list[int]] = {}
     for row, pair in enumerate(zip(met.first.tolist(), met.second.tolist(), strict=True)):
         rows.setdefault((min(pair), max(pair)), []).append(row)
@@ -95,7 +94,7 @@ def _timed(
     rows: NDArray[np.int64],
     ends_m: tuple[Floats, Floats],
 ) -> Violation:
-    """A violation whose instant is that of the closest approach in its first slot."""
+    """Return a violation of a pair, at the instant of its closest approach in its first slot."""
     row = rows[0]
     slot = int(met.slot[row])
     share = closest_moment(*ends_m, slot, int(met.first[row]), int(met.second[row]))

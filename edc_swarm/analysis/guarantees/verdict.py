@@ -1,6 +1,6 @@
-"""Verdicts on guarantees: held, broken (where and when), not judged (what evidence lacks), not applicable (why).
+"""Verdicts on guarantees: held, broken, not judged, or not applicable.
 
-"held" needs evidence: a checker that found nothing to examine returns `not_judged`, never `verdict(..., [])`.
+"held" needs evidence: a checker that finds nothing to examine returns `not_judged`, never `verdict(..., [])`.
 """
 
 from __future__ import annotations
@@ -22,17 +22,17 @@ class Violation(Struct, frozen=True):
     Attributes
     ----------
     kind
-        What is wrong, as a short fixed word.
+        Short fixed word for the kind of violation.
     text
-        What is wrong, for people.
+        Description for people.
     slot
-        First slot in which it is seen, -1 where slots do not apply.
+        First slot of the violation, -1 if slots do not apply.
     uavs
-        Who is concerned.
+        Ids of the UAVs concerned.
     time_s
-        Mission time, None where it is not to an instant.
+        Mission time, None if the violation has no single instant.
     value_m
-        How large it is in metres (depth of an overlap, length of a jump), None where that has no meaning.
+        Size in metres (depth of an overlap, length of a jump), None if that has no meaning.
     """
 
     kind: str
@@ -43,7 +43,7 @@ class Violation(Struct, frozen=True):
     value_m: float | None = None
 
     def __str__(self) -> str:
-        """Slot, time, what: one line."""
+        """Return one line with slot, time and description."""
         slot = f"slot {self.slot}" if self.slot >= 0 else ""
         time = f"{self.time_s:.3f} s" if self.time_s is not None else ""
         return ": ".join([", ".join(filter(None, [slot, time])), self.text]).removeprefix(": ")
@@ -52,8 +52,8 @@ class Violation(Struct, frozen=True):
 class GuaranteeResult(Struct, frozen=True):
     """The verdict on one guarantee.
 
-    `notes` say what weakens a verdict, what evidence is missing (not-judged), or why the guarantee says
-    nothing about this run (not-applicable).
+    `notes` give what weakens a verdict, the evidence that is missing (not-judged), or the reason why the guarantee
+    promises nothing about this run (not-applicable).
     """
 
     guarantee: str
@@ -64,27 +64,27 @@ class GuaranteeResult(Struct, frozen=True):
 
     @property
     def held(self) -> bool:
-        """Whether the guarantee was judged and nothing was broken."""
+        """True if the guarantee was judged and no violation was found."""
         return self.status == "held"
 
     @property
     def broken(self) -> bool:
-        """Whether a violation was found."""
+        """True if a violation was found."""
         return self.status == "broken"
 
     @property
     def judged(self) -> bool:
-        """Whether there was enough evidence for all that the guarantee says about this run."""
+        """True if there was enough evidence for everything that the guarantee promises about this run."""
         return self.status != "not-judged"
 
     @property
     def where(self) -> list[str]:
-        """Every violation in one line: slot, time, what."""
+        """One line per violation, with slot, time and description."""
         return [str(violation) for violation in self.violations]
 
 
 def verdict(guarantee: str, title: str, violations: list[Violation], notes: list[str] | None = None) -> GuaranteeResult:
-    """Return "held", or "broken" where there are violations."""
+    """Return "held", or "broken" if there are violations."""
     printable = [replace(violation, text=shown(violation.text, MAX_LINE)) for violation in violations]
     ordered = sorted(printable, key=lambda violation: violation.slot)
     return GuaranteeResult(guarantee, title, "broken" if ordered else "held", ordered, _printable(notes or []))
@@ -101,7 +101,7 @@ def not_applicable(guarantee: str, title: str, why: str) -> GuaranteeResult:
 
 
 def headline(results: Sequence[GuaranteeResult]) -> str:
-    """Return all verdicts in one line; "every guarantee held" only where each was judged and held."""
+    """Return all verdicts in one line; "every guarantee held" only if each was judged and held."""
     names = {status: [r.guarantee for r in results if r.status == status] for status in get_args(Status)}
     parts = [
         f"{word}: {', '.join(names[status])}"
@@ -119,5 +119,6 @@ def headline(results: Sequence[GuaranteeResult]) -> str:
 
 
 def _printable(notes: list[str]) -> list[str]:
-    """Notes quote keys and details that strangers may have written."""
+    """Return notes with unprintable characters escaped, since keys and details may come from foreign publishers."""
+
     return [shown(note, MAX_LINE) for note in notes]

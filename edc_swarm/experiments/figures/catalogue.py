@@ -1,9 +1,9 @@
-"""What each figure is: which missions at which points, what is drawn, and what the paper says of it.
+"""The catalogue of figures: the missions at each point, the plotted values, and the paper's claim.
 
 Section IV of the paper: Fig. 4 collisions, Fig. 5 extra distance, Fig. 6 execution time, each over the
 number of UAVs (10 000 m2, r 5 m), the area (50 UAVs, r 5 m), and Fig. 4c over the GPS error (50 UAVs,
 40 000 m2). The energy figures are the project's own. Figures share runs: a run that two figures
-need has one key and is flown once.
+need has one key and is executed once.
 """
 
 from __future__ import annotations
@@ -24,17 +24,17 @@ FLY, FLY_PLAN, FLY_LONG = "fly", "fly_plan", "fly_long"
 TIME_PLANS, TIME_FORMS = "time_plans", "time_forms"
 
 PRINTED_UAVS = 20
-"""Up to here the paper's model is also flown as printed, with all its variables."""
+"""Greatest number of UAVs with which missions use the paper's model as printed, with all its variables."""
 PRINTED_RUNS = 5
 RUNS_PER_LARGE_PRINTED = 30
-"""Beyond `PRINTED_UAVS` the printed form takes up to minutes: one run is timed for so many others."""
+"""Runs per timed run of the printed form beyond `PRINTED_UAVS`, where one solution takes up to minutes."""
 
 Result = dict[str, Any]
 
 
 @dataclass(frozen=True, slots=True)
 class Axis:
-    """What is swept: a field of the mission, its values, its label, and the unit of its ticks."""
+    """The swept field of the mission, its values, its label, and the unit of its ticks."""
 
     field: str
     label: str
@@ -44,7 +44,7 @@ class Axis:
 
 @dataclass(frozen=True, slots=True)
 class Series:
-    """One line of a figure: for each point and seed the runs behind one value, and the value."""
+    """One line of a figure: the runs of each point and seed, and their value."""
 
     name: str
     label: str
@@ -55,7 +55,7 @@ class Series:
 
 @dataclass(frozen=True, slots=True)
 class Figure:
-    """A figure: `base` is the mission at all points but for the field that is swept."""
+    """A figure: `base` is the mission at all points, except for the swept field."""
 
     name: str
     title: str
@@ -68,18 +68,18 @@ class Figure:
     logarithmic: bool = False
 
     def mission(self, x: float, seed: int) -> Mission:
-        """The mission of one run at the point `x`."""
+        """Return the mission of one run at the point `x`."""
         value = int(x) if self.axis.field == "uavs" else float(x)
         return msgspec.structs.replace(self.base, **{self.axis.field: value}, seed=seed)
 
     def samples(self, series: Series, x: float, runs: int) -> Iterator[tuple[Run, ...]]:
-        """The runs behind each value of one point of a line; seeds count from 0."""
+        """Yield the runs of each value at one point of a line; seeds count from 0."""
         for seed in range(min(runs, series.count(self.mission(x, 0), runs))):
             yield series.runs(self.mission(x, seed))
 
 
 def flown(planner: str, minimise: str = "distance") -> Callable[[Mission], Run]:
-    """Fly the mission with this planner: `edc` in the simulator, others, which avoid nothing, by their plans alone."""
+    """Return the run of a mission with this planner: `edc` in the simulator, the others by their plans alone."""
     measure = FLY if planner == "edc" else FLY_PLAN
     return lambda mission: Run(measure, msgspec.structs.replace(mission, planner=planner, minimise=minimise))
 
@@ -89,7 +89,7 @@ def _one(run: Callable[[Mission], Run]) -> Callable[[Mission], tuple[Run, ...]]:
 
 
 def _paper(mission: Mission) -> tuple[Run, ...]:
-    """The paper's model: as printed where that is affordable, else with the dotted variables eliminated."""
+    """Return the run of the paper's model: as printed if that is affordable, else without the dotted variables."""
     printed = mission.uavs <= PRINTED_UAVS and mission.seed < PRINTED_RUNS
     return (flown(AS_PRINTED if printed else "paper")(mission),)
 
@@ -114,16 +114,21 @@ def _planners(value: Callable[[Result], float]) -> tuple[Series, ...]:
     )
 
 
+def _value(result: Result, field: str) -> float:
+    """Return a measured value, NaN where it is unknown."""
+    return math.nan if result[field] is None else float(result[field])
+
+
 def _collisions(result: Result) -> float:
-    return float(result["potential_collisions"])
+    return _value(result, "potential_collisions")
 
 
 def _extra_m(result: Result) -> float:
-    return float(result["path_m"] - result["straight_m"]) / int(result["uavs"])
+    return (_value(result, "path_m") - _value(result, "straight_m")) / int(result["uavs"])
 
 
 def _each_kj(field: str) -> Callable[[Result], float]:
-    return lambda result: float(result[field]) / int(result["uavs"]) / 1e3
+    return lambda result: _value(result, field) / int(result["uavs"]) / 1e3
 
 
 def _change_pct(field: str) -> Callable[[Result, Result], float]:
@@ -214,18 +219,18 @@ LONG_MISSION = Mission(
     handover_margin=0.005,
     energy=EnergyModel(radio_j_per_message=1.0, initial_min_j=140_000.0, initial_max_j=141_000.0),
 )
-"""The same mission as `LONG_FILE`: batteries nearly equal, a radio that costs, hence heads that change."""
+"""The mission of `LONG_FILE`. Its batteries are nearly equal and its radio takes energy, so heads change."""
 LONG_RUN = Run(FLY_LONG, LONG_MISSION, file=LONG_FILE)
 NAMES = (*(figure.name for figure in FIGURES), LONG)
 
 
 def chosen(only: Sequence[str]) -> list[str]:
-    """Names of the figures to be made: those given, or all.
+    """Return the names of the figures to make: the given ones, or all.
 
     Raises
     ------
     InputError
-        There is no such figure.
+        A given name is not a figure.
     """
     for name in only:
         if name not in NAMES:
@@ -234,12 +239,12 @@ def chosen(only: Sequence[str]) -> list[str]:
 
 
 def figures_of(names: Sequence[str]) -> list[Figure]:
-    """The declared figures among `names`."""
+    """Return the declared figures among `names`."""
     return [figure for figure in FIGURES if figure.name in names]
 
 
 def runs_of(names: Sequence[str], runs: int) -> list[Run]:
-    """Every run that the figures need, once; seed by seed, so that progress is even."""
+    """Return every run that the figures need, once; seed by seed, so that progress is even."""
     found: dict[str, Run] = {}
     for figure in figures_of(names):
         for series in figure.series:

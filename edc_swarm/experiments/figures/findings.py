@@ -1,8 +1,8 @@
-"""What was found, in sentences computed from the rows of a figure, beside what the paper says.
+"""Findings: sentences computed from the rows of a figure, compared with the paper's claims.
 
-A verdict is about trends: fitted exponents with the 95 % intervals of the fit, and whether the intervals of a
-line's end points overlap. Where too few runs leave it open, it is undecided. Why something does not reproduce is
-said where it is decided.
+A verdict is about a trend. Its evidence is a fitted exponent with its 95 % interval, and the overlap of the
+intervals of a line's end points. With too few runs it is undecided. Each finding gives the reason if a claim does
+not reproduce.
 """
 
 from __future__ import annotations
@@ -15,11 +15,11 @@ from edc_swarm.experiments.figures.table import Line, Row, line
 from edc_swarm.experiments.statistics import PowerLaw, power_law
 
 TOLERANCE = 0.5
-"""An exponent is taken for the whole number that it rounds to."""
+"""Greatest distance between a fitted exponent and the integer that it supports."""
 ZERO = 1e-3
-"""Less than this is nothing, in metres per UAV."""
+"""Extra distance that counts as none, in metres per UAV."""
 OWN = frozenset({"energy-head", "energy-minimise"})
-"""Figures that answer questions which the paper does not ask."""
+"""Figures of the project's own, without a claim in the paper."""
 
 VACUOUS = (
     "the convexified constraints (eq. 37-43) bound the dotted variables only on the side on which they are free to "
@@ -27,8 +27,8 @@ VACUOUS = (
 )
 
 
-class Finding(Struct, frozen=True):
-    """The paper's claim, whether it was found again (None: open), and what was found."""
+class FigureFinding(Struct, frozen=True):
+    """The paper's claim, True if the data reproduce it (None: undecided), and the result in sentences."""
 
     claim: str
     reproduced: bool | None
@@ -37,16 +37,16 @@ class Finding(Struct, frozen=True):
 
     @property
     def verdict(self) -> str:
-        """In words."""
+        """The verdict in words."""
         if not self.from_paper:
             return "not from the paper"
         return {True: "reproduced", False: "not reproduced", None: "undecided, with so few runs"}[self.reproduced]
 
 
-def finding(figure: str, claim: str, rows: Sequence[Row]) -> Finding:
-    """What the rows of `figure` show."""
+def finding(figure: str, claim: str, rows: Sequence[Row]) -> FigureFinding:
+    """Return the finding that the rows of `figure` support."""
     reproduced, found = _FINDERS[figure](rows)
-    return Finding(claim, reproduced, [*found, *_unfinished(rows)], figure not in OWN)
+    return FigureFinding(claim, reproduced, [*found, *_unfinished(rows)], figure not in OWN)
 
 
 Found = tuple[bool | None, list[str]]
@@ -58,7 +58,7 @@ def _law(rows: Sequence[Row], series: str) -> PowerLaw | None:
 
 
 def _exponent(law: PowerLaw) -> str:
-    """E.g. "2.02 (95 %: 1.97 to 2.07)"."""
+    """Return for example "2.02 (95 %: 1.97 to 2.07)"."""
     if law.low is None or law.high is None:
         return f"{law.exponent:.2f}"
     return f"{law.exponent:.2f} (95 %: {law.low:.2f} to {law.high:.2f})"
@@ -73,14 +73,14 @@ def _expected(power: int) -> str:
 
 
 def trend(points: Line) -> int:
-    """1: rises, -1: falls, 0: the confidence intervals of both ends overlap."""
+    """Return 1 if a line rises, -1 if it falls, 0 if the confidence intervals of its ends overlap."""
     if points.low[-1] > points.high[0]:
         return 1
     return -1 if points.high[-1] < points.low[0] else 0
 
 
 def grows(points: Line) -> bool | None:
-    """Whether a line rises: its ends are clearly apart, or its fitted exponent clearly has a sign; None: neither."""
+    """Return True if a line rises, by its ends or else by its fitted exponent; False if it falls; None if unclear."""
     if ends := trend(points):
         return ends == 1
     law = power_law(points.x, points.mean)
@@ -98,7 +98,7 @@ def _from_to(points: Line, digits: int = 1) -> str:
 
 
 def _avoidance(rows: Sequence[Row]) -> list[str]:
-    """What the two planners that are meant to avoid collisions reach."""
+    """Return sentences on the two planners that are meant to avoid collisions."""
     said = []
     straight, paper, edc = (line(rows, name) for name in ("straight", "paper", "edc"))
     if paper and straight:
@@ -148,7 +148,7 @@ def _by_radius(rows: Sequence[Row]) -> Found:
 
 
 def _extra(expected: int, reason: str) -> Callable[[Sequence[Row]], Found]:
-    """Extra distance: the paper expects it to fall (-1) or rise (1) along the axis."""
+    """Return the judge of the extra distance, which by the paper falls (-1) or rises (1) along the axis."""
 
     def found(rows: Sequence[Row]) -> Found:
         edc, paper = line(rows, "edc"), line(rows, "paper")
@@ -170,7 +170,7 @@ def _extra(expected: int, reason: str) -> Callable[[Sequence[Row]], Found]:
 
 
 def _times(reason: str) -> Callable[[Sequence[Row]], Found]:
-    """Execution time: the paper expects it to grow along the axis; `reason` is why edc's may not."""
+    """Return the judge of the execution time, which by the paper grows; `reason` explains why that of edc may not."""
 
     def found(rows: Sequence[Row]) -> Found:
         said, growing = [], dict[str, bool | None]()
@@ -240,14 +240,14 @@ def _energy_minimise(rows: Sequence[Row]) -> Found:
 
 
 def _changes(points: Line) -> str:
-    """E.g. "-2.4 % (x = 10) to 1.4 % (x = 50), -1.2 % in the mean"."""
+    """Return for example "-2.4 % (x = 10) to 1.4 % (x = 50), -1.2 % in the mean"."""
     mean = sum(points.mean) / len(points.mean)
     ends = [f"{points.mean[end]:+.1f} % (x = {points.x[end]:g})" for end in (0, -1)]
     return f"{ends[0]} to {ends[1]}, {mean:+.1f} % in the mean"
 
 
 def _unfinished(rows: Sequence[Row]) -> list[str]:
-    """Say which lines hold missions that did not end."""
+    """Return a sentence for each line with missions that did not bring every UAV home."""
     said = []
     for series in dict.fromkeys(row.series for row in rows):
         points = line(rows, series)

@@ -1,4 +1,4 @@
-"""The numbers behind a figure: one row per line and point, as they stand in its CSV file."""
+"""The table of a figure: one row per line and point, equal to its CSV file."""
 
 from __future__ import annotations
 
@@ -16,7 +16,8 @@ class Row(Struct, frozen=True):
     """One point of one line.
 
     `ci95_low` and `ci95_high` bound the mean over independent runs (Student's t; None for one run),
-    `smallest` and `largest` are of single runs, `incomplete` counts runs that did not bring every UAV home.
+    `smallest` and `largest` are of single runs, `incomplete` counts runs that are not known to
+    have brought every UAV home (None: no run is a flight, or tells).
     """
 
     figure: str
@@ -30,11 +31,11 @@ class Row(Struct, frozen=True):
     ci95_high: float | None
     smallest: float
     largest: float
-    incomplete: int
+    incomplete: int | None
 
 
 def rows_of(figure: Figure, runs: int, results: Mapping[str, Any]) -> list[Row]:
-    """The rows of a figure, from results by key; points without runs are left out."""
+    """Return the rows of a figure from the results by key; points without runs are left out."""
     rows = []
     for series in figure.series:
         for x in figure.axis.values:
@@ -42,7 +43,6 @@ def rows_of(figure: Figure, runs: int, results: Mapping[str, Any]) -> list[Row]:
             values = [value for sample in samples if math.isfinite(value := series.value(*sample))]
             if not values:
                 continue
-            incomplete = sum(not all(result.get("completed", True) for result in sample) for sample in samples)
             mean = estimate(values)
             rows.append(
                 Row(
@@ -57,10 +57,17 @@ def rows_of(figure: Figure, runs: int, results: Mapping[str, Any]) -> list[Row]:
                     mean.high,
                     min(values),
                     max(values),
-                    incomplete,
+                    _incomplete(samples),
                 )
             )
     return rows
+
+
+def _incomplete(samples: Sequence[Sequence[Mapping[str, Any]]]) -> int | None:
+    told = [[result.get("completed") for result in sample] for sample in samples]
+    if not any(flag is not None for flags in told for flag in flags):
+        return None
+    return sum(not all(flags) for flags in told)
 
 
 class Line(Struct, frozen=True):
@@ -72,11 +79,11 @@ class Line(Struct, frozen=True):
     high: list[float]
     runs: int
     largest: float
-    incomplete: int
+    incomplete: int | None
 
 
 def line(rows: Sequence[Row], series: str) -> Line | None:
-    """The line `series`, None where it has no points."""
+    """Return the line `series`, None if it has no points."""
     own = [row for row in rows if row.series == series]
     if not own:
         return None
@@ -87,5 +94,5 @@ def line(rows: Sequence[Row], series: str) -> Line | None:
         high=[row.mean if row.ci95_high is None else row.ci95_high for row in own],
         runs=sum(row.runs for row in own),
         largest=max(row.largest for row in own),
-        incomplete=sum(row.incomplete for row in own),
+        incomplete=sum(counts) if (counts := [row.incomplete for row in own if row.incomplete is not None]) else None,
     )

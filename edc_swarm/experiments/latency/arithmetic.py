@@ -1,18 +1,18 @@
-"""Slot arithmetic: what a delay leaves of a slot, before anything is flown.
+"""Slot arithmetic: the effect of delay, jitter and loss on a slot, predicted without any mission.
 
-A fix leaves at the start of slot t and is with the head `delay` later, and what the transport takes
-(`TRANSIT_NS` in the simulator, about as much in real processes on one host). The head plans when all fixes
-are in, at `tau_s` when a quorum is, or as soon as one is. A command takes as long to its UAV, and counts only
-when it arrives before slot t + 1 begins. Hence
+A UAV sends its fix at the start of slot t; it reaches the head after delay + transit, where transit is the time of
+the transport (`TRANSIT_NS` in the simulator, similar for real processes on one host). The head plans at once when
+it has all fixes, at `tau_s` if it has those of a quorum then, or else when a quorum is complete. A command takes
+delay + transit too, and is valid only if it arrives before slot t + 1 begins. Hence:
 
-- 2 (delay + transit) + plan time >= slot: no command is ever in time. All hold, but for the head, whose own
-  fix and command need no network;
-- delay > tau: the head does not wait for more than its quorum, so UAVs whose fix is later than the
-  quorum's hold in the next slot although their fix is heard in the same slot;
-- jitter and loss make it a matter of chance: `in_time_share`.
+- If 2 (delay + transit) + plan time >= slot, no command is in time. Every UAV holds except the head, whose own fix
+  and command need no network.
+- If delay > tau, the head waits for a quorum only. A UAV whose fix arrives later than those of the quorum holds in
+  the next slot.
+- With jitter and loss the share of commands in time is random: see `in_time_share`.
 
-All functions take a mission whose first link is the one that is swept, from everyone to everyone. A slot
-is as long as it is on the wall, where delays are.
+All functions take a mission whose first link is the swept one, from every UAV to every UAV. Slots are in wall time,
+as delays are.
 """
 
 from __future__ import annotations
@@ -23,44 +23,45 @@ from numpy.typing import NDArray
 from edc_swarm.emulation.links import LinkEmulator
 from edc_swarm.mission.configuration import Mission
 from edc_swarm.mission.roster import complete_mission
-from edc_swarm.simulation.simulator import TRANSIT_NS
+from edc_swarm.simulation.network import TRANSIT_NS
 
 TRANSIT_MS = TRANSIT_NS / 1e6
 SLOTS = 400
-"""Slots that are drawn for a share."""
+"""Number of random slots behind a share."""
 
 
 def hold_delay_ms(mission: Mission) -> float:
-    """Least delay with which the swarm can only hold, in milliseconds, however quickly it plans."""
+    """Return the least delay with which all UAVs but the head must hold, in milliseconds, for a plan time of 0."""
     return mission.slot_ns / 2e6 - TRANSIT_MS
 
 
 def only_holds(mission: Mission) -> bool:
-    """Whether no command can be in time, however lucky."""
+    """Return True if no command can be in time, for any random draw."""
     return mission.link[0].delay_ms >= hold_delay_ms(mission)
 
 
 def starves(mission: Mission, share: float, limit_slots: int) -> bool:
-    """Whether, with this share of commands in time, the longest way is too long for `limit_slots`."""
+    """Return True if this share of commands in time is too small to fly the longest way in `limit_slots`."""
     longest_m = max(entry.straight_m for entry in complete_mission(mission).roster)
     return share * limit_slots < longest_m / mission.u_max_m
 
 
 def in_time_share(mission: Mission) -> float:
-    """Share of the UAV-slots, the head's not counted, that have a command in time, as far as the link decides.
+    """Return the predicted share of UAV-slots, without those of the head, with a command in time.
 
-    Drawn from the link model itself, over `SLOTS` slots in which the UAV with most energy leads undisturbed, plans
-    in no time, and all stay where they start. Who has no command says its fix once more, as in `edc_swarm.agent.node`.
+    The share is a Monte Carlo estimate with the link model over `SLOTS` slots. It assumes that the UAV with the most
+    energy is head throughout, that planning takes no time, and that no UAV moves. A UAV without a command sends its
+    fix a second time in the slot, as in `edc_swarm.agent.node`.
     """
     whole = complete_mission(mission)
     head, *others = (entry.uav for entry in sorted(whole.roster, key=lambda entry: -entry.energy_j))
-    ears, links = LinkEmulator(whole, head), [LinkEmulator(whole, uav) for uav in others]
+    head_links, links = LinkEmulator(whole, head), [LinkEmulator(whole, uav) for uav in others]
     slot_ms, tau_ms = whole.slot_ns / 1e6, 1e3 * whole.tau_s / whole.time_scale
     in_time, lacks = 0, np.zeros(len(others), bool)
     for _ in range(SLOTS):
-        fixes_ms = np.array([_first_ms(ears, uav) for uav in others])
+        fixes_ms = np.array([_first_ms(head_links, uav) for uav in others])
         for index in np.flatnonzero(lacks):
-            fixes_ms[index] = min(fixes_ms[index], tau_ms / 2 + _first_ms(ears, others[index]))
+            fixes_ms[index] = min(fixes_ms[index], tau_ms / 2 + _first_ms(head_links, others[index]))
         planned_ms = _planned_ms(fixes_ms, whole.quorum - 1, tau_ms)
         commands_ms = planned_ms + np.array([_first_ms(own, head) for own in links])
         arrived = (fixes_ms <= planned_ms) & (commands_ms < slot_ms)
@@ -70,11 +71,11 @@ def in_time_share(mission: Mission) -> float:
 
 
 def _first_ms(links: LinkEmulator, sender: str) -> float:
-    """When the first copy of a message arrives, infinite when it is lost."""
+    """Return the arrival time of the first copy of a message, infinite if it is lost."""
     return TRANSIT_MS + min(links.arrivals_ns(sender, 0.0), default=np.inf) / 1e6
 
 
 def _planned_ms(fixes_ms: NDArray[np.float64], needed: int, tau_ms: float) -> float:
-    """When the head plans: not before `needed` others are heard, at once when all are, else at tau."""
+    """Return the time at which the head plans: min(arrival of the last fix, max(tau, arrival of fix `needed`))."""
     ordered = np.sort(fixes_ms)
     return float(max(ordered[needed - 1], min(tau_ms, ordered[-1])))

@@ -1,7 +1,7 @@
-"""What a latency sweep is: lists of network qualities, flown by every swarm of a list, several times each.
+"""Declarations of latency sweeps: every combination of network qualities and swarms, with several missions each.
 
-A sweep file is TOML; its keys are the fields of `LatencySweep`, its table `mission` is a mission file's
-content, its table `link` what else the swept link does (see `edc_swarm.mission.configuration.Link`).
+A sweep file is TOML. Its keys are the fields of `LatencySweep`, its table `mission` has the content of a mission
+file, and its table `link` the remaining fields of the swept link (see `edc_swarm.mission.configuration.Link`).
 """
 
 from __future__ import annotations
@@ -39,11 +39,11 @@ Uavs = Annotated[int, Meta(ge=2, le=MAX_UAVS)]
 
 
 class LatencySweep(Struct, frozen=True, kw_only=True):
-    """A sweep: every combination of its lists, `repeats` missions (seeds 0, 1, ...) of each.
+    """A sweep: every combination of its lists, with `repeats` missions (seeds 0, 1, ...) of each.
 
-    `hold_slots` is the length of a mission in cells in which, by the slot arithmetic, the swarm can only
-    hold; in all others it is `max_slots`, 0 for the mission's own limit. `link` is the link that is swept,
-    `mission` all the rest; links of the mission itself hold where they match.
+    `hold_slots` is the length of a mission in a cell in which, by the slot arithmetic, the UAVs can only hold; in all
+    other cells it is `max_slots` (0: the mission's own limit). `link` is the swept link and `mission` the rest of the
+    mission. A link of the mission itself takes precedence where it matches.
     """
 
     engine: Engine = "sim"
@@ -60,7 +60,7 @@ class LatencySweep(Struct, frozen=True, kw_only=True):
 
     @property
     def cells(self) -> list[Cell]:
-        """Every combination, in the order of the lists."""
+        """Return every combination, in the order of the lists."""
         axes = (self.uavs, self.slots_s, self.jitters_ms, self.losses, self.delays_ms)
         return [Cell(*values) for values in product(*axes)]
 
@@ -85,7 +85,7 @@ DEFAULTS: dict[Engine, dict[str, Any]] = {
         "hold_slots": 40,
     },
 }
-"""What is flown when nothing else is said: a full grid in the simulator, a thin one with real processes."""
+"""Default sweep of each engine: a full grid in the simulator, a sparse one with real processes."""
 
 
 @dataclass(frozen=True, slots=True, order=True)
@@ -100,12 +100,12 @@ class Cell:
 
 
 def sweep_of(raw: Mapping[str, Any]) -> LatencySweep:
-    """Validate plain data as a sweep; what is left out is as in `DEFAULTS` of its engine.
+    """Return plain data as a validated sweep; missing fields come from the engine's `DEFAULTS`.
 
     Raises
     ------
     InputError
-        With the field, the value and what is allowed.
+        A field is invalid; the error has the field, the value and the allowed values.
     """
     refuse_unknown(raw, LatencySweep)
     refuse_non_finite(raw)
@@ -132,7 +132,7 @@ def _check(sweep: LatencySweep) -> None:
 
 
 def mission_of(sweep: LatencySweep, cell: Cell, seed: int) -> Mission:
-    """The mission of one run."""
+    """Return the mission of one run."""
     swept = msgspec.structs.replace(sweep.link, delay_ms=cell.delay_ms, jitter_ms=cell.jitter_ms, loss=cell.loss)
     fields = {"uavs": cell.uavs, "dt_s": cell.slot_s, "seed": seed, "link": [swept, *sweep.mission.link]}
     mission = msgspec.structs.replace(sweep.mission, **fields)
@@ -141,7 +141,7 @@ def mission_of(sweep: LatencySweep, cell: Cell, seed: int) -> Mission:
 
 
 def run_name(mission: Mission) -> str:
-    """A name for the files of one run of a sweep."""
+    """Return the name of the files of one run of a sweep."""
     link = mission.link[0]
     return (
         f"k{mission.uavs}-slot{1e3 * mission.dt_s:g}-delay{link.delay_ms:g}-jitter{link.jitter_ms:g}"
@@ -150,7 +150,7 @@ def run_name(mission: Mission) -> str:
 
 
 def runs_of(sweep: LatencySweep, engine: Engine) -> dict[Cell, list[Run]]:
-    """The runs of every cell, flown by `engine`."""
+    """Return the runs of every cell with `engine`."""
     return {
         cell: [Run(MEASURE[engine], mission_of(sweep, cell, seed), verb=VERB[engine]) for seed in range(sweep.repeats)]
         for cell in sweep.cells
@@ -158,5 +158,5 @@ def runs_of(sweep: LatencySweep, engine: Engine) -> dict[Cell, list[Run]]:
 
 
 def in_turn(runs: Mapping[Cell, Sequence[Run]]) -> list[Run]:
-    """All runs, seed by seed, so that a sweep that is stopped has all of the grid."""
+    """Return all runs, seed by seed, so that a stopped sweep covers the whole grid."""
     return [run for turn in zip(*runs.values(), strict=True) for run in turn]

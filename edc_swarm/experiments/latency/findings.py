@@ -1,4 +1,4 @@
-"""What a latency experiment has shown, in sentences computed from its rows."""
+"""Findings of a latency experiment, as sentences computed from its rows."""
 
 from __future__ import annotations
 
@@ -6,38 +6,38 @@ from collections.abc import Iterator, Sequence
 
 from msgspec import Struct
 
-from edc_swarm.experiments.latency.table import CellRow
+from edc_swarm.experiments.latency.table import CellRow, total
 
 LITTLE_LOSS = 0.1
-"""Up to this loss every mission is expected to be completed."""
+"""Greatest loss at which every mission is expected to complete."""
 NAMED = 6
-"""Cells that are named in a sentence."""
+"""Most cells that a sentence names."""
 
 
-class Finding(Struct, frozen=True):
-    """One sentence, and whether it is as promised (None: nothing was promised)."""
+class LatencyFinding(Struct, frozen=True):
+    """One sentence, with True if it is as promised, False if not, None without a promise."""
 
     kept: bool | None
     text: str
 
 
-def findings(rows: Sequence[CellRow]) -> list[Finding]:
-    """Everything that the rows show."""
+def findings(rows: Sequence[CellRow]) -> list[LatencyFinding]:
+    """Return all findings of the rows."""
     return [_safety(rows), *_holding(rows), *_completion(rows), *_noise(rows)]
 
 
 def is_safe(rows: Sequence[CellRow]) -> bool:
-    """Whether nothing is known to have gone wrong: nothing overlapped, nothing collided and no guarantee broke."""
+    """Return True if no row has an overlap, a collision or a broken guarantee."""
     return not any(row.potential_collisions or row.true_collisions or row.broken for row in rows)
 
 
 def is_judged(rows: Sequence[CellRow]) -> bool:
-    """Whether there are runs, and every guarantee could be judged in each."""
+    """Return True if there are runs and every guarantee could be judged in each."""
     return bool(rows) and not any(row.not_judged for row in rows)
 
 
 def named(row: CellRow) -> str:
-    """A cell in words."""
+    """Return a cell in words."""
     cell = row.cell
     return (
         f"{row.engine}, {cell.uavs} UAVs, slot {cell.slot_s:g} s, delay {cell.delay_ms:g} + {cell.jitter_ms:g} ms,"
@@ -50,21 +50,25 @@ def _some(rows: Sequence[CellRow]) -> str:
     return "; ".join([named(row) for row in rows[:NAMED]] + more)
 
 
-def _safety(rows: Sequence[CellRow]) -> Finding:
+def _safety(rows: Sequence[CellRow]) -> LatencyFinding:
     runs = sum(row.runs for row in rows)
-    overlaps = sum(row.potential_collisions for row in rows)
-    hits = sum(row.true_collisions for row in rows)
+    overlaps = _known(total([row.potential_collisions for row in rows]))
+    hits = _known(total([row.true_collisions for row in rows]))
     broken = sorted({name for row in rows for name in row.broken})
     unjudged = sorted({name for row in rows for name in row.not_judged})
-    told = [f"broken guarantees: {' '.join(broken)}"] if broken else []
-    told += [f"not judged in every run: {' '.join(unjudged)}"] if unjudged else []
-    guarantees = "; ".join(told) or "G1-G5 held in every run"
+    parts = [f"broken guarantees: {' '.join(broken)}"] if broken else []
+    parts += [f"not judged in every run: {' '.join(unjudged)}"] if unjudged else []
+    guarantees = "; ".join(parts) or "G1-G5 held in every run"
     text = f"{len(rows)} cells, {runs} runs: {overlaps} overlaps of discs, {hits} true collisions; {guarantees}."
-    return Finding(None if is_safe(rows) and not is_judged(rows) else is_safe(rows), text)
+    return LatencyFinding(None if is_safe(rows) and not is_judged(rows) else is_safe(rows), text)
 
 
-def _holding(rows: Sequence[CellRow]) -> Iterator[Finding]:
-    """Where each swarm begins to do nothing but hold, without jitter and loss, against the arithmetic."""
+def _known(count: int | None) -> str:
+    return "an unknown number of" if count is None else str(count)
+
+
+def _holding(rows: Sequence[CellRow]) -> Iterator[LatencyFinding]:
+    """Yield, for each swarm, the delay from which all hold, without jitter and loss, beside the predicted one."""
     for engine, uavs, slot_s in dict.fromkeys((row.engine, row.cell.uavs, row.cell.slot_s) for row in rows):
         still = [
             row
@@ -78,7 +82,7 @@ def _holding(rows: Sequence[CellRow]) -> Iterator[Finding]:
         expected = min((row.cell.delay_ms for row in still if row.predicted_to_hold), default=None)
         found = min((row.cell.delay_ms for row in still if row.only_holds), default=None)
         flew = max((row.cell.delay_ms for row in still if not row.only_holds), default=None)
-        yield Finding(
+        yield LatencyFinding(
             found == expected,
             f"{engine}, {uavs} UAVs, slot {slot_s:g} s: two delays and the transport fill a slot from"
             f" {still[0].hold_delay_ms:g} ms on; of the delays flown the first with which the swarm only holds is"
@@ -90,7 +94,7 @@ def _ms(value: float | None) -> str:
     return "none" if value is None else f"{value:g} ms"
 
 
-def _completion(rows: Sequence[CellRow]) -> Iterator[Finding]:
+def _completion(rows: Sequence[CellRow]) -> Iterator[LatencyFinding]:
     flown = [row for row in rows if not row.predicted_to_hold and row.completed_pct is not None]
     able = [row for row in flown if not row.predicted_to_starve]
     little = [row for row in able if row.cell.loss <= LITTLE_LOSS]
@@ -103,20 +107,20 @@ def _completion(rows: Sequence[CellRow]) -> Iterator[Finding]:
     )
 
 
-def _completed(title: str, rows: Sequence[CellRow], *, promised: bool) -> Iterator[Finding]:
+def _completed(title: str, rows: Sequence[CellRow], *, promised: bool) -> Iterator[LatencyFinding]:
     if not rows:
         return
     short = [row for row in rows if row.completed_pct != 100.0]
     rest = f" Not all in: {_some(short)}." if short else ""
     text = f"{title}: all missions completed in {len(rows) - len(short)} of {len(rows)} cells.{rest}"
-    yield Finding(not short if promised else None, text)
+    yield LatencyFinding(not short if promised else None, text)
 
 
-def _noise(rows: Sequence[CellRow]) -> Iterator[Finding]:
+def _noise(rows: Sequence[CellRow]) -> Iterator[LatencyFinding]:
     invalid = [row for row in rows if row.invalid_runs]
     if invalid:
         runs = sum(row.invalid_runs for row in invalid)
-        yield Finding(
+        yield LatencyFinding(
             None,
             f"{runs} runs are invalid, since the machine was overloaded (more than 1 % of the ticks late); their"
             f" times are left out, their safety is not: {_some(invalid)}.",

@@ -1,4 +1,4 @@
-"""The quantities of a latency experiment: what is drawn, and how a run gives it."""
+"""The quantities of a latency experiment, with their values in a run and their labels in figures."""
 
 from __future__ import annotations
 
@@ -10,9 +10,9 @@ from edc_swarm.analysis.latency_sample import Sample
 
 @dataclass(frozen=True, slots=True)
 class Quantity:
-    """One of them: its name in tables and files, its label with the unit, and its value in a run.
+    """A quantity: its name in tables and files, its label with the unit, and its value in a run.
 
-    `share` says that it is in per cent, `logarithmic` that it spans decades, `signed` that it may be negative.
+    `share` is True for per cent, `logarithmic` for a logarithmic axis, `signed` if values may be negative.
     """
 
     name: str
@@ -24,17 +24,21 @@ class Quantity:
 
 
 def _fix_age_ms(sample: Sample) -> float | None:
-    """Where nobody leads there is no head at which fixes could be of any age."""
+    """Return the age of fixes, None in a run without a head, which would use them."""
     return sample.fix_age_ms if sample.terms else None
 
 
 def _command_age_ms(sample: Sample) -> float | None:
-    """Where nobody but heads flies, the age is that of the mission, whose length is declared."""
+    """Return the age of commands, None if only heads flew, since the age is the mission's declared length then."""
     return sample.command_age_ms if sample.others_flew else None
 
 
+def _completed_pct(sample: Sample) -> float | None:
+    return None if sample.completed is None else 100.0 * sample.completed
+
+
 QUANTITIES = (
-    Quantity("completed_pct", "Missions completed [%]", lambda s: 100.0 * s.completed, share=True),
+    Quantity("completed_pct", "Missions completed [%]", _completed_pct, share=True),
     Quantity("fix_to_command_ms", "Fix to command, median [ms]", lambda s: s.fix_to_command_ms),
     Quantity("fix_age_ms", "Age of fixes at the head [ms]", _fix_age_ms, logarithmic=True),
     Quantity("command_age_ms", "Age of commands at the UAVs [ms]", _command_age_ms, logarithmic=True),

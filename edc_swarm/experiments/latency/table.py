@@ -1,4 +1,4 @@
-"""The numbers of a latency experiment: one row per engine and cell, as they stand in its CSV file."""
+"""The table of a latency experiment: one row per engine and cell, equal to its CSV file."""
 
 from __future__ import annotations
 
@@ -17,12 +17,13 @@ from edc_swarm.experiments.statistics import Estimate, estimate
 class CellRow(Struct, frozen=True, kw_only=True):
     """All runs of one cell.
 
-    `predicted_in_time_pct` is the slot arithmetic's share of commands in time, `predicted_to_hold` that there
-    can be none, from `hold_delay_ms` on, `predicted_to_starve` that they are too few to fly the longest way within
-    the limit; `only_holds` says that nobody but heads has flown a command.
-    `potential_collisions`, `true_collisions`, `broken`, `not_judged` and `min_disc_gap_m` are over all runs;
-    `quantities`, means by name with their 95 % intervals, are over the valid ones (`invalid_runs` are those of an
-    overloaded machine) that have the quantity.
+    Predictions come from the slot arithmetic: `predicted_in_time_pct` is the share of commands in time;
+    `predicted_to_hold` is True if none can be in time, which is so from `hold_delay_ms` on; `predicted_to_starve` is
+    True if they are too few to fly the longest way within the limit. `only_holds` is True if only heads flew commands.
+
+    `potential_collisions`, `true_collisions`, `broken`, `not_judged` and `min_disc_gap_m` are over all runs.
+    `quantities` are means by name with 95 % intervals over the valid runs that have the quantity; `invalid_runs`
+    counts the runs on an overloaded machine.
     """
 
     engine: Engine
@@ -35,24 +36,24 @@ class CellRow(Struct, frozen=True, kw_only=True):
     predicted_to_starve: bool
     hold_delay_ms: float
     only_holds: bool
-    potential_collisions: int
-    true_collisions: int
+    potential_collisions: int | None
+    true_collisions: int | None
     broken: list[str]
     not_judged: list[str]
     min_disc_gap_m: float | None
-    ticks_late_pct: float
+    ticks_late_pct: float | None
     terms: float
     quantities: dict[str, Estimate]
 
     @property
     def completed_pct(self) -> float | None:
-        """Share of the valid missions that brought every UAV home."""
+        """Share of the valid missions that brought every UAV home, in per cent."""
         found = self.quantities.get("completed_pct")
         return None if found is None else found.mean
 
 
 def row_of(sweep: LatencySweep, engine: Engine, cell: Cell, samples: Sequence[Sample]) -> CellRow:
-    """The row of one cell."""
+    """Return the row of one cell."""
     valid = [sample for sample in samples if not sample.invalid]
     mission = mission_of(sweep, cell, 0)
     share, limit_slots = in_time_share(mission), min(sample.limit_slots for sample in samples)
@@ -67,15 +68,20 @@ def row_of(sweep: LatencySweep, engine: Engine, cell: Cell, samples: Sequence[Sa
         predicted_to_starve=starves(mission, share, limit_slots),
         hold_delay_ms=hold_delay_ms(mission),
         only_holds=not any(sample.others_flew for sample in samples),
-        potential_collisions=sum(sample.potential_collisions for sample in samples),
-        true_collisions=sum(sample.true_collisions for sample in samples),
+        potential_collisions=total([sample.potential_collisions for sample in samples]),
+        true_collisions=total([sample.true_collisions for sample in samples]),
         broken=sorted({name for sample in samples for name in sample.broken}),
         not_judged=sorted({name for sample in samples for name in sample.not_judged}),
         min_disc_gap_m=min((s.min_disc_gap_m for s in samples if s.min_disc_gap_m is not None), default=None),
-        ticks_late_pct=max(sample.ticks_late_pct for sample in samples),
+        ticks_late_pct=max((s.ticks_late_pct for s in samples if s.ticks_late_pct is not None), default=None),
         terms=sum(sample.terms for sample in samples) / len(samples),
         quantities=_estimates(valid),
     )
+
+
+def total(counts: Sequence[int | None]) -> int | None:
+    """Return the sum of the counts that are known, unless it is 0 only because another is unknown."""
+    return sum(filter(None, counts)) or (None if None in counts else 0)
 
 
 def _estimates(samples: Sequence[Sample]) -> dict[str, Estimate]:
@@ -87,7 +93,7 @@ def _estimates(samples: Sequence[Sample]) -> dict[str, Estimate]:
 
 
 def flat(row: CellRow) -> dict[str, Any]:
-    """The row as one line of the CSV file."""
+    """Return the row as one line of the CSV file."""
     cell = row.cell
     line: dict[str, Any] = {
         "engine": row.engine,
@@ -104,5 +110,6 @@ def flat(row: CellRow) -> dict[str, Any]:
 
 
 def rows_of(sweep: LatencySweep, engine: Engine, results: Mapping[Cell, Sequence[Sample]]) -> list[CellRow]:
-    """All rows of an engine, in the order of the cells."""
+    """Return all rows of an engine, in the order of the cells."""
+
     return [row_of(sweep, engine, cell, results[cell]) for cell in sweep.cells]

@@ -15,7 +15,7 @@ from msgspec import Struct
 
 from edc_swarm.errors import InputError
 from edc_swarm.experiments.figures.catalogue import LONG, LONG_RUN, chosen, figures_of, runs_of
-from edc_swarm.experiments.figures.findings import Finding, finding
+from edc_swarm.experiments.figures.findings import FigureFinding, finding
 from edc_swarm.experiments.figures.table import Row, rows_of
 from edc_swarm.experiments.sweeps import Run
 from processes.experiments.figures_page import page
@@ -25,7 +25,7 @@ from processes.runtime.console import note, print_json
 from processes.runtime.output import unwritten
 from processes.runtime.run_facts import run_facts
 
-MAX_RUNS = 10_000
+MAX_FIGURE_RUNS = 10_000
 
 
 class FiguresReport(Struct):
@@ -33,7 +33,7 @@ class FiguresReport(Struct):
 
     out: str
     runs: int
-    findings: dict[str, Finding]
+    findings: dict[str, FigureFinding]
     rows: list[Row]
 
 
@@ -70,8 +70,8 @@ class FiguresOptions:
 def figures(*, options: FiguresOptions | None = None) -> int:
     """Compute the paper's figures again: PNG, SVG and CSV each, and a page that says what was found."""
     options = options or FiguresOptions()
-    if not 1 <= options.runs <= MAX_RUNS:
-        raise InputError("--runs", options.runs, f"between 1 and {MAX_RUNS}")
+    if not 1 <= options.runs <= MAX_FIGURE_RUNS:
+        raise InputError("--runs", options.runs, f"between 1 and {MAX_FIGURE_RUNS}")
     names = chosen(options.only)
     check_plots()
     runs = runs_of(names, options.runs)
@@ -89,9 +89,9 @@ def figures(*, options: FiguresOptions | None = None) -> int:
 
 def _write(
     options: FiguresOptions, names: Sequence[str], runs: Sequence[Run], results: Mapping[str, Any]
-) -> tuple[dict[str, list[Row]], dict[str, Finding]]:
+) -> tuple[dict[str, list[Row]], dict[str, FigureFinding]]:
     """Write every figure, its table, and the page."""
-    rows, found = dict[str, list[Row]](), dict[str, Finding]()
+    rows, found = dict[str, list[Row]](), dict[str, FigureFinding]()
     for figure in figures_of(names):
         rows[figure.name] = rows_of(figure, options.runs, results)
         found[figure.name] = finding(figure.name, figure.claim, rows[figure.name])
@@ -129,7 +129,7 @@ def _machine() -> str:
     return ", ".join(part for part in (model, run_facts("virtual")["machine"], platform.python_version()) if part)
 
 
-def _conclude(options: FiguresOptions, rows: Mapping[str, list[Row]], found: Mapping[str, Finding]) -> None:
+def _conclude(options: FiguresOptions, rows: Mapping[str, list[Row]], found: Mapping[str, FigureFinding]) -> None:
     if options.json:
         every = [row for own in rows.values() for row in own]
         print_json(FiguresReport(str(options.out), options.runs, dict(found), every))

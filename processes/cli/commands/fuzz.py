@@ -14,12 +14,12 @@ from rich.console import Console
 from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeElapsedColumn, TimeRemainingColumn
 
 from edc_swarm.errors import InputError
-from processes.experiments.ledger import begin_worker, interrupt_held_back
+from processes.experiments.ledger import begin_worker, sigint_blocked
 from processes.runtime.console import note, print_json
 
-MAX_RUNS = 10_000_000
-MAX_SHOWN = 20
-IN_FLIGHT = 8
+MAX_FUZZ_RUNS = 10_000_000
+MAX_FAILURES_SHOWN = 20
+RUNS_AHEAD = 8
 """Runs given to each worker ahead of time."""
 
 
@@ -85,8 +85,8 @@ def fuzz(*, options: FuzzOptions | None = None) -> int:
 
 
 def _check(options: FuzzOptions) -> None:
-    if not 1 <= options.runs <= MAX_RUNS:
-        raise InputError("--runs", options.runs, f"between 1 and {MAX_RUNS}")
+    if not 1 <= options.runs <= MAX_FUZZ_RUNS:
+        raise InputError("--runs", options.runs, f"between 1 and {MAX_FUZZ_RUNS}")
     if not 0 <= options.seed < 1 << 62:
         raise InputError("--seed", options.seed, "at least 0 and less than 2^62")
     if options.jobs is not None and not 1 <= options.jobs <= 1024:
@@ -110,9 +110,9 @@ def _search(options: FuzzOptions, kept: tuple[int, ...] | None) -> Iterator[Foun
         yield from (_run((seed, kept)) for seed in seeds)
         return
     with ProcessPoolExecutor(jobs, get_context("spawn"), begin_worker, (os.getpid(),)) as pool:
-        window = jobs * IN_FLIGHT
+        window = jobs * RUNS_AHEAD
         for start in range(0, len(seeds), window):
-            with interrupt_held_back():
+            with sigint_blocked():
                 found = pool.map(_run, [(seed, kept) for seed in seeds[start : start + window]])
             yield from found
 
@@ -155,5 +155,5 @@ def _conclude(options: FuzzOptions, failures: list[Found]) -> None:
         return
     last = options.seed + options.runs - 1
     print(f"{options.runs} runs (seeds {options.seed} to {last}): {len(failures)} broke a guarantee")
-    for found in failures[:MAX_SHOWN]:
+    for found in failures[:MAX_FAILURES_SHOWN]:
         print(f"  {found.command}")

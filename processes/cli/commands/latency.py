@@ -16,18 +16,19 @@ from rich.table import Table
 from edc_swarm.analysis.latency_sample import Sample
 from edc_swarm.errors import InputError
 from edc_swarm.experiments.latency.declared import Cell, Engine, LatencySweep, in_turn, run_name, runs_of, sweep_of
-from edc_swarm.experiments.latency.findings import Finding, findings, is_judged, is_safe
+from edc_swarm.experiments.latency.findings import LatencyFinding, findings, is_judged, is_safe
 from edc_swarm.experiments.latency.quantities import QUANTITIES, Quantity
 from edc_swarm.experiments.latency.table import CellRow, flat, rows_of
 from edc_swarm.experiments.sweeps import Run, command_of, mission_toml
+from edc_swarm.foreign_text import MAX_LINE, shown
 from edc_swarm.mission.validation import load_mission, read_toml
 from processes.cli.options import named_as_options, swept
-from processes.experiments.latency_page import floor_notes, page, words
+from processes.experiments.latency_page import baseline_notes, page, words
 from processes.experiments.latency_plots import Axis, draw_quantity
 from processes.experiments.ledger import Ledger, Scheduler, open_scheduler, sweep
 from processes.experiments.plots import check_plots
 from processes.experiments.real_runs import Launched, launched_fingerprint
-from processes.experiments.zenoh_baseline import Floor, measure_floor
+from processes.experiments.zenoh_baseline import Baseline, measure_baseline
 from processes.runtime.console import FAILED, NOT_JUDGED, note, print_json, stdout_console
 from processes.runtime.output import unwritten
 from processes.runtime.run_facts import run_facts
@@ -38,7 +39,7 @@ PLAIN = ("engine", "repeats", "max_slots", "hold_slots")
 """Fields of the sweep that options of the same names set."""
 LAUNCHED = "processes"
 """Folder of the runs with real processes, in that of the sweep."""
-FLOOR_SLOTS = 40
+BASELINE_SLOTS = 40
 TABLE_WIDTH = 116
 COLUMNS = (
     "engine",
@@ -66,8 +67,8 @@ class LatencyReport(Struct):
     """What `--json` prints."""
 
     out: str
-    findings: list[Finding]
-    floor: Floor | None
+    findings: list[LatencyFinding]
+    floor: Baseline | None
     cells: list[dict[str, Any]]
 
 
@@ -151,14 +152,14 @@ def latency(
     return 0 if is_judged(rows) else NOT_JUDGED
 
 
-def _fly(declared: LatencySweep, options: LatencyOptions) -> tuple[list[CellRow], Floor | None]:
-    """Make all runs; with real processes, the floor too."""
+def _fly(declared: LatencySweep, options: LatencyOptions) -> tuple[list[CellRow], Baseline | None]:
+    """Make all runs; with real processes, the baseline too."""
     rows = _simulated(declared, options)
     if declared.engine == "sim":
         return rows, None
     rows += _launched(declared, options)
     slot_s = declared.slots_s[0] / declared.mission.time_scale
-    return rows, measure_floor(declared.uavs[0], slot_s, FLOOR_SLOTS)
+    return rows, measure_baseline(declared.uavs[0], slot_s, BASELINE_SLOTS)
 
 
 def _numbers(option: str, text: str) -> list[float]:
@@ -215,7 +216,7 @@ def _with_file(run: Run, folder: Path) -> Run:
     return run
 
 
-def _write(folder: Path, rows: Sequence[CellRow], found: Sequence[Finding], floor: Floor | None) -> None:
+def _write(folder: Path, rows: Sequence[CellRow], found: Sequence[LatencyFinding], floor: Baseline | None) -> None:
     """Write the table, every figure and the page."""
     lines = [flat(row) for row in rows]
     with (folder / "cells.csv").open("w", newline="", encoding="utf-8") as stream:
@@ -223,7 +224,7 @@ def _write(folder: Path, rows: Sequence[CellRow], found: Sequence[Finding], floo
         writer.writeheader()
         writer.writerows(lines)
     figures = {quantity.name: list(_draw(quantity, rows, folder)) for quantity in QUANTITIES}
-    text = page(rows, found, floor_notes(floor), figures, run_facts("virtual"))
+    text = page(rows, found, baseline_notes(floor), figures, run_facts("virtual"))
     (folder / "index.html").write_text(text, encoding="utf-8")
 
 
@@ -240,7 +241,9 @@ def _draw(quantity: Quantity, rows: Sequence[CellRow], folder: Path) -> Iterator
             yield stem
 
 
-def _conclude(options: LatencyOptions, rows: Sequence[CellRow], found: Sequence[Finding], floor: Floor | None) -> None:
+def _conclude(
+    options: LatencyOptions, rows: Sequence[CellRow], found: Sequence[LatencyFinding], floor: Baseline | None
+) -> None:
     if options.json:
         print_json(LatencyReport(str(options.out), list(found), floor, [flat(row) for row in rows]))
         return
@@ -248,8 +251,8 @@ def _conclude(options: LatencyOptions, rows: Sequence[CellRow], found: Sequence[
     console.width = max(console.width, TABLE_WIDTH)
     console.print(_table(rows))
     for one in found:
-        print({True: "as promised: ", False: "NOT as promised: ", None: ""}[one.kept] + one.text)
-    for text in floor_notes(floor):
+        print(shown({True: "as promised: ", False: "NOT as promised: ", None: ""}[one.kept] + one.text, MAX_LINE))
+    for text in baseline_notes(floor):
         print(text)
     print(options.out / "index.html")
 

@@ -16,18 +16,20 @@ from cyclopts import Parameter
 
 from edc_swarm.analysis.replanning import replan
 from edc_swarm.errors import InputError, RecordingError
+from edc_swarm.experiments.resimulation import loads_foreign_code
+from edc_swarm.foreign_text import MAX_LINE, shown
 from edc_swarm.mission.configuration import NS_PER_S
 from edc_swarm.planner.registry import make_planner, warm_up
 from edc_swarm.protocol.keys import PREFIX, Keys
 from edc_swarm.recording.mcap_file import McapFile
 from edc_swarm.recording.reader import read_recording
-from processes.bus.address import free_endpoint, listening_endpoint, parse_endpoint, sought_router
+from processes.bus.address import free_endpoint, listening_endpoint, parse_endpoint, unreachable_router
 from processes.bus.session import open_client, open_router
 from processes.runtime.console import FAILED, NOT_JUDGED, note, print_json
 from processes.runtime.run_facts import made_otherwise
 
 CONNECT_TIMEOUT_MS = 5000
-MAX_SHOWN = 10
+MAX_DIFFERENCES_SHOWN = 10
 
 
 @Parameter(name="*")
@@ -47,6 +49,9 @@ class ReplayOptions:
         Seconds between being on the bus and the first message, for others to connect (0).
     verify
         Publish nothing; plan every slot again from the recorded fixes and compare command by command.
+    load_planner
+        With --verify: import and run the planner that the recording names, a user's too. Only for recordings that you
+        trust.
     json
         Print the result as JSON alone on standard output.
     """
@@ -56,6 +61,7 @@ class ReplayOptions:
     connect: str | None = None
     wait: float = 0.0
     verify: bool = False
+    load_planner: bool = False
     json: bool = False
 
 
@@ -65,7 +71,7 @@ def replay(
     """Put a recording back onto a Zenoh bus as it was, message by message; or --verify its plans."""
     options = options or ReplayOptions()
     if options.verify:
-        return _verify(recording, as_json=options.json)
+        return _verify(recording, as_json=options.json, load_planner=options.load_planner)
     _check(options)
     messages = _messages(recording)
     with closing(_session(options)) as session:
@@ -99,7 +105,7 @@ def _messages(path: Path) -> list[tuple[str, int, bytes]]:
     found = [(channel.topic, log_ns, payload) for channel, _, log_ns, _, payload in McapFile(path).messages()]
     keys = {topic: _key(root, topic) for topic in {topic for topic, _, _ in found}}
     for topic in sorted(topic for topic, key in keys.items() if key is None):
-        note(f"warning: {topic!r} is no key of a bus: its messages are left out")
+        note(f"warning: {shown(topic)!r} is no key of a bus: its messages are left out")
     return [(key, ns, payload) for topic, ns, payload in found if (key := keys[topic]) is not None]
 
 
@@ -117,7 +123,7 @@ def _session(options: ReplayOptions) -> zenoh.Session:
         try:
             return open_client(options.connect, timeout_ms=CONNECT_TIMEOUT_MS)
         except zenoh.ZError:
-            raise InputError("--connect", options.connect, sought_router(options.connect)) from None
+            raise InputError("--connect", options.connect, unreachable_router(options.connect)) from None
     endpoint = listening_endpoint(options.listen) if options.listen is not None else free_endpoint()
     try:
         session = open_router(endpoint)
@@ -143,13 +149,17 @@ def _timed(messages: list[tuple[str, int, bytes]], speed: float) -> Iterator[tup
         yield key, start_s + (log_ns - first_ns) / NS_PER_S / speed, payload
 
 
-def _verify(path: Path, *, as_json: bool) -> int:
+def _verify(path: Path, *, as_json: bool, load_planner: bool) -> int:
     recording = read_recording(path)
     mission = recording.mission
     if not any(report.planner for report in recording.reports):
         raise RecordingError(path, "holds no plan to be verified")
     if otherwise := made_otherwise(recording.run):
         note(f"note: the recording was {otherwise}: another version may well plan otherwise")
+    if not load_planner and loads_foreign_code(mission.planner):
+        raise RecordingError(
+            path, f"names the planner {mission.planner}, not one of this project's: --load-planner loads it"
+        )
     warm_up(mission)
     result = replan(recording, lambda: make_planner(mission.planner, mission))
     if as_json:
@@ -160,8 +170,8 @@ def _verify(path: Path, *, as_json: bool) -> int:
             f"greatest difference {result.greatest_off_m:.3g} m, {len(result.differences)} differ; "
             f"{result.skipped} plans skipped, for want of fixes or commands in the record"
         )
-        for d in result.differences[:MAX_SHOWN]:
-            print(f"  slot {d.slot}: {d.uav} by {d.head} of term {d.term}: {d.off_m:.3g} m apart")
+        for d in result.differences[:MAX_DIFFERENCES_SHOWN]:
+            print(shown(f"  slot {d.slot}: {d.uav} by {d.head} of term {d.term}: {d.off_m:.3g} m apart", MAX_LINE))
     if result.differences:
         return FAILED
     return NOT_JUDGED if result.skipped or not result.plans else 0

@@ -12,14 +12,17 @@ from cyclopts import Parameter
 from edc_swarm.emulation.links import have_range
 from edc_swarm.errors import InputError
 from edc_swarm.mission.configuration import OPERATOR, RECORDER, ROUTER, Mission
+from edc_swarm.mission.fault_help import fault_help
 from edc_swarm.mission.faults import parse_faults
-from processes.bus.address import listening_endpoint, parse_endpoint, sought_router
+from processes.bus.address import listening_endpoint, parse_endpoint, unreachable_router
 from processes.bus.credentials import TLS, Credentials, check_certificates
 from processes.bus.session import try_client
 from processes.cli.conclusion import conclude
 from processes.cli.options import MISSION_HELP, MissionOptions
 from processes.cli.whole import Whole
-from processes.host.launcher import Bus, Launcher, Protection, RunReport, View
+from processes.host.launcher import Launcher
+from processes.host.run_report import RunReport
+from processes.host.run_setup import Bus, Protection, View
 from processes.host.security import check_security
 from processes.operator.takeover import find_takeover
 from processes.runtime.clock import MissionClock
@@ -60,6 +63,9 @@ def run(
         Folder with the certificates, made by `edc-swarm certs` (new ones, for this run alone; not where others fly).
     """
     options = options or MissionOptions()
+    if options.fault_help:
+        print(fault_help(), end="")
+        return 0
     mission = options.mission(mission_file)
     if not 0 <= remote <= len(mission.roster):
         raise InputError("--remote", remote, f"from 0 to the number of UAVs, {len(mission.roster)}")
@@ -106,9 +112,9 @@ def _meet(address: str, mission: Mission, alone: Mapping[str, object], protectio
         if value:
             raise InputError(field, value, "absent where --operate is given")
     for fault in parse_faults(mission):
-        if fault.left and fault.target in {ROUTER, RECORDER}:
+        if {ROUTER, RECORDER} & {*fault.names}:
             raise InputError("--fault", str(fault), "about UAVs where --operate is given")
-    session = await_found(partial(try_client, address, own, observer=True), partial(sought_router, address))
+    session = await_found(partial(try_client, address, own, observer=True), partial(unreachable_router, address))
     takeover = find_takeover(session, mission)
     if takeover is not None and takeover.mission is not None:
         MissionClock().check_epoch(takeover.mission)

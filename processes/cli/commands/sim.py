@@ -10,6 +10,7 @@ from cyclopts import Parameter
 
 from edc_swarm.analysis.metrics import Timing, Timings, content_hash
 from edc_swarm.mission.configuration import Mission
+from edc_swarm.mission.fault_help import fault_help
 from edc_swarm.planner.registry import warm_up
 from edc_swarm.protocol.codec import encode
 from edc_swarm.protocol.messages import Message, MissionMessage, mission_message
@@ -33,13 +34,16 @@ def sim(
 ) -> int:
     """Simulate a mission: one process, a virtual clock, the same agents, the same recording."""
     options = options or MissionOptions()
+    if options.fault_help:
+        print(fault_help(), end="")
+        return 0
     mission = options.mission(mission_file)
     path = options.out or default_output(mission.name, mission.planner, str(mission.seed))
     with Output(path, force=options.force) as output:
         timings = _simulate(mission, output, viz=not options.no_viz, show_progress=not options.json)
     with new_file(output.path.with_suffix(".timings.json")) as stream:
         stream.write(msgspec.json.encode(Timings(content_hash(output.path), timings)))
-    return conclude(output.path, as_json=options.json)
+    return conclude(output.path, as_json=options.json, load_planner=True)
 
 
 def _simulate(mission: Mission, output: Output, *, viz: bool, show_progress: bool) -> list[Timing]:

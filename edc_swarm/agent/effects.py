@@ -1,0 +1,81 @@
+"""Events that `UavNode.step` processes, and effects that it returns."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+from edc_swarm.agent.vehicle import Airframe, Promise
+from edc_swarm.mission.configuration import GpsModel
+from edc_swarm.planner.interface import Planner
+from edc_swarm.protocol.messages import Message
+
+
+@dataclass(frozen=True, slots=True)
+class Tick:
+    """Passage of time: the node reads `now_ns`."""
+
+
+@dataclass(frozen=True, slots=True)
+class Received:
+    """A decoded message from the bus."""
+
+    message: Message
+
+
+@dataclass(frozen=True, slots=True)
+class PeerGone:
+    """Loss of a UAV's liveliness token while the own link to the router was up."""
+
+    uav: str
+
+
+@dataclass(frozen=True, slots=True)
+class PlannerReady:
+    """The planner that the node wanted, loaded and warm."""
+
+    planner: Planner
+
+
+@dataclass(frozen=True, slots=True)
+class GpsChanged:
+    """A fault that replaces the GPS error model."""
+
+    model: GpsModel
+
+
+NodeEvent = Tick | Received | PeerGone | PlannerReady | GpsChanged
+
+
+@dataclass(frozen=True, slots=True)
+class Persist:
+    """Write the promise and the emulated body before the next effect."""
+
+    promise: Promise | None
+    airframe: Airframe
+
+
+@dataclass(frozen=True, slots=True)
+class Publish:
+    """Publish a message on the bus; the shell sets `sent_ns` from its clock."""
+
+    message: Message
+
+
+@dataclass(frozen=True, slots=True)
+class Listen:
+    """Subscribe to all fixes, or unsubscribe."""
+
+    all_fixes: bool
+
+
+@dataclass(frozen=True, slots=True)
+class WantPlanner:
+    """Load the planner and return it with `PlannerReady`: this UAV may have to lead."""
+
+
+@dataclass(frozen=True, slots=True)
+class Land:
+    """End of this UAV: it lands at its waypoint and stays as an obstacle."""
+
+
+Effect = Persist | Publish | Listen | WantPlanner | Land

@@ -1,0 +1,105 @@
+"""Leadership of one UAV: when it may lead, until when it waits for fixes, and what it plans and reports."""
+
+from __future__ import annotations
+
+import msgspec
+
+from edc_swarm.agent.election import Election
+from edc_swarm.agent.head import Head
+from edc_swarm.agent.knowledge import Knowledge
+from edc_swarm.agent.slot_clock import SlotClock
+from edc_swarm.mission.configuration import Mission
+from edc_swarm.planner.interface import Planner
+from edc_swarm.protocol.messages import Command, Report
+
+CLAIM_WAIT_FRACTION = 0.1
+"""Fraction of a slot for which a new head waits for retransmitted fixes."""
+
+
+def startup_candidates(mission: Mission) -> set[str]:
+    """Return the UAVs that may lead first: the best by energy, or all if the criterion is the response time."""
+    if mission.elect == "response-time":
+        return {entry.uav for entry in mission.roster}
+    ranked = sorted(mission.roster, key=lambda entry: -entry.energy_j)
+    return {entry.uav for entry in ranked[: 1 + mission.standbys]}
+
+
+class Leadership:
+    """One UAV's duty as head, or as a UAV that may have to lead.
+
+    Attributes
+    ----------
+    head
+        The head's memory of its term, and its plans.
+    planner
+        The planner, None until the shell has loaded it.
+    gone
+        UAVs that have left the bus: the head does not wait for their fixes.
+    own_command
+        The head's newest command to itself, which it receives in the step after planning.
+    """
+
+    def __init__(self, mission: Mission, uav: str, knowledge: Knowledge, election: Election, clock: SlotClock) -> None:
+        self._mission = mission
+        self._uav = uav
+        self._knowledge = knowledge
+        self._election = election
+        self._clock = clock
+        self._candidate = election.term == 0 and uav in startup_candidates(mission)
+        self._planner_wanted = False
+        self._office_ns = 0
+        self._problem = ""
+        self.head = Head(mission, uav, election.term, knowledge)
+        self.planner: Planner | None = None
+        self.gone: set[str] = set()
+        self.own_command: Command | None = None
+
+    def take_office(self, slot: int, now_ns: int) -> bool:
+        """Begin the term granted if this UAV leads it; return True if it may plan."""
+        if not self._election.leads:
+            return False
+        self.head.take_office(self._election.grant)
+        self._office_ns = now_ns
+        return self.head.may_plan(slot)
+
+    def collects(self, slot: int) -> bool:
+        """Return True if this UAV is head and has not planned from the fixes of `slot` yet."""
+        election = self._election
+        return election.leads and self.head.office.grant == election.grant and slot >= 0 and self.head.may_plan(slot)
+
+    def deadline_ns(self, slot: int) -> int:
+        """Return the time until which the head waits for fixes; it is later in the slot in which it took office."""
+        tau_ns = self._clock.start_ns(slot) + self._clock.tau_ns
+        return max(tau_ns, self._office_ns + round(CLAIM_WAIT_FRACTION * self._clock.slot_ns))
+
+    def plan_due(self, slot: int, now_ns: int) -> bool:
+        """Return True if it is time to plan from the fixes of `slot`."""
+        if self.planner is None or not self.collects(slot) or not self.head.has_quorum(slot):
+            return False
+        return now_ns >= self.deadline_ns(slot) or self.head.complete(slot, self.gone)
+
+    def with_succession(self, report: Report) -> Report:
+        """Return the report with the standbys, ranked anew, and with the successor if the head names one."""
+        heard = [self._knowledge.newest[uav] for uav in report.heard]
+        ranked = [uav for uav in self._election.candidates.ranked(heard) if uav != self._uav]
+        next_term, successor = self._election.pick_successor(heard, not report.unheard) or (0, "")
+        return msgspec.structs.replace(
+            report, standby=ranked[: self._mission.standbys], successor=successor, next_term=next_term
+        )
+
+    def is_new(self, problem: str) -> bool:
+        """Return True for a problem other than that of the plan before."""
+        before, self._problem = self._problem, problem
+        return bool(problem) and problem != before
+
+    def take_own_command(self, slot: int) -> Command | None:
+        """Return the own command, once, if its slot is after `slot`: planning may have taken too long."""
+        own, self.own_command = self.own_command, None
+        return own if own is not None and slot < own.slot else None
+
+    def wants_planner(self) -> bool:
+        """Return True, once, if this UAV may have to lead and has no planner."""
+        may_lead = self._candidate or self._election.leads or self._uav in self._election.standbys
+        wants = may_lead and not self._planner_wanted and self.planner is None
+        self._planner_wanted = self._planner_wanted or wants
+        return wants

@@ -1,0 +1,105 @@
+"""Messages of one UAV: fix, truth, event and claim, stamped with instance and sequence number."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import TypeVar
+
+import msgspec
+
+from edc_swarm.agent.election import Election, TermClaim
+from edc_swarm.agent.flight import Flight
+from edc_swarm.agent.vehicle import Vehicle
+from edc_swarm.geodesy import to_wgs84
+from edc_swarm.protocol.events import EventKind
+from edc_swarm.protocol.keys import Keys
+from edc_swarm.protocol.messages import Event, Fix, Message, MissionMessage, Report, Truth
+
+M = TypeVar("M", bound=Message)
+
+
+class Outgoing:
+    """Maker of one UAV's messages. It keeps the last sequence number of each key."""
+
+    def __init__(
+        self,
+        mission: MissionMessage,
+        uav: str,
+        instance: str,
+        voter: bool,
+        response_ms: float,
+        cpu_s: Callable[[], float],
+    ) -> None:
+        self._mission = mission
+        self._uav = uav
+        self._instance = instance
+        self._voter = voter
+        self._response_ms = response_ms
+        self._cpu_s = cpu_s
+        self._keys = Keys(mission.name)
+        self.seqs: dict[str, int] = {}
+
+    def stamped(self, message: M) -> M:
+        """Return the message with the instance and the next sequence number of its key."""
+        key = self._keys.of(message)
+        seq = self.seqs.get(key, -1) + 1
+        self.seqs[key] = seq
+        return msgspec.structs.replace(message, instance=self._instance, seq=seq)
+
+    def event(self, slot: int, kind: EventKind, detail: str) -> Event:
+        """Return an event, not yet stamped."""
+        return Event(source=self._uav, slot=slot, kind=kind, detail=detail)
+
+    def truth(self, slot: int, vehicle: Vehicle) -> Truth:
+        """Return the true motion of a slot, not yet stamped."""
+        from_x_m, from_y_m, to_x_m, to_y_m = vehicle.truth_m
+        return Truth(uav=self._uav, slot=slot, from_x_m=from_x_m, from_y_m=from_y_m, to_x_m=to_x_m, to_y_m=to_y_m)
+
+    def claim(self, slot: int, claim: TermClaim) -> Report:
+        """Return the report of a standby's claim, not yet stamped."""
+        return Report(
+            head=self._uav,
+            slot=slot,
+            term=claim.term,
+            planner=self._mission.planner,
+            status="claim",
+            grants=list(claim.suspecting),
+            quorum=self._mission.quorum,
+        )
+
+    def fix(self, slot: int, vehicle: Vehicle, flight: Flight, election: Election) -> Fix:
+        """Return the fix of a slot, not yet stamped."""
+        flown = flight.flown
+        x_m, y_m = vehicle.position_m
+        lat_deg, lon_deg = self.wgs84(vehicle.position_m)
+        term, head = election.grant
+        return Fix(
+            uav=self._uav,
+            slot=slot,
+            x_m=x_m,
+            y_m=y_m,
+            lat_deg=lat_deg,
+            lon_deg=lon_deg,
+            r_m=vehicle.r_m,
+            waypoint_x_m=vehicle.waypoint_m[0],
+            waypoint_y_m=vehicle.waypoint_m[1],
+            executing=flown is not None,
+            command_term=flown.term if flown is not None else -1,
+            command_seq=flown.seq if flown is not None else -1,
+            arrived=vehicle.arrived,
+            term=term,
+            head=head,
+            suspects=election.suspects,
+            voter=self._voter,
+            from_x_m=vehicle.from_m[0],
+            from_y_m=vehicle.from_m[1],
+            energy_j=vehicle.energy_j,
+            response_ms=self._response_ms,
+            held_slots=flight.held_slots,
+            late_ticks=flight.late_ticks,
+            cpu_s=self._cpu_s(),
+        )
+
+    def wgs84(self, position_m: tuple[float, float]) -> tuple[float, float]:
+        """Return latitude and longitude of a position; the conversion is cached."""
+        return to_wgs84(*position_m, self._mission.origin_lat_deg, self._mission.origin_lon_deg)

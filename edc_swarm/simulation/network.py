@@ -1,0 +1,136 @@
+"""The simulated bus: it records every message, and hands it to the computers that subscribe to it, as the links say."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable, Mapping
+from functools import partial
+from typing import Protocol
+
+from edc_swarm.agent.node import NodeEvent, PeerGone, Received
+from edc_swarm.emulation.links import LinkEmulator, have_range
+from edc_swarm.mission.configuration import OPERATOR
+from edc_swarm.protocol.completion import MissionMonitor
+from edc_swarm.protocol.events import EventKind
+from edc_swarm.protocol.keys import Keys
+from edc_swarm.protocol.messages import Command, Event, Fix, Message, MissionMessage, Report, Truth
+from edc_swarm.simulation.schedule import Schedule
+
+TRANSIT_NS = 500_000
+"""Time that the transport takes for a message when the link model adds nothing."""
+
+Recorder = Callable[[str, Message, int], None]
+"""Takes the key, the message and the time at which it was published."""
+
+
+class Port(Protocol):
+    """A computer as the bus sees it."""
+
+    @property
+    def uav(self) -> str:
+        """Id of its UAV."""
+
+    @property
+    def links(self) -> LinkEmulator:
+        """The links into it."""
+
+    @property
+    def process(self) -> object:
+        """Its process, None if that is dead."""
+
+    @property
+    def subscribes_to_fixes(self) -> bool:
+        """True if its process receives every fix."""
+
+    def step(self, event: NodeEvent) -> None:
+        """Hand an event to its process."""
+
+
+class Network:
+    """The bus, its router, and the operator that speaks on it.
+
+    Attributes
+    ----------
+    monitor
+        Progress of the mission, as the operator follows it.
+    router_up_at_ns
+        Time from which the router passes messages on.
+    """
+
+    def __init__(self, mission: MissionMessage, schedule: Schedule, record: Recorder) -> None:
+        self._mission = mission
+        self._schedule = schedule
+        self._record = record
+        self._keys = Keys(mission.name)
+        self._have_range = have_range(mission)
+        self._ports: Mapping[str, Port] = {}
+        self._operator_seq = 0
+        self.monitor = MissionMonitor(mission)
+        self.router_up_at_ns = 0
+
+    def connect(self, ports: Mapping[str, Port]) -> None:
+        """Connect the computers, by id."""
+        self._ports = ports
+
+    @property
+    def router_up(self) -> bool:
+        """True if the router passes messages on."""
+        return self._schedule.now_ns >= self.router_up_at_ns
+
+    def publish(self, sender: str, message: Message) -> None:
+        """Record the message of a UAV and send it to its receivers."""
+        self._record(self._keys.of(message), message, self._schedule.now_ns)
+        match message:
+            case Fix():
+                self.monitor.hear_fix(message)
+                self._send(sender, message, [port for port in self._ports.values() if port.subscribes_to_fixes])
+            case Command():
+                self.monitor.hear_command(message)
+                self._send(sender, message, [self._ports[message.uav]])
+            case Report():
+                self.monitor.hear_report(message)
+                self._send(sender, message, self._ports.values())
+            case Truth() if self._have_range:
+                for port in self._ports.values():
+                    port.links.place(message.uav, message.to_x_m, message.to_y_m)
+            case _:
+                pass
+
+    def publish_mission(self, message: MissionMessage) -> None:
+        """Record the mission message."""
+        self._record(self._keys.mission, message, self._schedule.now_ns)
+
+    def publish_event(self, kind: EventKind, detail: str) -> None:
+        """Record an event of the operator."""
+        event = Event(
+            source=OPERATOR,
+            instance=OPERATOR,
+            seq=self._operator_seq,
+            sent_ns=self._schedule.now_ns,
+            slot=self._schedule.slot,
+            kind=kind,
+            detail=detail,
+        )
+        self._operator_seq += 1
+        self._record(self._keys.of(event), event, self._schedule.now_ns)
+
+    @property
+    def last_seqs(self) -> dict[str, int]:
+        """The operator's last sequence numbers by key, the event that says them included."""
+        return {self._keys.mission: 0, self._keys.event(OPERATOR): self._operator_seq}
+
+    def announce_end(self, gone: Port) -> None:
+        """Tell every peer that hears it that the liveliness token of `gone` has vanished, unless the router is down."""
+        for port in self._ports.values():
+            if port is not gone and self.router_up and not port.links.is_cut(gone.uav, self._schedule.mission_s):
+                port.step(PeerGone(gone.uav))
+
+    def _send(self, sender: str, message: Message, receivers: Iterable[Port]) -> None:
+        if not self.router_up:
+            return
+        event, at_s = Received(message), self._schedule.mission_s
+        for receiver in receivers:
+            if receiver.uav == sender or receiver.process is None:
+                continue
+            for delay_ns in receiver.links.arrivals_ns(sender, at_s):
+                when_ns = self._schedule.now_ns + TRANSIT_NS + delay_ns
+                self._schedule.at(when_ns, partial(receiver.step, event))
