@@ -32,8 +32,9 @@ from edc_swarm.analysis.living import living_at_end
 from edc_swarm.analysis.tracks import tracks_of
 from edc_swarm.experiments.fuzzing import overlaps
 from edc_swarm.geometry import capsule_distance_m
-from edc_swarm.mission.configuration import ARRIVED_M, Mission, mission_from_dict
+from edc_swarm.mission.configuration import ARRIVED_M, Mission
 from edc_swarm.mission.roster import complete_mission
+from edc_swarm.mission.validation import mission_from_dict
 from edc_swarm.planner.registry import make_planner, warm_up
 from edc_swarm.planner.ways import hindrance
 from edc_swarm.protocol.messages import Message, MissionMessage, Report, mission_message

@@ -21,8 +21,8 @@ from pathlib import Path
 
 import msgspec
 
-from edc_swarm.mission.configuration import mission_from_dict
 from edc_swarm.mission.roster import complete_mission
+from edc_swarm.mission.validation import mission_from_dict
 from edc_swarm.protocol.codec import encode
 from edc_swarm.protocol.events import EventKind
 from edc_swarm.protocol.keys import Keys

@@ -10,8 +10,9 @@ import argparse
 import statistics
 import time
 
-from edc_swarm.mission.configuration import Mission, with_options
+from edc_swarm.mission.configuration import Mission
 from edc_swarm.mission.roster import complete_mission
+from edc_swarm.mission.validation import with_options
 from edc_swarm.planner.registry import make_planner
 from edc_swarm.protocol.messages import mission_message
 from edc_swarm.simulation.simulator import Simulation

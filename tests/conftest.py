@@ -12,5 +12,5 @@ settings.load_profile("same")
 
 
 def pytest_addoption(parser: pytest.Parser) -> None:
-    """`--rewrite` writes the election transcripts anew instead of comparing them."""
-    parser.addoption("--rewrite", action="store_true", help="rewrite the transcripts under tests/scenarios")
+    """`--rewrite` writes the election transcripts and the reference of the mission file anew."""
+    parser.addoption("--rewrite", action="store_true", help="write transcripts and reference anew")

@@ -19,8 +19,9 @@ from numpy.typing import NDArray
 from edc_swarm.analysis.guarantees.check import check
 from edc_swarm.errors import PlacementError
 from edc_swarm.geometry import DISC_TOLERANCE_M, Floats, length_m, segment_distance_m
-from edc_swarm.mission.configuration import Mission, mission_from_dict
+from edc_swarm.mission.configuration import Mission
 from edc_swarm.mission.roster import complete_mission
+from edc_swarm.mission.validation import mission_from_dict
 from edc_swarm.planner.edc import Edc
 from edc_swarm.planner.registry import make_planner
 from edc_swarm.planner.request import Arrays

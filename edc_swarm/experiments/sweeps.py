@@ -13,24 +13,8 @@ from typing import Any
 import msgspec
 
 from edc_swarm.errors import InputError
-from edc_swarm.mission.configuration import Mission
-
-OPTIONS = {
-    "uavs": "--uavs",
-    "area_m2": "--area",
-    "r_m": "--gps-error",
-    "gps_model": "--gps-model",
-    "seed": "--seed",
-    "dt_s": "--slot",
-    "v_max_mps": "--speed-max",
-    "planner": "--planner",
-    "minimise": "--minimise",
-    "elect": "--elect",
-    "time_scale": "--time-scale",
-    "max_slots": "--max-slots",
-}
-"""Option of `edc-swarm sim` and `run` that sets a field of the mission."""
-LINK_OPTIONS = {"delay_ms": "--delay-ms", "jitter_ms": "--jitter-ms", "loss": "--loss"}
+from edc_swarm.mission.configuration import Link, Mission
+from edc_swarm.mission.declarations import option_names
 
 
 @dataclass(frozen=True, slots=True)
@@ -109,15 +93,12 @@ def command_of(mission: Mission, verb: str = "sim") -> str:
     InputError
         A field has no option.
     """
-    words = ["edc-swarm", verb]
+    words, options = ["edc-swarm", verb], option_names(Mission)
     for name, value in changed_fields(mission).items():
-        if name in OPTIONS:
-            words += [
-                OPTIONS[name],
-                f"{value:g}" if isinstance(value, float) and value == float(f"{value:g}") else str(value),
-            ]
-        elif name == "fault":
-            words += [word for fault in value for word in ("--fault", fault)]
+        if name in options:
+            for each in value if isinstance(value, list) else [value]:
+                short = isinstance(each, float) and each == float(f"{each:g}")
+                words += [f"--{options[name]}", f"{each:g}" if short else str(each)]
         elif name == "link" and len(value) == 1:
             words += _link_words(mission)
         elif name != "name":
@@ -128,6 +109,7 @@ def command_of(mission: Mission, verb: str = "sim") -> str:
 def _link_words(mission: Mission) -> list[str]:
     link, default = msgspec.to_builtins(mission.link[0]), msgspec.to_builtins(type(mission.link[0])())
     changed = {name: value for name, value in link.items() if value != default[name]}
-    if unsaid := changed.keys() - LINK_OPTIONS.keys():
+    options = option_names(Link)
+    if unsaid := changed.keys() - options.keys():
         raise InputError("link", sorted(unsaid), "delay, jitter and loss of all links, or in a mission file")
-    return [word for name, value in changed.items() for word in (LINK_OPTIONS[name], str(value))]
+    return [word for name, value in changed.items() for word in (f"--{options[name]}", str(value))]

@@ -1,29 +1,27 @@
-"""The mission: what a user may choose, its defaults and its limits.
+"""The fields of a mission: each with its type, default, limits, unit and documentation, declared once.
 
-A mission file is TOML; its keys are the fields of `Mission`. Unknown keys, wrong types and
-non-finite numbers are refused with the field, the value and what is allowed. The same names are
-used by the mission message on the bus (`edc_swarm.protocol.messages.MissionMessage`).
+A mission file is TOML; its keys are the fields of `Mission`. The mission message on the bus
+(`edc_swarm.protocol.messages.MissionMessage`) uses the same names.
+
+Everything that presents a field derives from its declaration here: the options of `run` and `sim` with their help,
+docs/mission.md and scenarios/reference.toml (`declarations`, `reference`), and what an error says is allowed
+(`wording`). The docstring below a field says in its first line what the field is, then what it does, with limits that
+depend on other fields; "Default:" says what the default stands for, where the value alone does not; "Source:" says
+where the default comes from, where that differs from the source of the class. The suffix of a name is its unit
+(`declarations.UNITS`). `Option` names the option that sets the field.
 """
 
 from __future__ import annotations
 
 import math
-import re
-from codecs import BOM_UTF8
-from collections.abc import Mapping
-from pathlib import Path
-from typing import Annotated, Any, Literal, TypeVar, cast, get_args, get_origin, get_type_hints
+from dataclasses import dataclass
+from typing import Annotated, Literal
 
-import msgspec
 from msgspec import Meta, Struct
-
-from edc_swarm.errors import InputError, MissionError
-from edc_swarm.files import open_regular
 
 MAX_UAVS = 2000
 MAX_FAULTS = 1000
 MAX_LINKS = 1000
-MAX_MISSION_BYTES = 4 << 20
 MOST_SLOTS = 1_000_000
 FOR_GOOD_S = 1e9
 """A link rule that ends then or later never ends."""
@@ -63,45 +61,114 @@ ARRIVED_M = 0.1
 """A UAV closer than this to its target has arrived."""
 
 
+@dataclass(frozen=True, slots=True)
+class Option:
+    """The option of `edc-swarm run` and `sim` that sets the annotated field, by its name without dashes."""
+
+    name: str
+
+
 class EnergyModel(Struct, frozen=True, kw_only=True):
-    """Rotary-wing propulsion power and radio energy.
+    """Rotary-wing propulsion power, radio energy, and the batteries of random missions.
 
     P(V) = P0 (1 + 3 V^2 / U_tip^2) + Pi sqrt(sqrt(1 + V^4 / (4 v0^4)) - V^2 / (2 v0^2))
     + d0 rho s A V^3 / 2, from Y. Zeng, J. Xu, R. Zhang, "Energy Minimization for Wireless
     Communication With Rotary-Wing UAV", IEEE Trans. Wireless Commun. 18(4), 2019, eq. 12.
+
+    Source: Zeng, Xu, Zhang 2019, eq. 12.
     """
 
     blade_profile_w: Positive = 79.86
+    """Blade profile power in hover, P0."""
     induced_w: Positive = 88.63
+    """Induced power in hover, Pi."""
     tip_speed_mps: Positive = 120.0
+    """Speed of the rotor blade's tip, U_tip."""
     induced_velocity_mps: Positive = 4.03
+    """Mean velocity that the rotor induces in hover, v0."""
     drag_ratio: NonNegative = 0.6
+    """Fuselage drag ratio, d0."""
     air_density_kgpm3: Positive = 1.225
+    """Density of the air, rho."""
     rotor_solidity: Positive = 0.05
+    """Rotor solidity, s."""
     rotor_area_m2: Positive = 0.503
+    """Area of the rotor disc, A."""
     radio_j_per_message: NonNegative = 0.005
+    """Energy that a UAV spends on each message that it publishes.
+
+    Source: this project.
+    """
     initial_min_j: Positive = 50_000.0
+    """Least charge of a battery at the start of a random mission.
+
+    Charges are drawn uniformly from `initial_min_j` to `initial_max_j`. At most `initial_max_j`.
+
+    Source: this project.
+    """
     initial_max_j: Positive = 100_000.0
+    """Greatest charge of a battery at the start of a random mission.
+
+    Source: this project.
+    """
 
 
 class HeadModel(Struct, frozen=True, kw_only=True):
-    """What being the cluster head costs: power drawn per second of measured processor time."""
+    """Power that leading costs.
+
+    Source: this project.
+    """
 
     p_active_w: NonNegative = 5.0
+    """Power that the head draws while its processor plans.
+
+    Its energy is this power times the processor time that planning has taken.
+    """
 
 
 class RosterEntry(Struct, frozen=True, kw_only=True):
-    """One UAV of the mission: where it starts, where it must go, its radii and its battery."""
+    """One UAV: its start, its target, its radii and its battery.
+
+    Source: the user; a random mission draws it.
+    """
 
     uav: UavId
+    """Id of the UAV, which no other UAV has.
+
+    Ids of processes are reserved: operator, recorder, viz, router, join, ca.
+    """
     start_x_m: Metres
+    """Start, first coordinate in the local frame (east).
+
+    The discs of all UAVs at their starts are disjoint.
+    """
     start_y_m: Metres
+    """Start, second coordinate in the local frame (north)."""
     target_x_m: Metres
+    """Target, first coordinate in the local frame (east).
+
+    The discs of all UAVs at their targets are disjoint.
+    """
     target_y_m: Metres
+    """Target, second coordinate in the local frame (north)."""
     r_m: Positive
+    """GPS error radius of this UAV, as `r_m` of the mission."""
     body_m: Positive
+    """Radius of the vehicle itself, as `body_m` of the mission.
+
+    At most `r_m`.
+    """
     energy_j: Positive
+    """Charge of the battery at the start.
+
+    A UAV whose battery is empty lands where it is and stays an obstacle. The charge covers at least one step at full
+    speed, unless the UAV starts at its target.
+    """
     compute_factor: Positive = 1.0
+    """Factor on the response time that the UAV reports, for the election criterion `response-time`.
+
+    Source: this project.
+    """
 
     @property
     def straight_m(self) -> float:
@@ -110,70 +177,208 @@ class RosterEntry(Struct, frozen=True, kw_only=True):
 
 
 class Link(Struct, frozen=True, kw_only=True):
-    """Quality of the directed links from `sender` to `receiver` ("*" is every UAV).
+    """One rule of the emulated network: the quality of the directed links from `sender` to `receiver`.
 
-    Delay is in milliseconds of wall time. `distribution` shapes the jitter: `constant` adds none,
-    `uniform` adds U(0, jitter), `normal` adds |N(0, jitter)| clipped at three jitters,
-    `lognormal` adds a lognormal of median `jitter`/2. Loss is independent with probability
-    `loss`, or bursty (Gilbert-Elliott) when `burst_enter` > 0: the link enters its bad state with
-    that probability per message, leaves it with `burst_leave`, and loses `burst_loss` there. A message
-    is delayed by up to three slots more with probability `reorder`, so that later ones overtake it.
-    Where `range_m` > 0, messages are also lost to distance: half of them at `range_m`, more beyond it,
-    fewer within (`links.fading_loss`; `shadowing_db` 0 is a sharp edge).
+    The last rule that matches a sender, a receiver and a time decides. A link without a rule is perfect.
+
+    Source: this project.
     """
 
     sender: LinkEnd = "*"
+    """Id of the sending UAV; "*" is every UAV."""
     receiver: LinkEnd = "*"
-    delay_ms: NonNegative = 0.0
-    jitter_ms: NonNegative = 0.0
+    """Id of the receiving UAV; "*" is every UAV."""
+    delay_ms: Annotated[NonNegative, Option("delay-ms")] = 0.0
+    """One-way delay of a link.
+
+    It comes on top of the delay of the real transport. The emulator applies it in the receiving agent.
+    """
+    jitter_ms: Annotated[NonNegative, Option("jitter-ms")] = 0.0
+    """Jitter of a link: an additional delay, drawn for each message as `distribution` says."""
     distribution: Distribution = "uniform"
-    loss: Fraction = 0.0
+    """Distribution of the jitter J.
+
+    `constant` adds none, `uniform` adds U(0, J), `normal` adds |N(0, J)| clipped at 3 J, `lognormal` adds a lognormal
+    delay of median J / 2.
+    """
+    loss: Annotated[Fraction, Option("loss")] = 0.0
+    """Fraction of the messages that a link loses, each independently."""
     burst_enter: Fraction = 0.0
+    """Probability per message that the link enters its bad state (Gilbert-Elliott); 0: no bursts.
+
+    Source: E. N. Gilbert, Bell Syst. Tech. J. 39(5), 1960; E. O. Elliott, ibid. 42(5), 1963.
+    """
     burst_leave: Fraction = 0.5
+    """Probability per message that the link leaves its bad state."""
     burst_loss: Fraction = 1.0
+    """Fraction of the messages that the link loses in its bad state, in place of `loss`."""
     duplicate: Fraction = 0.0
+    """Probability that a message arrives twice."""
     reorder: Fraction = 0.0
+    """Probability that a message is delayed by up to three slots more, so that later messages overtake it."""
     range_m: NonNegative = 0.0
+    """Radio range: the distance at which half of the messages are lost; 0: no limit.
+
+    More messages are lost beyond it, fewer within.
+
+    Source: T. S. Rappaport, "Wireless Communications", 2nd ed., 2002, sections 4.9.1-4.9.3.
+    """
     path_loss_exponent: Positive = 2.0
+    """Exponent of the path loss: the received power falls as distance to this power.
+
+    Source: free space.
+    """
     shadowing_db: NonNegative = 4.0
+    """Standard deviation of the received power, drawn for each message; 0: every message beyond `range_m` is lost."""
     start_s: NonNegative = 0.0
+    """Mission time at which the rule begins."""
     end_s: NonNegative = FOR_GOOD_S
+    """Mission time at which the rule ends; from 1e9 on it never ends."""
 
 
 class Mission(Struct, frozen=True, kw_only=True):
-    """Everything that decides how a mission goes. See `defaults` in each field.
+    """Everything that decides how a mission goes.
 
-    `tau_s`, `max_slots` and `roster` may be left out (0, 0, empty): they are then derived
-    (`prospect.default_max_slots`), or drawn at random from `seed`.
+    `tau_s`, `max_slots` and `roster` may be left out (0, 0, empty): `roster.complete_mission` then derives them, or
+    draws them from `seed`.
+
+    Source: this project.
     """
 
     name: MissionId = "mission"
-    seed: Annotated[int, Meta(ge=0, le=(1 << 63) - 1)] = 0
-    uavs: Annotated[int, Meta(ge=1, le=MAX_UAVS)] = 10
-    area_m2: Positive = 10_000.0
-    r_m: Positive = 5.0
+    """Name of the mission, part of its keys on the bus and of its recording's name."""
+    seed: Annotated[int, Meta(ge=0, le=(1 << 63) - 1), Option("seed")] = 0
+    """Seed of everything that is drawn at random: positions, batteries, GPS errors, links, rights of way."""
+    uavs: Annotated[int, Meta(ge=1, le=MAX_UAVS), Option("uavs")] = 10
+    """Number of UAVs.
+
+    The paper's K. Where there is a roster, it is the length of the roster.
+    """
+    area_m2: Annotated[Positive, Option("area")] = 10_000.0
+    """Area of the square in which a random mission draws starts and targets.
+
+    Starts are at least 1.05 * 2 `r_m` apart, targets too.
+
+    Source: the paper, section IV (sweep of the number of UAVs).
+    """
+    r_m: Annotated[Positive, Option("gps-error")] = 5.0
+    """GPS error radius: of the disc around the reported position that holds the true one.
+
+    No two of these discs may overlap (eq. 16).
+
+    Source: the paper, section IV.
+    """
     body_m: Positive = 0.25
-    v_max_mps: Speed = 5.0
-    dt_s: Annotated[float, Meta(ge=0.02, le=60)] = 0.5
+    """Radius of the vehicle itself.
+
+    It decides what a true collision is. The disc of radius `r_m` holds the whole vehicle, so the GPS error is at most
+    `r_m` - `body_m`. At most `r_m`.
+    """
+    v_max_mps: Annotated[Speed, Option("speed-max")] = 5.0
+    """Largest speed of a UAV.
+
+    Longest step in a slot: `v_max_mps` (`dt_s` - 2 `guard_s`).
+    """
+    dt_s: Annotated[float, Meta(ge=0.02, le=60), Option("slot")] = 0.5
+    """Length of a slot, the paper's Delta t.
+
+    Within a slot all fixes reach the head, the head plans, and its commands reach the UAVs. Shorter slots leave less
+    time for it; longer slots make longer steps, which need more room.
+    """
     tau_s: NonNegative = 0.0
+    """Longest wait of the head for late fixes, from the start of the slot.
+
+    The rest of the slot is left for planning and for the commands. Less than `dt_s`.
+
+    Default: 0, which stands for 0.4 `dt_s`.
+    Source: the paper's tau (section III-A), without a value there.
+    """
     guard_s: NonNegative = 0.0
-    max_slots: Annotated[int, Meta(ge=0, le=MOST_SLOTS)] = 0
-    time_scale: Annotated[float, Meta(ge=1e-3, le=1000)] = 1.0
-    planner: PlannerName = "edc"
-    minimise: Minimise = "distance"
-    elect: Criterion = "energy"
-    gps_model: GpsModel = "bias"
+    """Time at both ends of a slot in which UAVs stand still.
+
+    Clocks that differ from the mission's by at most this cannot break the separation (G3). It shortens the steps.
+    Less than half of `dt_s`.
+    """
+    max_slots: Annotated[int, Meta(ge=0, le=MOST_SLOTS), Option("max-slots")] = 0
+    """Slots after which the mission is given up.
+
+    Default: 0, which stands for as many as G7 needs for a verdict: after the last fault 20 times the longest straight
+    flight, plus 200, and more where links lose messages for good.
+    """
+    time_scale: Annotated[float, Meta(ge=1e-3, le=1000), Option("time-scale")] = 1.0
+    """Speed of the mission's time relative to the wall clock.
+
+    A slot takes `dt_s` / `time_scale` of wall time; delays and jitters of links stay as they are.
+    """
+    planner: Annotated[PlannerName, Option("planner")] = "edc"
+    """Planner: edc, straight, paper, or package.module:Class.
+
+    `edc` keeps all discs apart, `straight` avoids nothing, `paper` is eq. 29-43 as printed.
+    """
+    minimise: Annotated[Minimise, Option("minimise")] = "distance"
+    """Quantity that the guidance of planner `edc` minimises.
+
+    Source: the paper, section III-B, minimises the distance.
+    """
+    elect: Annotated[Criterion, Option("elect")] = "energy"
+    """Criterion by which a head is elected: the fullest battery, or the shortest response time.
+
+    Source: the paper, section III-A, offers both.
+    """
+    gps_model: Annotated[GpsModel, Option("gps-model")] = "bias"
+    """Model of the GPS error.
+
+    `none`: no error. `bias`: one error for the whole flight. `white`: at each fix a new error, uniform in the disc, as
+    in the paper (section II). `gauss-markov`: an error correlated over 30 s.
+    """
     standbys: Annotated[int, Meta(ge=0, le=100)] = 3
+    """Number of standbys that the head names, best first.
+
+    Only a standby claims to lead before all others may, so without standbys a fail-over takes longer.
+    """
     lease_slots: Annotated[int, Meta(ge=1, le=1000)] = 2
+    """Slots without a report of the head after which a UAV suspects the head.
+
+    Fewer slots make a fail-over faster, and suspicion by mere loss of messages likelier.
+    """
     lag_slots: Annotated[int, Meta(ge=0, le=1)] = 0
+    """Slots by which a vehicle may finish its step late.
+
+    With 1, each UAV is treated as the segment from its previous waypoint to its present one, which needs more room.
+    """
     handover_margin: NonNegative = 0.1
+    """Lead of a standby at which the head hands over to it, as a fraction of the head's own criterion.
+
+    With 0.1 and criterion `energy`, the head hands over when the standby's battery holds 10 % more.
+    """
     origin_lat_deg: Annotated[float, Meta(ge=-89, le=89)] = 60.1841
+    """Latitude of the origin of the local frame, WGS 84.
+
+    Fixes carry latitude and longitude for viewers; no plan depends on them.
+
+    Source: Aalto University, Espoo, where authors of the paper worked.
+    """
     origin_lon_deg: Annotated[float, Meta(ge=-180, le=180)] = 24.8301
+    """Longitude of the origin of the local frame, WGS 84.
+
+    Source: Aalto University, Espoo.
+    """
     link: Annotated[list[Link], Meta(max_length=MAX_LINKS)] = []
-    fault: Annotated[list[FaultText], Meta(max_length=MAX_FAULTS)] = []
+    """Rules of the emulated network, tables `[[link]]`."""
+    fault: Annotated[list[FaultText], Meta(max_length=MAX_FAULTS), Option("fault")] = []
+    """Faults of the mission, each a text such as "kill head @10".
+
+    `edc-swarm run --fault-help` and docs/faults.md list them.
+    """
     roster: Annotated[list[RosterEntry], Meta(max_length=MAX_UAVS)] = []
+    """UAVs of the mission, tables `[[roster]]`.
+
+    Default: empty, which stands for `uavs` UAVs drawn from `seed`.
+    """
     energy: EnergyModel = EnergyModel()
+    """Propulsion, radio and batteries, table `[energy]`."""
     head: HeadModel = HeadModel()
+    """Cost of leading, table `[head]`."""
 
     @property
     def u_max_m(self) -> float:
@@ -191,179 +396,6 @@ class Mission(Struct, frozen=True, kw_only=True):
         return round(self.dt_s * NS_PER_S / self.time_scale)
 
 
-T = TypeVar("T", bound=Struct)
-_NAME_PATTERN = re.compile(r"Expected `str` matching regex '\^\[A-Za-z0-9_-\]\{(\d+),(\d+)\}\$.*'")
-"""How msgspec refuses a name, in place of which users are told in words what a name may be."""
-
-
-def load_mission(path: str | Path, what: str = "mission file") -> Mission:
-    """Read and validate a mission file; `what` names it to the user.
-
-    Raises
-    ------
-    MissionError
-        The file is missing, too large, not TOML, or a field is not acceptable.
-    """
-    return mission_from_dict(read_toml(what, path, MissionError))
-
-
-def read_toml(what: str, path: str | Path, refused: type[InputError] = InputError) -> dict[str, Any]:
-    """The content of a TOML file of moderate size, not checked yet; `what` names it to the user.
-
-    Raises
-    ------
-    InputError
-        As `refused`: the file cannot be read, is too large, or is not TOML.
-    """
-    file = Path(path)
-    try:
-        with open_regular(file) as opened:
-            text = opened.read(MAX_MISSION_BYTES + 1)
-        if len(text) > MAX_MISSION_BYTES:
-            raise refused(what, str(file), f"at most {MAX_MISSION_BYTES} bytes, not {file.stat().st_size}")
-        return cast("dict[str, Any]", msgspec.toml.decode(text.removeprefix(BOM_UTF8)))
-    except OSError as error:
-        raise refused(what, str(file), f"a readable file ({error.strerror})") from None
-    except (msgspec.DecodeError, UnicodeDecodeError) as error:
-        raise refused(what, str(file), f"valid TOML ({error})") from None
-
-
-def mission_from_dict(raw: Mapping[str, Any]) -> Mission:
-    """Validate plain data as a mission (units as in the field names).
-
-    Raises
-    ------
-    MissionError
-        With the field, the value and what is allowed.
-    """
-    refuse_unknown(raw, Mission)
-    refuse_non_finite(raw)
-    roster = raw.get("roster")
-    if isinstance(roster, list) and roster:
-        raw = {"uavs": len(roster), **raw}
-    mission = convert(raw, Mission)
-    validate_mission(mission)
-    return mission
-
-
-def with_options(mission: Mission, options: Mapping[str, Any]) -> Mission:
-    """`mission` with the given fields replaced, validated as a whole again."""
-    return mission_from_dict({**msgspec.to_builtins(mission), **options})
-
-
-def convert(raw: Any, kind: type[T]) -> T:
-    """`msgspec.convert` whose errors name field, value and what is allowed.
-
-    Raises
-    ------
-    MissionError
-    """
-    try:
-        return msgspec.convert(raw, kind)
-    except msgspec.ValidationError as error:
-        message, _, path = str(error).partition(" - at `$")
-        path = path.rstrip("`").removeprefix(".")
-        allowed = _NAME_PATTERN.sub(r"\1 to \2 of the letters a-z and A-Z, digits, - and _", message)
-        allowed = allowed.removeprefix("Expected ").replace("`", "")
-        raise MissionError(path or "mission", _at(raw, path), allowed) from None
-
-
-def refuse_unknown(raw: Any, kind: Any, where: str = "") -> None:
-    """Raise `MissionError` for a key of `raw` that `kind` (a Struct type) does not have."""
-    if get_origin(kind) is Annotated:
-        kind = get_args(kind)[0]
-    if get_origin(kind) is list and isinstance(raw, list):
-        for index, item in enumerate(raw):
-            refuse_unknown(item, get_args(kind)[0], f"{where}[{index}]")
-    elif isinstance(kind, type) and issubclass(kind, Struct) and isinstance(raw, Mapping):
-        hints = get_type_hints(kind, include_extras=True)
-        for key, value in raw.items():
-            name = f"{where}.{key}" if where else str(key)
-            if key not in hints:
-                raise MissionError(name, value, f"one of the known keys: {', '.join(sorted(hints))}")
-            refuse_unknown(value, hints[key], name)
-
-
-def refuse_non_finite(raw: Any, where: str = "") -> None:
-    """Raise `MissionError` for any infinite or NaN number inside plain data."""
-    if isinstance(raw, float) and not math.isfinite(raw):
-        raise MissionError(where, raw, "a finite number")
-    if isinstance(raw, Mapping):
-        for key, value in raw.items():
-            refuse_non_finite(value, f"{where}.{key}" if where else str(key))
-    elif isinstance(raw, list):
-        for index, value in enumerate(raw):
-            refuse_non_finite(value, f"{where}[{index}]")
-
-
 def default_tau_s(mission: Mission) -> float:
-    """Wait of the head for late fixes: 0.4 of the slot unless the mission says otherwise."""
+    """Return `tau_s` of the mission, or what its default stands for: 0.4 of the slot."""
     return mission.tau_s or 0.4 * mission.dt_s
-
-
-def validate_mission(mission: Mission) -> None:
-    """Raise `MissionError` unless the fields fit together."""
-    if mission.roster and mission.uavs != len(mission.roster):
-        raise MissionError("uavs", mission.uavs, f"the length of the roster ({len(mission.roster)})")
-    if 2 * mission.guard_s >= mission.dt_s:
-        raise MissionError("guard_s", mission.guard_s, f"less than half of dt_s ({mission.dt_s})")
-    if mission.tau_s >= mission.dt_s:
-        raise MissionError("tau_s", mission.tau_s, f"less than dt_s ({mission.dt_s})")
-    if mission.body_m > mission.r_m:
-        raise MissionError("body_m", mission.body_m, f"at most r_m ({mission.r_m})")
-    if mission.energy.initial_min_j > mission.energy.initial_max_j:
-        raise MissionError("energy.initial_min_j", mission.energy.initial_min_j, "at most initial_max_j")
-    _validate_roster(mission.roster)
-
-
-def check_links(mission: Mission) -> None:
-    """Raise `MissionError` for a link that names a UAV which is not in the roster."""
-    known = {"*", *(entry.uav for entry in mission.roster)}
-    for index, link in enumerate(mission.link):
-        for end in ("sender", "receiver"):
-            value = getattr(link, end)
-            if value not in known:
-                raise MissionError(f"link[{index}].{end}", value, 'the id of a UAV of the roster, or "*"')
-
-
-def _validate_roster(roster: list[RosterEntry]) -> None:
-    seen: set[str] = set()
-    for index, entry in enumerate(roster):
-        if entry.uav in seen:
-            raise MissionError(f"roster[{index}].uav", entry.uav, "an id that no other UAV has")
-        if entry.uav in RESERVED_IDS:
-            raise MissionError(f"roster[{index}].uav", entry.uav, f"none of {', '.join(sorted(RESERVED_IDS))}")
-        if entry.body_m > entry.r_m:
-            raise MissionError(f"roster[{index}].body_m", entry.body_m, f"at most r_m ({entry.r_m})")
-        seen.add(entry.uav)
-    _validate_separation(roster, "start")
-    _validate_separation(roster, "target")
-
-
-def _validate_separation(roster: list[RosterEntry], which: str) -> None:
-    """Starts and targets must be disjoint discs: otherwise no plan is safe, or none can end."""
-    points = sorted((getattr(e, f"{which}_x_m"), getattr(e, f"{which}_y_m"), e.r_m, i) for i, e in enumerate(roster))
-    widest_m = 2 * max((e.r_m for e in roster), default=0.0)
-    for position, (x_m, y_m, r_m, index) in enumerate(points):
-        for other_x_m, other_y_m, other_r_m, other in points[position + 1 :]:
-            if other_x_m - x_m >= widest_m:
-                break
-            gap_m = math.hypot(other_x_m - x_m, other_y_m - y_m)
-            if gap_m < r_m + other_r_m:
-                raise MissionError(
-                    f"roster[{index}].{which}_x_m, {which}_y_m",
-                    (x_m, y_m),
-                    f"at least {r_m + other_r_m:g} m from the {which} of {roster[other].uav}, not {gap_m:.3f} m",
-                )
-
-
-def _at(raw: Any, path: str) -> Any:
-    """The value at a msgspec path such as `roster[2].r_m`, or None where it cannot be followed."""
-    for part in re.findall(r"[^.\[\]]+", path):
-        if isinstance(raw, Mapping):
-            raw = raw.get(part)
-        elif isinstance(raw, list) and part.isdigit():
-            raw = raw[int(part)]
-        else:
-            return None
-    return raw

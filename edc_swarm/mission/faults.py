@@ -16,7 +16,7 @@ from dataclasses import dataclass, replace
 from typing import Any, ClassVar, TypeVar, get_args
 
 from edc_swarm.errors import MissionError
-from edc_swarm.mission.configuration import FOR_GOOD_S, RECORDER, ROUTER, GpsModel, Link, Mission, convert
+from edc_swarm.mission.configuration import FOR_GOOD_S, RECORDER, ROUTER, GpsModel, Link, Mission
 from edc_swarm.mission.fault_syntax import (
     HALVES,
     HEAD,
@@ -36,6 +36,7 @@ from edc_swarm.mission.fault_syntax import (
     number,
     number_text,
 )
+from edc_swarm.mission.validation import convert
 
 MOST_IN_FAULT = 1e9
 """Largest time in seconds and largest quantity in a fault."""

@@ -9,8 +9,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from edc_swarm.errors import PlacementError
-from edc_swarm.mission.configuration import Mission, RosterEntry, check_links, default_tau_s
+from edc_swarm.mission.configuration import Mission, RosterEntry, default_tau_s
 from edc_swarm.mission.prospect import default_max_slots
+from edc_swarm.mission.validation import check_links
 
 TRIES = 10_000
 """Draws after which a UAV is said not to fit."""

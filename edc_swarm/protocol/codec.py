@@ -8,8 +8,8 @@ import msgspec
 from msgspec import Struct
 
 from edc_swarm.errors import MessageError, MissionError
-from edc_swarm.mission.configuration import check_links, validate_mission
 from edc_swarm.mission.faults import parse_faults
+from edc_swarm.mission.validation import check_links, validate_mission
 from edc_swarm.protocol.keys import PREFIX, Keys, kind_of
 from edc_swarm.protocol.messages import Message, MissionMessage
 

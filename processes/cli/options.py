@@ -5,41 +5,30 @@ from __future__ import annotations
 import re
 from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, make_dataclass
 from pathlib import Path
-from typing import Any
+from typing import Annotated, Any, get_origin, get_type_hints
 
 from cyclopts import Parameter
-from msgspec import to_builtins
+from msgspec import Struct, to_builtins
 
 from edc_swarm.emulation.energy import check_batteries, stranded
 from edc_swarm.errors import InputError
-from edc_swarm.mission.configuration import Criterion, GpsModel, Minimise, Mission, load_mission, with_options
+from edc_swarm.mission.configuration import Link, Mission
+from edc_swarm.mission.declarations import declarations, option_names
 from edc_swarm.mission.faults import parse_faults
 from edc_swarm.mission.roster import complete_mission
+from edc_swarm.mission.validation import load_mission, with_options
 from edc_swarm.planner.registry import check_planner
 from processes.cli.whole import Whole
 from processes.runtime.console import note
 
 MISSION_HELP = "Mission file (TOML); without one, a random mission."
 
-FIELDS = {
-    "uavs": "uavs",
-    "area": "area_m2",
-    "gps_error": "r_m",
-    "gps_model": "gps_model",
-    "seed": "seed",
-    "slot": "dt_s",
-    "speed_max": "v_max_mps",
-    "planner": "planner",
-    "minimise": "minimise",
-    "elect": "elect",
-    "time_scale": "time_scale",
-    "max_slots": "max_slots",
-}
-"""Field of the mission that an option sets."""
-LINK_FIELDS = {name: f"link.{name}" for name in ("delay_ms", "jitter_ms", "loss")}
-"""Field of every link of the mission that an option sets."""
+FIELDS = option_names(Mission)
+"""Name of the option that sets each field of the mission, for fields that have one."""
+LINK_FIELDS = option_names(Link)
+"""Name of the option that sets each field of every link of the mission, for fields that have one."""
 MOST_LISTED = 5
 
 
@@ -68,48 +57,46 @@ def _warn_of_batteries(mission: Mission) -> None:
     note(f"warning: no battery for the straight flight to the target at full speed: {', '.join(named)}{more}")
 
 
+def swept(name: str) -> Parameter:
+    """Return the help of an option that takes several values of the field `name` of a mission or a link."""
+    field = {**declarations(Link), **declarations(Mission)}[name]
+    unit = f", in {field.unit[1]}" if field.unit[1] else ""
+    return Parameter(help=f"{field.summary}{unit}: numbers separated by commas.")
+
+
+def _options_of(kind: type[Struct], more: str = "") -> Iterator[tuple[str, Any, Any]]:
+    """Yield name, type and default of the option for each field that has one; `more` ends each help."""
+    declared, hints = declarations(kind), get_type_hints(kind, include_extras=True)
+    for name, option in option_names(kind).items():
+        plain = hints[name].__origin__
+        help_text = f"{declared[name].help}{more}"
+        if get_origin(plain) is list:
+            parameter = Parameter(help=f"{help_text} May be given more than once.")
+            yield _attribute(option), Annotated[list[str], parameter], field(default_factory=list)
+        else:
+            taken = Whole if plain is int else plain
+            yield _attribute(option), Annotated[taken | None, Parameter(help=help_text)], None
+
+
+def _attribute(option: str) -> str:
+    return option.replace("-", "_")
+
+
+_FieldOptions: Any = make_dataclass(
+    "_FieldOptions", [*_options_of(Mission), *_options_of(Link, " For every link.")], frozen=True, kw_only=True
+)
+"""One attribute for each field of a mission or a link that declares an option."""
+
+
 @Parameter(name="*")
 @dataclass(frozen=True, kw_only=True)
-class MissionOptions:
-    """What may be said on the command line about the mission; what is not said stays as in the file.
+class MissionOptions(_FieldOptions):  # type: ignore[misc]  # The declarations decide its attributes.
+    """What the command line says about the mission; all else stays as in the file.
 
     Parameters
     ----------
-    uavs
-        Number of UAVs (10).
-    area
-        Area of the random mission in square metres (10000).
-    gps_error
-        GPS error radius in metres (5).
-    gps_model
-        GPS error model (bias).
-    seed
-        Seed of everything that is drawn at random (0).
-    slot
-        Length of a slot in seconds of the mission (0.5).
-    speed_max
-        Largest speed in metres per second (5).
-    planner
-        edc, straight, paper, or package.module:Class (edc).
-    minimise
-        What guidance minimises (distance).
-    elect
-        Criterion for the head (energy).
-    fault
-        Something to go wrong, such as "kill head @10"; may be given more than once.
     fault_help
         Print the fault vocabulary and exit.
-    delay_ms
-        One-way delay of every link in wall milliseconds (0).
-    jitter_ms
-        Jitter of every link: more delay, drawn for every message from 0 to so many wall milliseconds (0).
-    loss
-        Fraction, 0 to 1, of the messages that every link loses (0).
-    time_scale
-        Fly this many times as fast as the clock (1).
-    max_slots
-        Slots after which the mission is given up (as many as G7 needs for a verdict: after the last fault 20 times the
-        longest straight flight, plus 200, and more where links lose messages for good).
     out
         The recording to write (a new name in recordings/).
     no_viz
@@ -120,23 +107,7 @@ class MissionOptions:
         Overwrite an existing recording.
     """
 
-    uavs: Whole | None = None
-    area: float | None = None
-    gps_error: float | None = None
-    gps_model: GpsModel | None = None
-    seed: Whole | None = None
-    slot: float | None = None
-    speed_max: float | None = None
-    planner: str | None = None
-    minimise: Minimise | None = None
-    elect: Criterion | None = None
-    fault: list[str] = field(default_factory=list)
     fault_help: bool = False
-    delay_ms: float | None = None
-    jitter_ms: float | None = None
-    loss: float | None = None
-    time_scale: float | None = None
-    max_slots: Whole | None = None
     out: Path | None = None
     no_viz: bool = False
     json: bool = False
@@ -160,19 +131,17 @@ class MissionOptions:
         return mission
 
     def _options(self) -> dict[str, str]:
-        """The option that was given for each field of the mission."""
-        fields = {**FIELDS, **LINK_FIELDS}
-        given = {field: option for option, field in fields.items() if getattr(self, option) is not None}
-        if self.fault:
-            given["fault"] = "fault"
-        return {field: f"--{option.replace('_', '-')}" for field, option in given.items()}
+        """The option that was given for each field of the mission; `link.loss` is a field of every link."""
+        fields = {**FIELDS, **{f"link.{name}": option for name, option in LINK_FIELDS.items()}}
+        return {name: f"--{option}" for name, option in fields.items() if self._value(option) not in (None, [])}
 
     def _given(self, base: Mission) -> dict[str, Any]:
-        options = {name: getattr(self, option) for option, name in FIELDS.items()}
-        given = {name: value for name, value in options.items() if value is not None}
-        if self.fault:
-            given["fault"] = [*base.fault, *self.fault]
-        link = {name: getattr(self, name) for name in LINK_FIELDS}
-        if stated := {name: value for name, value in link.items() if value is not None}:
+        given = {name: value for name, option in FIELDS.items() if (value := self._value(option)) is not None}
+        given["fault"] = [*base.fault, *given["fault"]]
+        stated = {name: value for name, option in LINK_FIELDS.items() if (value := self._value(option)) is not None}
+        if stated:
             given["link"] = [stated, *({**rule, **stated} for rule in to_builtins(base.link))]
         return given
+
+    def _value(self, option: str) -> Any:
+        return getattr(self, _attribute(option))

@@ -14,8 +14,8 @@ from hypothesis import strategies as st
 from edc_swarm.analysis.guarantees.check import check
 from edc_swarm.analysis.metrics import compute_metrics
 from edc_swarm.analysis.replanning import replan
-from edc_swarm.mission.configuration import mission_from_dict
 from edc_swarm.mission.roster import complete_mission
+from edc_swarm.mission.validation import mission_from_dict
 from edc_swarm.planner.registry import make_planner
 from edc_swarm.protocol.codec import encode
 from edc_swarm.protocol.keys import Keys

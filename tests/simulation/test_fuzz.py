@@ -9,7 +9,7 @@ import pytest
 
 from edc_swarm.experiments import fuzzing
 from edc_swarm.experiments.fuzzing import Counterexample, fly, scenario, search, smallest
-from edc_swarm.mission.configuration import mission_from_dict
+from edc_swarm.mission.validation import mission_from_dict
 
 ONCE_BROKEN = {
     "126": "a step accepted, never said, and then forgotten with the promise",

@@ -6,8 +6,8 @@ from typing import Any
 
 import pytest
 
-from edc_swarm.mission.configuration import mission_from_dict
 from edc_swarm.mission.roster import complete_mission
+from edc_swarm.mission.validation import mission_from_dict
 from edc_swarm.planner.registry import make_planner
 from edc_swarm.protocol.messages import mission_message
 from edc_swarm.simulation.simulator import Simulation

@@ -23,7 +23,8 @@ from edc_swarm.agent.knowledge import Knowledge
 from edc_swarm.agent.node import Effect, Persist, UavNode
 from edc_swarm.experiments import fuzzing
 from edc_swarm.geometry import Floats
-from edc_swarm.mission.configuration import Mission, mission_from_dict
+from edc_swarm.mission.configuration import Mission
+from edc_swarm.mission.validation import mission_from_dict
 from edc_swarm.planner.edc import Edc
 from edc_swarm.planner.guidance import Guidance, Scene
 from edc_swarm.planner.request import Arrays

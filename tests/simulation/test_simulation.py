@@ -12,8 +12,9 @@ import pytest
 
 from edc_swarm.analysis.guarantees.check import check
 from edc_swarm.analysis.guarantees.verdict import GuaranteeResult
-from edc_swarm.mission.configuration import Mission, RosterEntry, mission_from_dict
+from edc_swarm.mission.configuration import Mission, RosterEntry
 from edc_swarm.mission.roster import complete_mission
+from edc_swarm.mission.validation import mission_from_dict
 from edc_swarm.planner.interface import Plan, PlanRequest
 from edc_swarm.planner.registry import make_planner
 from edc_swarm.protocol.codec import encode

@@ -9,14 +9,8 @@ from typing import Any
 import pytest
 
 from edc_swarm.errors import MissionError
-from edc_swarm.mission.configuration import (
-    MAX_MISSION_BYTES,
-    Mission,
-    default_tau_s,
-    load_mission,
-    mission_from_dict,
-    with_options,
-)
+from edc_swarm.mission.configuration import Mission, default_tau_s
+from edc_swarm.mission.validation import MAX_MISSION_BYTES, load_mission, mission_from_dict, with_options
 
 
 def entry(uav: str = "a", **fields: Any) -> dict[str, Any]:

@@ -16,8 +16,8 @@ from cyclopts import App
 from edc_swarm.analysis.metrics import compute_metrics
 from edc_swarm.emulation.energy import check_batteries, stranded
 from edc_swarm.errors import MissionError, SwarmError
-from edc_swarm.mission.configuration import mission_from_dict
 from edc_swarm.mission.roster import complete_mission
+from edc_swarm.mission.validation import mission_from_dict
 from edc_swarm.planner import registry
 from edc_swarm.planner.registry import make_planner
 from edc_swarm.recording.reader import read_recording

@@ -11,7 +11,8 @@ import pytest
 from edc_swarm.errors import InputError
 from edc_swarm.experiments.latency.arithmetic import hold_delay_ms, in_time_share, only_holds, starves
 from edc_swarm.experiments.latency.declared import DEFAULTS, Cell, in_turn, mission_of, run_name, runs_of, sweep_of
-from edc_swarm.mission.configuration import Link, Mission, RosterEntry, read_toml
+from edc_swarm.mission.configuration import Link, Mission, RosterEntry
+from edc_swarm.mission.validation import read_toml
 
 SMALL: dict[str, Any] = {"delays_ms": [0, 250], "jitters_ms": [0], "losses": [0, 0.5], "uavs": [3], "repeats": 2}
 

@@ -6,8 +6,8 @@ import msgspec
 import pytest
 
 from edc_swarm.analysis.replanning import Replanned, replan
-from edc_swarm.mission.configuration import mission_from_dict
 from edc_swarm.mission.roster import complete_mission
+from edc_swarm.mission.validation import mission_from_dict
 from edc_swarm.planner.registry import make_planner
 from edc_swarm.protocol.messages import Command, Message, mission_message
 from edc_swarm.recording.model import Recording

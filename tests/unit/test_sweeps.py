@@ -9,8 +9,9 @@ import pytest
 from edc_swarm.errors import InputError
 from edc_swarm.experiments.figures.catalogue import LONG_FILE, LONG_MISSION, NAMES, chosen, runs_of
 from edc_swarm.experiments.sweeps import Run, command_of, mission_toml
-from edc_swarm.mission.configuration import EnergyModel, Link, Mission, load_mission
+from edc_swarm.mission.configuration import EnergyModel, Link, Mission
 from edc_swarm.mission.roster import complete_mission
+from edc_swarm.mission.validation import load_mission
 
 
 def test_key_depends_on_measure_and_mission() -> None:

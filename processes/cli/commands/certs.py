@@ -8,8 +8,9 @@ from typing import Annotated
 from cyclopts import Parameter
 
 from edc_swarm.errors import InputError
-from edc_swarm.mission.configuration import MAX_UAVS, load_mission
+from edc_swarm.mission.configuration import MAX_UAVS
 from edc_swarm.mission.roster import uav_ids
+from edc_swarm.mission.validation import load_mission
 from processes.bus.credentials import CERTIFIED
 from processes.cli.options import MISSION_HELP
 from processes.cli.whole import Whole

@@ -21,8 +21,8 @@ from edc_swarm.experiments.latency.quantities import QUANTITIES, Quantity
 from edc_swarm.experiments.latency.table import CellRow, flat, rows_of
 from edc_swarm.experiments.sweeps import Run, command_of, mission_toml
 from edc_swarm.foreign_text import MAX_LINE, shown
-from edc_swarm.mission.configuration import load_mission, read_toml
-from processes.cli.options import named_as_options
+from edc_swarm.mission.validation import load_mission, read_toml
+from processes.cli.options import named_as_options, swept
 from processes.experiments.latency_page import baseline_notes, page, words
 from processes.experiments.latency_plots import Axis, draw_quantity
 from processes.experiments.ledger import Ledger, Scheduler, open_scheduler, sweep
@@ -81,16 +81,6 @@ class LatencyOptions:
     ----------
     engine
         sim, or processes: real ones, one mission at a time, the same cells simulated beside them.
-    delays
-        One-way delays of every link in wall milliseconds, such as 0,50,100.
-    jitters
-        Jitters of every link in wall milliseconds: more delay, drawn for every message from 0 to so much.
-    losses
-        Fractions, 0 to 1, of the messages that every link loses.
-    slots
-        Lengths of a slot in seconds of the mission.
-    uavs
-        Numbers of UAVs.
     repeats
         Missions per cell, with seeds 0, 1, ...
     max_slots
@@ -110,11 +100,11 @@ class LatencyOptions:
     """
 
     engine: Literal["sim", "processes"] | None = None
-    delays: str | None = None
-    jitters: str | None = None
-    losses: str | None = None
-    slots: str | None = None
-    uavs: str | None = None
+    delays: Annotated[str | None, swept("delay_ms")] = None
+    jitters: Annotated[str | None, swept("jitter_ms")] = None
+    losses: Annotated[str | None, swept("loss")] = None
+    slots: Annotated[str | None, swept("dt_s")] = None
+    uavs: Annotated[str | None, swept("uavs")] = None
     repeats: int | None = None
     max_slots: int | None = None
     hold_slots: int | None = None

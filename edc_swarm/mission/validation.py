@@ -1,0 +1,194 @@
+"""Mission files and other plain data, read and checked: the only way by which a mission comes in from outside.
+
+Unknown keys, wrong types and non-finite numbers are rejected with the field, the value and what is allowed.
+"""
+
+from __future__ import annotations
+
+import math
+import re
+from codecs import BOM_UTF8
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Annotated, Any, TypeVar, cast, get_args, get_origin, get_type_hints
+
+import msgspec
+from msgspec import Struct
+
+from edc_swarm.errors import InputError, MissionError
+from edc_swarm.files import open_regular
+from edc_swarm.mission.configuration import RESERVED_IDS, Mission, RosterEntry
+from edc_swarm.mission.wording import in_words, type_at
+
+MAX_MISSION_BYTES = 4 << 20
+T = TypeVar("T", bound=Struct)
+_MISSING = re.compile(r"Object missing required field `(\w+)`")
+"""The message of msgspec for a table that lacks a key."""
+
+
+def load_mission(path: str | Path, what: str = "mission file") -> Mission:
+    """Read and validate a mission file; `what` names it to the user.
+
+    Raises
+    ------
+    MissionError
+        The file is missing, too large, not TOML, or a field is not acceptable.
+    """
+    return mission_from_dict(read_toml(what, path, MissionError))
+
+
+def read_toml(what: str, path: str | Path, refused: type[InputError] = InputError) -> dict[str, Any]:
+    """The content of a TOML file of moderate size, not checked yet; `what` names it to the user.
+
+    Raises
+    ------
+    InputError
+        As `refused`: the file cannot be read, is too large, or is not TOML.
+    """
+    file = Path(path)
+    try:
+        with open_regular(file) as opened:
+            text = opened.read(MAX_MISSION_BYTES + 1)
+        if len(text) > MAX_MISSION_BYTES:
+            raise refused(what, str(file), f"at most {MAX_MISSION_BYTES} bytes, not {file.stat().st_size}")
+        return cast("dict[str, Any]", msgspec.toml.decode(text.removeprefix(BOM_UTF8)))
+    except OSError as error:
+        raise refused(what, str(file), f"a readable file ({error.strerror})") from None
+    except (msgspec.DecodeError, UnicodeDecodeError) as error:
+        raise refused(what, str(file), f"valid TOML ({error})") from None
+
+
+def mission_from_dict(raw: Mapping[str, Any]) -> Mission:
+    """Validate plain data as a mission (units as in the field names).
+
+    Raises
+    ------
+    MissionError
+        With the field, the value and what is allowed.
+    """
+    refuse_unknown(raw, Mission)
+    refuse_non_finite(raw)
+    roster = raw.get("roster")
+    if isinstance(roster, list) and roster:
+        raw = {"uavs": len(roster), **raw}
+    mission = convert(raw, Mission)
+    validate_mission(mission)
+    return mission
+
+
+def with_options(mission: Mission, options: Mapping[str, Any]) -> Mission:
+    """`mission` with the given fields replaced, validated as a whole again."""
+    return mission_from_dict({**msgspec.to_builtins(mission), **options})
+
+
+def convert(raw: Any, kind: type[T]) -> T:
+    """Convert plain data to a `kind`; an error names the field, the value and, in words, what is allowed.
+
+    Raises
+    ------
+    MissionError
+    """
+    try:
+        return msgspec.convert(raw, kind)
+    except msgspec.ValidationError as error:
+        message, _, path = str(error).partition(" - at `$")
+        path = path.rstrip("`").removeprefix(".")
+        missing = _MISSING.fullmatch(message)
+        allowed = f"a table with {missing[1]}" if missing else in_words(type_at(kind, path))
+        raise MissionError(path or "mission", _at(raw, path), allowed) from None
+
+
+def refuse_unknown(raw: Any, kind: Any, where: str = "") -> None:
+    """Raise `MissionError` for a key of `raw` that `kind` (a Struct type) does not have."""
+    if get_origin(kind) is Annotated:
+        kind = get_args(kind)[0]
+    if get_origin(kind) is list and isinstance(raw, list):
+        for index, item in enumerate(raw):
+            refuse_unknown(item, get_args(kind)[0], f"{where}[{index}]")
+    elif isinstance(kind, type) and issubclass(kind, Struct) and isinstance(raw, Mapping):
+        hints = get_type_hints(kind, include_extras=True)
+        for key, value in raw.items():
+            name = f"{where}.{key}" if where else str(key)
+            if key not in hints:
+                raise MissionError(name, value, f"one of the known keys: {', '.join(sorted(hints))}")
+            refuse_unknown(value, hints[key], name)
+
+
+def refuse_non_finite(raw: Any, where: str = "") -> None:
+    """Raise `MissionError` for any infinite or NaN number inside plain data."""
+    if isinstance(raw, float) and not math.isfinite(raw):
+        raise MissionError(where, raw, "a finite number")
+    if isinstance(raw, Mapping):
+        for key, value in raw.items():
+            refuse_non_finite(value, f"{where}.{key}" if where else str(key))
+    elif isinstance(raw, list):
+        for index, value in enumerate(raw):
+            refuse_non_finite(value, f"{where}[{index}]")
+
+
+def validate_mission(mission: Mission) -> None:
+    """Raise `MissionError` unless the fields fit together."""
+    if mission.roster and mission.uavs != len(mission.roster):
+        raise MissionError("uavs", mission.uavs, f"the length of the roster ({len(mission.roster)})")
+    if 2 * mission.guard_s >= mission.dt_s:
+        raise MissionError("guard_s", mission.guard_s, f"less than half of dt_s ({mission.dt_s})")
+    if mission.tau_s >= mission.dt_s:
+        raise MissionError("tau_s", mission.tau_s, f"less than dt_s ({mission.dt_s})")
+    if mission.body_m > mission.r_m:
+        raise MissionError("body_m", mission.body_m, f"at most r_m ({mission.r_m})")
+    if mission.energy.initial_min_j > mission.energy.initial_max_j:
+        raise MissionError("energy.initial_min_j", mission.energy.initial_min_j, "at most initial_max_j")
+    _validate_roster(mission.roster)
+
+
+def check_links(mission: Mission) -> None:
+    """Raise `MissionError` for a link that names a UAV which is not in the roster."""
+    known = {"*", *(entry.uav for entry in mission.roster)}
+    for index, link in enumerate(mission.link):
+        for end in ("sender", "receiver"):
+            value = getattr(link, end)
+            if value not in known:
+                raise MissionError(f"link[{index}].{end}", value, 'the id of a UAV of the roster, or "*"')
+
+
+def _validate_roster(roster: list[RosterEntry]) -> None:
+    seen: set[str] = set()
+    for index, entry in enumerate(roster):
+        if entry.uav in seen:
+            raise MissionError(f"roster[{index}].uav", entry.uav, "an id that no other UAV has")
+        if entry.uav in RESERVED_IDS:
+            raise MissionError(f"roster[{index}].uav", entry.uav, f"none of {', '.join(sorted(RESERVED_IDS))}")
+        if entry.body_m > entry.r_m:
+            raise MissionError(f"roster[{index}].body_m", entry.body_m, f"at most r_m ({entry.r_m})")
+        seen.add(entry.uav)
+    _validate_separation(roster, "start")
+    _validate_separation(roster, "target")
+
+
+def _validate_separation(roster: list[RosterEntry], which: str) -> None:
+    """Starts and targets must be disjoint discs: otherwise no plan is safe, or none can end."""
+    points = sorted((getattr(e, f"{which}_x_m"), getattr(e, f"{which}_y_m"), e.r_m, i) for i, e in enumerate(roster))
+    widest_m = 2 * max((e.r_m for e in roster), default=0.0)
+    for position, (x_m, y_m, r_m, index) in enumerate(points):
+        for other_x_m, other_y_m, other_r_m, other in points[position + 1 :]:
+            if other_x_m - x_m >= widest_m:
+                break
+            gap_m = math.hypot(other_x_m - x_m, other_y_m - y_m)
+            if gap_m < r_m + other_r_m:
+                raise MissionError(
+                    f"roster[{index}].{which}_x_m, {which}_y_m",
+                    (x_m, y_m),
+                    f"at least {r_m + other_r_m:g} m from the {which} of {roster[other].uav}, not {gap_m:.3f} m",
+                )
+
+
+def _at(raw: Any, path: str) -> Any:
+    """The value at a msgspec path such as `roster[2].r_m`, or None where it cannot be followed."""
+    for part in re.findall(r"[^.\[\]]+", path):
+        if isinstance(raw, Mapping):
+            raw = raw.get(part)
+        elif isinstance(raw, list) and part.isdigit():
+            raw = raw[int(part)]
+        else:
+            return None
+    return raw
