@@ -3,11 +3,12 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Iterator
 
-from edc_swarm.geometry import capsule_distance_m
 from edc_swarm.mission.configuration import Mission, RosterEntry
 from edc_swarm.mission.faults import parse_faults
 from edc_swarm.mission.prospect import prospect_of, settled_slot
+from edc_swarm.protocol.hindrance import Place, hindrance, places_of
 from edc_swarm.protocol.messages import Command, Fix, Report
 
 STALL_SLOTS = 100
@@ -22,8 +23,8 @@ STILL_SHARE = 1e-4
 class MissionMonitor:
     """Follows fixes, commands and reports, and says when a mission is over.
 
-    It is over when every UAV that still flies is at its target (`complete`; a target that lies under a UAV which
-    moves no more is not waited for), or when nothing can change any more (`stalled`).
+    It is over when every UAV that still flies is at its target, or kept from it by UAVs that move no more
+    (`complete`, see `hindrance`), or when nothing can change any more (`stalled`).
     """
 
     def __init__(self, mission: Mission) -> None:
@@ -128,23 +129,18 @@ class MissionMonitor:
 
     def _there(self, entry: RosterEntry, slot: int) -> bool:
         fix = self._newest.get(entry.uav)
-        return fix is not None and fix.slot >= slot and (fix.arrived or self._covered(entry))
+        return fix is not None and fix.slot >= slot and (fix.arrived or self._hindered(entry, fix))
 
-    def _covered(self, entry: RosterEntry) -> bool:
-        """Whether a UAV that moves no more covers this one's target, or may: it is kept clear of."""
+    def _hindered(self, entry: RosterEntry, fix: Fix) -> bool:
+        """Return whether UAVs that move no more keep this one from its target for good."""
+        places = [place for other in self._mission.roster if other is not entry for place in self._places(other)]
         target_m = (entry.target_x_m, entry.target_y_m)
-        return any(
-            self._distance_m(target_m, other) < entry.r_m + other.r_m
-            for other in self._mission.roster
-            if other is not entry and self._grounded(other.uav)
-        )
+        return hindrance((fix.waypoint_x_m, fix.waypoint_y_m), target_m, entry.r_m, places) is not None
 
-    def _distance_m(self, point_m: tuple[float, float], other: RosterEntry) -> float:
-        """From a point to where a grounded UAV can be: its hull in the newest report, else its waypoint."""
-        report, fix = self.report, self._newest.get(other.uav)
-        if report is not None and other.uav in report.hull_uav:
-            k = report.hull_uav.index(other.uav)
-            a_m, b_m = (report.hull_ax_m[k], report.hull_ay_m[k]), (report.hull_bx_m[k], report.hull_by_m[k])
-            return float(capsule_distance_m(point_m, a_m, b_m, report.hull_r_m[k]))
+    def _places(self, other: RosterEntry) -> Iterator[Place]:
+        """Yield where a UAV is or can be, if it moves no more."""
+        if not self._grounded(other.uav):
+            return
+        fix = self._newest.get(other.uav)
         centre_m = (other.start_x_m, other.start_y_m) if fix is None else (fix.waypoint_x_m, fix.waypoint_y_m)
-        return math.dist(point_m, centre_m)
+        yield from places_of(other, centre_m, self.report)

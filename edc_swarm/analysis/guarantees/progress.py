@@ -5,9 +5,10 @@ was stopped because nothing could change any more (`progress.STALLED`) is judged
 arrived by then never would.
 
 Excused, and named in the notes, is whoever a UAV that no longer flies keeps away: it covers the target or, by the
-last plan's hulls, may cover it; or it may be where the living UAV is, which then must hold (ARCHITECTURE.md, near a
-hull). An empty battery is no excuse but no proof either: it counts as "not judged" if it was empty within the limit,
-since a swarm that does nothing until all batteries are empty must not pass for one that had no time.
+last plan's hulls, may cover it; or no step leads away from where it may be; or there is no way round it (the rule:
+`edc_swarm.protocol.hindrance`). An empty battery is no excuse but no proof either: it counts as "not judged" if it was
+empty within the limit, since a swarm that does nothing until all batteries are empty must not pass for one that had no
+time.
 """
 
 from __future__ import annotations
@@ -21,11 +22,11 @@ from edc_swarm.analysis.guarantees.evidence import Evidence
 from edc_swarm.analysis.guarantees.verdict import GuaranteeResult, Violation, not_applicable, not_judged, verdict
 from edc_swarm.analysis.living import living_at_end
 from edc_swarm.errors import MissionError
-from edc_swarm.geometry import Floats, capsule_distance_m
 from edc_swarm.mission.configuration import ARRIVED_M, OPERATOR
 from edc_swarm.mission.faults import Fault, parse_fault, parse_faults
 from edc_swarm.mission.prospect import STALLED, default_max_slots, prospect_of, settled_slot
 from edc_swarm.protocol.events import EventKind
+from edc_swarm.protocol.hindrance import hindrance, places_of, point
 
 _G7 = ("G7", "Progress")
 
@@ -85,31 +86,21 @@ def _away_m(evidence: Evidence, k: int) -> float:
 
 def _excuse(evidence: Evidence, k: int, bound: NDArray[np.bool_]) -> str:
     """Why UAV `k` need not arrive: where the UAVs that no longer fly are, or may be. "" if it must."""
-    uavs, roster = evidence.tracks.uavs, evidence.mission.roster
-    target_m, centre_m = np.array([roster[k].target_x_m, roster[k].target_y_m]), evidence.tracks.centre_m[-1, k]
-    covering, holding = [], []
-    for other in np.flatnonzero(~bound & (np.arange(len(uavs)) != k)).tolist():
-        if _clearance_m(evidence, target_m, other) < roster[k].r_m + roster[other].r_m:
-            covering.append(uavs[other])
-        if _clearance_m(evidence, centre_m, other) <= 0:
-            holding.append(uavs[other])
-    if covering:
-        return f"its target is, or may be, covered by {' and '.join(covering)}, which no longer flies"
-    if holding:
-        return f"it must hold, since {' and '.join(holding)}, which no longer flies, may be where it is"
-    return ""
-
-
-def _clearance_m(evidence: Evidence, point_m: Floats, other: int) -> float:
-    """From a point to where a UAV that no longer flies is, or can be by the last plan's hulls."""
-    centre_m = float(np.hypot(*(evidence.tracks.centre_m[-1][other] - point_m)))
+    roster, centre_m = evidence.mission.roster, evidence.tracks.centre_m[-1]
     plan = max(evidence.plans, key=lambda report: (report.term, report.slot), default=None)
-    uav = evidence.mission.roster[other].uav
-    if plan is None or uav not in plan.hull_uav:
-        return centre_m
-    i = plan.hull_uav.index(uav)
-    ends_m = (plan.hull_ax_m[i], plan.hull_ay_m[i]), (plan.hull_bx_m[i], plan.hull_by_m[i])
-    return min(centre_m, float(capsule_distance_m(point_m, *ends_m, plan.hull_r_m[i])))
+    gone = [other for other in np.flatnonzero(~bound).tolist() if other != k]
+    places = [place for other in gone for place in places_of(roster[other], point(centre_m[other]), plan)]
+    found = hindrance(point(centre_m[k]), (roster[k].target_x_m, roster[k].target_y_m), roster[k].r_m, places)
+    if found is None:
+        return ""
+    who = f"{' and '.join(found.uavs)}, which no longer {'flies' if len(found.uavs) == 1 else 'fly'}"
+    match found.kind:
+        case "covered":
+            return f"its target is, or may be, covered by {who}"
+        case "held":
+            return f"it must hold, since no step leads away from {who}"
+        case "closed in":
+            return f"there is no way to its target round {who}"
 
 
 def _missing(evidence: Evidence, k: int) -> Violation:
