@@ -16,6 +16,7 @@ is not home, or discs could overlap.
 from __future__ import annotations
 
 import argparse
+import math
 import sys
 from collections import Counter
 from collections.abc import Iterator
@@ -34,7 +35,7 @@ from edc_swarm.experiments.fuzzing import overlaps
 from edc_swarm.mission.configuration import ARRIVED_M, Mission, mission_from_dict
 from edc_swarm.mission.roster import complete_mission
 from edc_swarm.planner.registry import make_planner, warm_up
-from edc_swarm.protocol.hindrance import hindrance, places_of, point
+from edc_swarm.protocol.hindrance import hindrances, places_of, point
 from edc_swarm.protocol.messages import Message, MissionMessage, Report, mission_message
 from edc_swarm.recording.model import Recording
 from edc_swarm.simulation.simulator import Simulation
@@ -98,14 +99,14 @@ def _away(
     mission: MissionMessage, centre_m: np.ndarray, living: np.ndarray, plan: Report | None
 ) -> Iterator[tuple[str, str]]:
     """Each living UAV that is not at its target, and why."""
-    for k in np.flatnonzero(living).tolist():
-        entry = mission.roster[k]
-        target_m = np.array([entry.target_x_m, entry.target_y_m])
-        if np.hypot(*(centre_m[k] - target_m)) > ARRIVED_M:
-            dead = np.flatnonzero(~living).tolist()
-            places = [place for o in dead for place in places_of(mission.roster[o], point(centre_m[o]), plan)]
-            found = hindrance(point(centre_m[k]), point(target_m), entry.r_m, places)
-            yield entry.uav, "" if found is None else str(found)
+    dead = np.flatnonzero(~living).tolist()
+    places = [place for k in dead for place in places_of(mission.roster[k], point(centre_m[k]), plan)]
+    at_m = {entry.uav: point(centre_m[k]) for k, entry in enumerate(mission.roster) if living[k]}
+    away = [(e, at_m[e.uav]) for e in mission.roster if e.uav in at_m]
+    away = [(e, here_m) for e, here_m in away if math.dist(here_m, (e.target_x_m, e.target_y_m)) > ARRIVED_M]
+    found = hindrances(away, places)
+    for entry, _ in away:
+        yield entry.uav, str(found.get(entry.uav, ""))
 
 
 def _range(text: str) -> list[int]:

@@ -19,7 +19,7 @@ from edc_swarm.analysis.living import SILENT_SLOTS, fault_target, living_at_end
 from edc_swarm.analysis.tracks import Tracks, tracks_of
 from edc_swarm.mission.configuration import ARRIVED_M, OPERATOR
 from edc_swarm.protocol.events import EventKind
-from edc_swarm.protocol.hindrance import Place, hindrance, places_of, point
+from edc_swarm.protocol.hindrance import Place, hindrances, places_of, point
 from edc_swarm.protocol.messages import Event, Report
 from edc_swarm.recording.model import Recording
 from edc_swarm.recording.sequences import find_gaps
@@ -55,6 +55,10 @@ Cause = Literal[
     "blocked",
     "mission-ended",
 ]
+
+
+CAUSES: dict[str, Cause] = {"covered": "target-covered", "held": "held", "closed in": "closed-in"}
+"""Cause by what hinders a UAV."""
 
 
 class NotHome(Struct, frozen=True):
@@ -238,14 +242,15 @@ class _Judge:
 
     def _hindered(self, k: int) -> NotHome | None:
         """UAVs that do not live leave it no step, or no way to its target."""
-        entry, here_m = self.recording.mission.roster[k], point(self.tracks.centre_m[-1, k])
-        living = {uav for uav, lives in zip(self.tracks.uavs, self.living, strict=True) if lives}
-        places = [place for place in self._obstacles(k) if place.uav not in living]
-        found = hindrance(here_m, (entry.target_x_m, entry.target_y_m), entry.r_m, places)
+        roster, centre_m = self.recording.mission.roster, self.tracks.centre_m[-1]
+        gone, away = np.flatnonzero(~self.living).tolist(), np.flatnonzero(self.living & ~self.home).tolist()
+        places = [place for i in gone for place in places_of(roster[i], point(centre_m[i]), self.plan)]
+        found = hindrances([(roster[i], point(centre_m[i])) for i in away], places).get(roster[k].uav)
         if found is None:
             return None
-        cause: Cause = "held" if found.kind == "held" else "closed-in"
-        return self._not_home(k, cause, str(found), by=found.uavs[0])
+        cause = CAUSES[found.kind]
+        text = f"target {found}" if cause == "target-covered" else str(found)
+        return self._not_home(k, cause, text, by=found.uavs[0])
 
     def _left_alone(self, k: int) -> NotHome | None:
         """No command for it was sent, or none was flown, up to the end."""

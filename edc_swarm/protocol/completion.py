@@ -8,7 +8,7 @@ from collections.abc import Iterator
 from edc_swarm.mission.configuration import Mission, RosterEntry
 from edc_swarm.mission.faults import parse_faults
 from edc_swarm.mission.prospect import prospect_of, settled_slot
-from edc_swarm.protocol.hindrance import Place, hindrance, places_of
+from edc_swarm.protocol.hindrance import Place, hindrances, places_of
 from edc_swarm.protocol.messages import Command, Fix, Report
 
 STALL_SLOTS = 100
@@ -24,7 +24,7 @@ class MissionMonitor:
     """Follows fixes, commands and reports, and says when a mission is over.
 
     It is over when every UAV that still flies is at its target, or kept from it by UAVs that move no more
-    (`complete`, see `hindrance`), or when nothing can change any more (`stalled`).
+    (`complete`, see `protocol.hindrance`), or when nothing can change any more (`stalled`).
     """
 
     def __init__(self, mission: Mission) -> None:
@@ -99,7 +99,17 @@ class MissionMonitor:
     def complete(self, slot: int) -> bool:
         """Whether the fixes of `slot` show every UAV that still flies where it can get."""
         flying = [entry for entry in self._mission.roster if not self._grounded(entry.uav)]
-        return bool(flying) and all(self._there(entry, slot) for entry in flying)
+        away = []
+        for entry in flying:
+            fix = self._newest.get(entry.uav)
+            if fix is None or fix.slot < slot:
+                return False
+            if not fix.arrived:
+                away.append((entry, (fix.waypoint_x_m, fix.waypoint_y_m)))
+        if not away or len(flying) == len(self._mission.roster):
+            return bool(flying) and not away
+        places = [place for other in self._mission.roster for place in self._places(other)]
+        return len(hindrances(away, places)) == len(away)
 
     def stalled(self, slot: int) -> bool:
         """Return whether nothing can change any more, as the fixes, commands and reports until `slot` show.
@@ -126,16 +136,6 @@ class MissionMonitor:
         """Whether a UAV moves no more: it is gone, or lost its memory and grants nobody."""
         fix = self._newest.get(uav)
         return uav in self._ended or (fix is not None and not fix.voter)
-
-    def _there(self, entry: RosterEntry, slot: int) -> bool:
-        fix = self._newest.get(entry.uav)
-        return fix is not None and fix.slot >= slot and (fix.arrived or self._hindered(entry, fix))
-
-    def _hindered(self, entry: RosterEntry, fix: Fix) -> bool:
-        """Return whether UAVs that move no more keep this one from its target for good."""
-        places = [place for other in self._mission.roster if other is not entry for place in self._places(other)]
-        target_m = (entry.target_x_m, entry.target_y_m)
-        return hindrance((fix.waypoint_x_m, fix.waypoint_y_m), target_m, entry.r_m, places) is not None
 
     def _places(self, other: RosterEntry) -> Iterator[Place]:
         """Yield where a UAV is or can be, if it moves no more."""

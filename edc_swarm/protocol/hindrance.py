@@ -100,11 +100,36 @@ def hindrance(position_m: Point, target_m: Point, r_m: float, places: Sequence[P
     """Return why a UAV at `position_m` cannot get to its target, None if no place is in the way."""
     if covering := [place for place in places if place.gap_m(target_m, r_m) < 0]:
         return Hindrance("covered", covering)
-    near = [place for place in places if place.gap_m(position_m, r_m) < 0]
-    if near and not _has_way_out(position_m, near):
-        return Hindrance("held", near)
+    if holding := _holding(position_m, r_m, places):
+        return Hindrance("held", holding)
     closing = _ring(position_m, target_m, r_m, places) if len(places) > 1 else []
     return Hindrance("closed in", closing) if closing else None
+
+
+def hindrances(away: Sequence[tuple[RosterEntry, Point]], places: Sequence[Place]) -> dict[str, Hindrance]:
+    """Return why UAVs that are at these points cannot get to their targets, by id; those that can are left out.
+
+    A UAV that is held is in the way of the others as if it no longer flew.
+    """
+    fixed = {entry.uav: [place for place in places if place.uav != entry.uav] for entry, _ in away}
+    free = list(away)
+    while held := [(entry, at_m) for entry, at_m in free if _holding(at_m, entry.r_m, fixed[entry.uav])]:
+        free = [other for other in free if other not in held]
+        for entry, at_m in held:
+            for uav in fixed.keys() - {entry.uav}:
+                fixed[uav].extend(places_of(entry, at_m, None))
+    found = {}
+    for entry, at_m in away:
+        target_m = (entry.target_x_m, entry.target_y_m)
+        if (why := hindrance(at_m, target_m, entry.r_m, fixed[entry.uav])) is not None:
+            found[entry.uav] = why
+    return found
+
+
+def _holding(position_m: Point, r_m: float, places: Sequence[Place]) -> list[Place]:
+    """Return the places that leave a UAV no step, [] if it has one."""
+    near = [place for place in places if place.gap_m(position_m, r_m) < 0]
+    return near if near and not _has_way_out(position_m, near) else []
 
 
 def _has_way_out(position_m: Point, near: Sequence[Place]) -> bool:

@@ -9,7 +9,7 @@ import pytest
 
 from edc_swarm.mission.configuration import Mission, RosterEntry
 from edc_swarm.protocol.completion import MissionMonitor
-from edc_swarm.protocol.hindrance import BUFFER_M, Place, Point, hindrance
+from edc_swarm.protocol.hindrance import BUFFER_M, Place, Point, hindrance, hindrances
 from edc_swarm.protocol.messages import Fix, Report
 from edc_swarm.solver.slot_qp import DELTA_M, Obstacles, slot_problem
 
@@ -121,6 +121,19 @@ def test_two_long_hulls_close_in_a_uav_near_one_of_them() -> None:
     box += [hull("c", (20, 20), (-20, 20), 1), hull("d", (-20, 20), (-20, -20), 1)]
     assert kind((0.0, -11.0), FAR, box) == "closed in"
     assert kind((0.0, -11.0), FAR, box[:3]) == ""
+
+
+def test_a_uav_that_is_held_is_in_the_way_of_others() -> None:
+    """Its disc covers another one's target; where it is free to move, it does not."""
+    held = RosterEntry(uav="h", start_x_m=0, start_y_m=0, target_x_m=90, target_y_m=0, r_m=R_M, body_m=1, energy_j=1)
+    other = RosterEntry(uav="o", start_x_m=0, start_y_m=0, target_x_m=9, target_y_m=-3, r_m=R_M, body_m=1, energy_j=1)
+    away = [(other, (60.0, 60.0)), (held, HERE)]
+    sides = [hull("a", (-8, -8), (-8, 8), 1), hull("b", (-8, 9), (8, 9), 1)]
+    found = hindrances(away, sides)
+    assert {uav: str(why) for uav, why in found.items()} == {
+        "o": "covered by h's disc", "h": "held by a's hull and b's hull"
+    }  # fmt: skip
+    assert hindrances(away, sides[:1]) == {}
 
 
 # --- the end of the mission --------------------------------------------------------------------

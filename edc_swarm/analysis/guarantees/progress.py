@@ -14,6 +14,7 @@ time.
 from __future__ import annotations
 
 import math
+from collections.abc import Collection
 
 import numpy as np
 from numpy.typing import NDArray
@@ -26,7 +27,7 @@ from edc_swarm.mission.configuration import ARRIVED_M, OPERATOR
 from edc_swarm.mission.faults import Fault, parse_fault, parse_faults
 from edc_swarm.mission.prospect import STALLED, default_max_slots, prospect_of, settled_slot
 from edc_swarm.protocol.events import EventKind
-from edc_swarm.protocol.hindrance import hindrance, places_of, point
+from edc_swarm.protocol.hindrance import Hindrance, hindrances, places_of, point
 
 _G7 = ("G7", "Progress")
 
@@ -45,7 +46,7 @@ def check_progress(evidence: Evidence) -> GuaranteeResult:
     if due.sum() < mission.quorum:
         where = "" if inside.all() else " on the larger side of a partition that never heals"
         return not_applicable(*_G7, f"{due.sum()} UAVs live at the end{where}, {mission.quorum} are a quorum")
-    excuses = {k: _excuse(evidence, k, bound) for k in _away(evidence, due)}
+    excuses = _excuses(evidence, _away(evidence, due), bound)
     excuses |= dict.fromkeys(
         _away(evidence, living & ~inside), "a partition that never heals cuts it off from the quorum"
     )
@@ -84,16 +85,22 @@ def _away_m(evidence: Evidence, k: int) -> float:
     return math.hypot(entry.target_x_m - x_m, entry.target_y_m - y_m)
 
 
-def _excuse(evidence: Evidence, k: int, bound: NDArray[np.bool_]) -> str:
-    """Why UAV `k` need not arrive: where the UAVs that no longer fly are, or may be. "" if it must."""
+def _excuses(evidence: Evidence, away: list[int], bound: NDArray[np.bool_]) -> dict[int, str]:
+    """Why each UAV of `away` need not arrive: where the UAVs that no longer fly are, or may be. "" if it must."""
     roster, centre_m = evidence.mission.roster, evidence.tracks.centre_m[-1]
     plan = max(evidence.plans, key=lambda report: (report.term, report.slot), default=None)
-    gone = [other for other in np.flatnonzero(~bound).tolist() if other != k]
-    places = [place for other in gone for place in places_of(roster[other], point(centre_m[other]), plan)]
-    found = hindrance(point(centre_m[k]), (roster[k].target_x_m, roster[k].target_y_m), roster[k].r_m, places)
-    if found is None:
-        return ""
-    who = f"{' and '.join(found.uavs)}, which no longer {'flies' if len(found.uavs) == 1 else 'fly'}"
+    places = [
+        place for k in np.flatnonzero(~bound).tolist() for place in places_of(roster[k], point(centre_m[k]), plan)
+    ]
+    found = hindrances([(roster[k], point(centre_m[k])) for k in away], places)
+    living = {roster[k].uav for k in np.flatnonzero(bound).tolist()}
+    return {k: _excuse(found[roster[k].uav], living) if roster[k].uav in found else "" for k in away}
+
+
+def _excuse(found: Hindrance, living: Collection[str]) -> str:
+    gone = all(uav not in living for uav in found.uavs)
+    verb = "flies" if len(found.uavs) == 1 else "fly"
+    who = f"{' and '.join(found.uavs)}, which {f'no longer {verb}' if gone else 'can no longer move'}"
     match found.kind:
         case "covered":
             return f"its target is, or may be, covered by {who}"
