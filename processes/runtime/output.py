@@ -178,19 +178,23 @@ def recovered_name(part: Path) -> Path:
 
 
 @contextmanager
-def held_for_writing(part: Path) -> Iterator[BinaryIO]:
+def held_for_writing(part: Path, *, keep: bool = False) -> Iterator[BinaryIO]:
     """Open `part` and lock it, so that no other run recovers it. The caller renames it before the lock ends.
 
     Raises
     ------
     InputError
         The file cannot be written; it is then removed.
+    OSError
+        With `keep`: the file cannot be written; it stays, since it can be recovered.
     """
     try:
         with part.open("r+b") as stream:
             fcntl.flock(stream, fcntl.LOCK_EX)
             yield stream
     except OSError as error:
+        if keep:
+            raise
         part.unlink(missing_ok=True)
         raise unwritten("--out", part.with_name(part.name.removesuffix(PART)), error) from None
 
