@@ -87,6 +87,9 @@ class Output:
             if Path(error.path) != self.path:
                 raise
             raise self.cannot_write(error.reason) from None
+        except InputError as error:
+            cause = error.__context__
+            raise self.cannot_write(_why(cause) if isinstance(cause, OSError) else error.allowed) from None
         self.part.unlink()
         return missing
 
