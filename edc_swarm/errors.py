@@ -85,6 +85,7 @@ class RecordingError(SwarmError):
         return f"{self.path}: {self.reason}"
 
 
-def _shown(value: object, limit: int = 60) -> str:
+def _shown(value: object, limit: int = 200) -> str:
+    """Return the value in one line; a path is mostly shorter than the limit, and shown whole."""
     text = repr(value)
     return text if len(text) <= limit else text[: limit - 3] + "..."

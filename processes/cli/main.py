@@ -11,6 +11,7 @@ from typing import Any, Literal, get_args, get_origin
 
 from cyclopts import App, CoercionError, CycloptsError, MissingArgumentError, Parameter, Token, UnknownOptionError
 from cyclopts.exceptions import RepeatArgumentError, UnknownCommandError, UnusedCliTokensError
+from rich.console import Console
 
 from edc_swarm.errors import InputError, SwarmError
 from processes.bus.abort_notice import send_abort_notice
@@ -54,6 +55,7 @@ app.command("processes.cli.commands.certs:certs", help="Make the certificates of
 app.command("processes.cli.commands.report:report", help="Make a self-contained page of a recording.")
 
 
+LEAST_HELP_COLUMNS = 40
 PLANNING = frozenset({"run", "join", "sim", "fuzz", "figures", "latency", "replay"})
 """Commands that plan, in this process or in others that they start."""
 PLANNING_AGAIN = frozenset({"check", "report"})
@@ -116,7 +118,14 @@ def _command(arguments: Sequence[str]) -> int:
             sys.path.append(here)  # A user's planner may lie beside the mission.
     if plans or (arguments and arguments[0] in PLANNING_AGAIN):
         find_a_place()
-    return int(app(arguments) or 0)
+    return int(app(arguments, console=_help_console()) or 0)
+
+
+def _help_console() -> Console:
+    """Return the console for `--help`: a layout narrower than a word takes minutes."""
+    console = Console()
+    console.width = max(console.width, LEAST_HELP_COLUMNS)
+    return console
 
 
 def _in_one_line(error: CycloptsError) -> str:
