@@ -446,7 +446,8 @@ BAD_VALUES: dict[str, dict[str, str | None]] = {
     "sim": {
         "uavs": "0", "area": "0", "gps-error": "-1", "gps-model": "x", "seed": "-1", "slot": "0", "speed-max": "0",
         "planner": "x", "minimise": "x", "elect": "x", "fault": "x", "fault-help": ANY, "delay-ms": "-1",
-        "jitter-ms": "-1", "loss": "1.5", "time-scale": "0", "max-slots": "-1", "out": "x", "no-viz": ANY, "json": ANY, "force": ANY,
+        "jitter-ms": "-1", "loss": "1.5", "time-scale": "0", "max-slots": "-1", "out": "x", "no-viz": ANY, "json": ANY,
+        "force": ANY,
     },
 }  # fmt: skip
 BAD_VALUES["run"] |= BAD_VALUES["sim"]
