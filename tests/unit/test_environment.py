@@ -22,7 +22,7 @@ from edc_swarm.mission.validation import mission_from_dict
 from edc_swarm.planner import registry
 from edc_swarm.planner.registry import make_planner
 from edc_swarm.recording.reader import read_recording
-from processes.cli.compiled_code import VARIABLE, find_a_place
+from processes.cli.compiled_code import VARIABLE, choose_code_folder
 from processes.cli.main import app, main
 
 MAIN = "import sys; from processes.cli.main import main; sys.exit(main())"
@@ -284,16 +284,16 @@ def test_compiled_code_goes_to_a_temporary_folder(
     """Where the usual places cannot be written; told in one line, also when that one cannot."""
     monkeypatch.setenv(VARIABLE, "/proc/nowhere")
     monkeypatch.setattr("tempfile.tempdir", str(tmp_path))
-    find_a_place()
+    choose_code_folder()
     folder = tmp_path / f"edc-swarm-compiled-{os.getuid()}"
     assert os.environ[VARIABLE] == str(folder)
     (line,) = capsys.readouterr().err.splitlines()
     assert line == f"note: the compiled planner is kept in {folder}, since /proc/nowhere cannot be written"
-    find_a_place()
+    choose_code_folder()
     assert capsys.readouterr().err == "", "it is a usual place now"
     monkeypatch.setenv(VARIABLE, "/proc/nowhere")
     folder.chmod(0o777)
-    find_a_place()
+    choose_code_folder()
     assert os.environ[VARIABLE] == "/proc/nowhere", "others could put code there"
     assert "compiled anew at every start" in capsys.readouterr().err
 
