@@ -1,8 +1,8 @@
-"""Every exception that edc_swarm raises, in one tree.
+"""All exceptions of edc_swarm, in one tree.
 
-Expected outcomes (no quorum, infeasible, stale, unheard) are values, never exceptions. What is
-raised here is bad input, with the data that a caller needs to say what is wrong in one line. What is given
-to an exception is its `args`, so it passes from a worker's process to another whole.
+Expected outcomes (no quorum, infeasible, stale, unheard) are values, never exceptions. These exceptions report bad
+input, with the data that a caller needs for an error in one line. Their arguments are their `args`, so they can be
+pickled and pass from a worker process to its parent.
 """
 
 from __future__ import annotations
@@ -15,7 +15,7 @@ class SwarmError(Exception):
 
 
 class InputError(SwarmError):
-    """A value from outside is not acceptable.
+    """Rejection of a value that comes from outside.
 
     Attributes
     ----------
@@ -24,7 +24,7 @@ class InputError(SwarmError):
     value
         The offending value.
     allowed
-        What would have been accepted, completing "must be ...".
+        The values that are accepted, to complete "must be ...".
     """
 
     def __init__(self, field: str, value: object, allowed: str) -> None:
@@ -38,22 +38,22 @@ class InputError(SwarmError):
 
 
 class MissionError(InputError):
-    """A mission file, option or mission message does not describe a mission that can be flown."""
+    """Rejection of a mission file, option or mission message that describes no mission that can be flown."""
 
 
 class PlacementError(MissionError):
-    """The random mission's UAVs cannot be placed at this density."""
+    """Rejection of a random mission whose UAVs do not fit into its area."""
 
 
 class MessageError(SwarmError):
-    """Bytes from the bus are not a message of the expected kind: count, report, drop.
+    """Rejection of bytes from the bus that are no message of the expected kind; callers count, report and drop them.
 
     Attributes
     ----------
     key
         Key expression on which the bytes arrived.
     reason
-        Why they were refused.
+        Why they are rejected.
     """
 
     def __init__(self, key: str, reason: str) -> None:
@@ -66,14 +66,14 @@ class MessageError(SwarmError):
 
 
 class RecordingError(SwarmError):
-    """A recording cannot be read or written.
+    """Failure to read or write a recording.
 
     Attributes
     ----------
     path
         The file.
     reason
-        What is wrong with it, in the user's terms.
+        The fault of the file, in the user's terms.
     """
 
     def __init__(self, path: str | Path, reason: str) -> None:
@@ -85,6 +85,7 @@ class RecordingError(SwarmError):
         return f"{self.path}: {self.reason}"
 
 
-def _shown(value: object, limit: int = 60) -> str:
+def _shown(value: object, limit: int = 200) -> str:
+    """Return the value in one line. Most paths are shorter than the limit, so errors show them whole."""
     text = repr(value)
     return text if len(text) <= limit else text[: limit - 3] + "..."

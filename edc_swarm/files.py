@@ -1,4 +1,4 @@
-"""Regular files: the only kind that is read, since a pipe or a device may never end."""
+"""Reading of regular files, and of no other kind: a pipe or a device may never end."""
 
 from __future__ import annotations
 
@@ -18,12 +18,12 @@ KINDS = {
 
 
 def open_regular(path: str | Path) -> BinaryIO:
-    """Open the file at `path` for reading, at once and without waiting for anybody.
+    """Open the file at `path` for reading, without waiting.
 
     Raises
     ------
     OSError
-        It cannot be opened, or is no regular file; `strerror` says which.
+        The file cannot be opened, or is no regular file; `strerror` says which.
     """
     file = open(path, "rb", opener=_open_without_waiting)  # noqa: SIM115  (the caller closes it)
     mode = os.fstat(file.fileno()).st_mode
@@ -34,13 +34,13 @@ def open_regular(path: str | Path) -> BinaryIO:
 
 
 def read_regular(path: str | Path) -> bytes:
-    """Read the regular file at `path` whole; raises `OSError` as `open_regular` does."""
+    """Read the whole regular file at `path`; raise `OSError` as `open_regular` does."""
     with open_regular(path) as file:
         return file.read()
 
 
 def _open_without_waiting(path: str, flags: int) -> int:
-    """Open a file; a pipe that nobody writes would make a plain `open` wait."""
+    """Open a file without waiting: a plain `open` of a pipe waits for a writer."""
     mode = os.stat(path).st_mode
     if not stat.S_ISREG(mode):
         raise _not_regular(path, mode)

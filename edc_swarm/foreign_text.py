@@ -1,4 +1,4 @@
-"""Text that strangers may have written, made safe and short enough for people's terminals and pages."""
+"""Foreign text, which anybody may have written, made safe and short for terminals and pages."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ MAX_LINE = 4000
 
 
 def shown(text: str, limit: int = MAX_SHOWN) -> str:
-    r"""Return `text` cut after `limit` characters, each that is not printable escaped, as in `\x1b`."""
+    r"""Return the first `limit` characters of `text`, with unprintable ones escaped, as in `\x1b`."""
     cut = text[:limit]
     if not cut.isprintable():
         cut = "".join(c if c.isprintable() else c.encode("unicode_escape").decode("ascii") for c in cut)
@@ -17,5 +17,5 @@ def shown(text: str, limit: int = MAX_SHOWN) -> str:
 
 
 def shown_lines(text: str) -> str:
-    """Return `text` line by line as `shown` does, each up to `MAX_LINE` characters."""
+    """Apply `shown` to each line of `text`, with at most `MAX_LINE` characters a line."""
     return "\n".join(shown(line, MAX_LINE) for line in text.split("\n"))

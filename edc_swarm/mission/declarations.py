@@ -1,4 +1,4 @@
-"""The declarations of the mission's fields as data: what docs, option help and the reference mission are made from.
+"""The declarations of the mission's fields as data, from which docs and option help are made.
 
 The texts are the docstrings below the fields in `configuration`, so they are read from its source.
 """

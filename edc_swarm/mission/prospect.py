@@ -1,7 +1,7 @@
-"""When progress (G7) can be judged, and of whom it is promised: from the mission and its faults alone.
+"""The promise of progress (G7): from which slot on and for which UAVs, from the mission and its faults alone.
 
-A mission is *settled* when its last fault is over: from then on nothing changes any more but by the swarm
-itself. G7 promises that `limit_slots` later every living UAV is at its target, if a quorum lives. The
+A mission is *settled* when its last fault is over: from then on only the swarm
+itself changes anything. G7 promises that `limit_slots` later every living UAV is at its target, if a quorum lives. The
 limit is 20 times the longest straight flight, and 200 slots. A mission lasts that long unless its file
 says otherwise (`max_slots`), so every mission that is not cut short can be judged.
 
@@ -46,14 +46,14 @@ from edc_swarm.mission.faults import (
 MOST_LOSS = 0.5
 """Share of lost or late messages up to which progress is promised."""
 FAULT_SLACK_SLOTS = 20
-"""A fault may be carried out so much later than planned, and the mission still lasts long enough."""
+"""Delay of a fault beyond its planned slot for which the mission still lasts long enough."""
 COMPLETED, GIVEN_UP, NOBODY_LEFT, STALLED = "completed", "max_slots", "nobody-left", "stalled"
 """All are there; `max_slots` are over; nobody flies any more; nothing can change any more."""
 
 
 @dataclass(frozen=True, slots=True)
 class Prospect:
-    """What G7 promises once a mission is settled.
+    """The promise of G7 for a mission that is settled.
 
     Attributes
     ----------
@@ -62,7 +62,7 @@ class Prospect:
     side
         The UAVs that the promise is about: the whole roster unless a partition lasts.
     obstacle
-        Why nothing is promised, "" if something is.
+        Reason why nothing is promised; "" if something is.
     """
 
     limit_slots: int
@@ -71,21 +71,21 @@ class Prospect:
 
 
 def default_max_slots(mission: Mission) -> int:
-    """Slots after which a mission is given up, if its file does not say: late enough for G7 to be judged."""
+    """Return the slots after which a mission without `max_slots` is given up: enough for a verdict on G7."""
     faults = parse_faults(mission)
     slack = FAULT_SLACK_SLOTS if faults else 0
     return min(settled_slot(mission, faults) + prospect_of(mission, faults).limit_slots + slack, MOST_SLOTS)
 
 
 def settled_slot(mission: Mission, faults: Sequence[Fault]) -> int:
-    """First slot in which every fault that ends is over, and every other one has begun."""
+    """Return the first slot in which every fault that ends is over, and every other one has begun."""
     times_s = [time_s for fault in faults for time_s in (fault.at_s, _end_s(fault, faults))]
     times_s += [time_s for link in mission.link for time_s in (link.start_s, link.end_s) if time_s < FOR_GOOD_S]
     return math.ceil(max((time_s for time_s in times_s if math.isfinite(time_s)), default=0.0) / mission.dt_s)
 
 
 def prospect_of(mission: Mission, faults: Sequence[Fault]) -> Prospect:
-    """Return what is promised after `faults`, by time, with ids in place of `head` and `standby` where known."""
+    """Return the promise after `faults`, in order of time, with ids in place of `head` and `standby` where known."""
     lasting = [fault for fault in faults if math.isinf(_end_s(fault, faults))]
     partitions = [fault for fault in lasting if isinstance(fault, Partition)]
     side, cut = _quorum_side(mission, partitions) if partitions else (frozenset(e.uav for e in mission.roster), "")
@@ -100,7 +100,7 @@ def prospect_of(mission: Mission, faults: Sequence[Fault]) -> Prospect:
 
 
 def _end_s(fault: Fault, faults: Sequence[Fault]) -> float:
-    """Mission time at which a fault is over; infinite for what lasts for good."""
+    """Return the mission time at which a fault is over; infinite for one that lasts for good."""
     if isinstance(fault, Partition):
         heals_s = (other.at_s for other in faults if isinstance(other, Heal) and other.at_s >= fault.at_s)
         return min(fault.end_s, *heals_s, math.inf)
@@ -149,7 +149,7 @@ def _quorum_side(mission: Mission, partitions: Sequence[Partition]) -> tuple[fro
 
 
 def _groups(linked: NDArray[np.bool_]) -> Iterator[NDArray[np.bool_]]:
-    """Members of every connected group of a symmetric relation."""
+    """Yield the members of every connected group of a symmetric relation."""
     left = np.ones(len(linked), bool)
     while left.any():
         group = np.zeros(len(linked), bool)
@@ -199,7 +199,7 @@ def _in_force(rules: Iterable[Link]) -> list[Link]:
 
 
 def _loss(rule: Link) -> float:
-    """Mean loss of a link, its bursts included."""
+    """Return the mean loss of a link, bursts included."""
     if not rule.burst_enter:
         return rule.loss
     bad = rule.burst_enter / (rule.burst_enter + rule.burst_leave)
@@ -207,7 +207,7 @@ def _loss(rule: Link) -> float:
 
 
 def _late(rule: Link, spare_ms: float) -> float:
-    """Probability that a message takes longer than `spare_ms`."""
+    """Return the probability that a message takes longer than `spare_ms`."""
     left_ms, jitter_ms = spare_ms - rule.delay_ms, rule.jitter_ms
     if left_ms <= 0:
         return 1.0
@@ -225,6 +225,9 @@ def _late(rule: Link, spare_ms: float) -> float:
 
 
 def _share_in_time(missed: float) -> float:
-    """Share of the UAV-slots that have a command in time, if fixes are said again (docs/latency.md)."""
+    """Return the share of UAV-slots with a command in time, if fixes are sent twice (docs/latency.md).
+
+    With p the share of messages lost or late and k = 1 - p: k^2 (1 + p) / (1 + p k^2).
+    """
     kept = 1 - missed
     return kept**2 * (1 + missed) / (1 + missed * kept**2)

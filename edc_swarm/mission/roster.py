@@ -1,4 +1,4 @@
-"""Who flies: random missions, and a mission completed with all that its file may leave out."""
+"""The roster of random missions, and the completion of a mission whose file leaves fields out."""
 
 from __future__ import annotations
 
@@ -14,14 +14,14 @@ from edc_swarm.mission.prospect import default_max_slots
 from edc_swarm.mission.validation import check_links
 
 TRIES = 10_000
-"""Draws after which a UAV is said not to fit."""
+"""Draws after which a mission is rejected because a UAV does not fit."""
 SPACING = 1.05
 """Least distance of random starts, and of random targets, in units of R = 2 r."""
 _ENERGY_STREAM = 1
 
 
 def complete_mission(mission: Mission) -> Mission:
-    """`mission` with its roster drawn if it has none, and `tau_s` and `max_slots` resolved.
+    """Return the mission with its roster, drawn if it has none, and with `tau_s` and `max_slots` derived.
 
     Raises
     ------
@@ -38,10 +38,9 @@ def complete_mission(mission: Mission) -> Mission:
 
 
 def random_roster(mission: Mission) -> list[RosterEntry]:
-    """UAVs u001, u002, ... with starts and targets uniform in the square, from `seed` alone.
+    """Return UAVs u001, u002, ... with starts and targets uniform in the square, drawn from `seed` alone.
 
-    Starts are drawn first, then targets from the same generator; batteries come from a generator
-    of their own, so that positions depend on nothing else.
+    One generator draws starts, then targets. Another one draws the batteries, so positions do not depend on them.
 
     Raises
     ------
@@ -69,12 +68,12 @@ def random_roster(mission: Mission) -> list[RosterEntry]:
 
 
 def uav_ids(count: int) -> list[str]:
-    """Ids of a random mission: u001, u002, ..."""
+    """Return the ids of a random mission: u001, u002, ..."""
     return [f"u{number:03d}" for number in range(1, count + 1)]
 
 
 def _placed(rng: np.random.Generator, mission: Mission, what: str) -> NDArray[np.float64]:
-    """(K, 2) points in metres, no two closer than `SPACING` R, by rejection."""
+    """Return (K, 2) points in metres, no two closer than `SPACING` R, by rejection sampling."""
     side_m = math.sqrt(mission.area_m2)
     least_m = SPACING * 2 * mission.r_m
     points_m = np.empty((mission.uavs, 2))

@@ -1,4 +1,4 @@
-"""Mission files and other plain data, read and checked: the only way by which a mission comes in from outside.
+"""Mission files and other plain data, read and checked.
 
 Unknown keys, wrong types and non-finite numbers are rejected with the field, the value and what is allowed.
 """
@@ -38,12 +38,12 @@ def load_mission(path: str | Path, what: str = "mission file") -> Mission:
 
 
 def read_toml(what: str, path: str | Path, refused: type[InputError] = InputError) -> dict[str, Any]:
-    """The content of a TOML file of moderate size, not checked yet; `what` names it to the user.
+    """Return the content of a TOML file of moderate size, not yet checked; `what` names it to the user.
 
     Raises
     ------
     InputError
-        As `refused`: the file cannot be read, is too large, or is not TOML.
+        Of type `refused`: the file cannot be read, is too large, or is not TOML.
     """
     file = Path(path)
     try:
@@ -59,7 +59,7 @@ def read_toml(what: str, path: str | Path, refused: type[InputError] = InputErro
 
 
 def mission_from_dict(raw: Mapping[str, Any]) -> Mission:
-    """Validate plain data as a mission (units as in the field names).
+    """Validate plain data and return it as a mission.
 
     Raises
     ------
@@ -77,7 +77,7 @@ def mission_from_dict(raw: Mapping[str, Any]) -> Mission:
 
 
 def with_options(mission: Mission, options: Mapping[str, Any]) -> Mission:
-    """`mission` with the given fields replaced, validated as a whole again."""
+    """Return `mission` with the given fields replaced, validated as a whole."""
     return mission_from_dict({**msgspec.to_builtins(mission), **options})
 
 
@@ -166,7 +166,7 @@ def _validate_roster(roster: list[RosterEntry]) -> None:
 
 
 def _validate_separation(roster: list[RosterEntry], which: str) -> None:
-    """Starts and targets must be disjoint discs: otherwise no plan is safe, or none can end."""
+    """Raise `MissionError` unless the discs at starts (or targets) are disjoint: else no plan is safe, or none ends."""
     points = sorted((getattr(e, f"{which}_x_m"), getattr(e, f"{which}_y_m"), e.r_m, i) for i, e in enumerate(roster))
     widest_m = 2 * max((e.r_m for e in roster), default=0.0)
     for position, (x_m, y_m, r_m, index) in enumerate(points):
@@ -183,7 +183,7 @@ def _validate_separation(roster: list[RosterEntry], which: str) -> None:
 
 
 def _at(raw: Any, path: str) -> Any:
-    """The value at a msgspec path such as `roster[2].r_m`, or None where it cannot be followed."""
+    """Return the value at a msgspec path such as `roster[2].r_m`, or None if there is none."""
     for part in re.findall(r"[^.\[\]]+", path):
         if isinstance(raw, Mapping):
             raw = raw.get(part)

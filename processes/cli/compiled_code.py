@@ -1,4 +1,4 @@
-"""Where the compiled planner is kept: beside the package, else in the user's cache, else in a temporary folder."""
+"""The folder of the compiled planner: beside the package, else in the user's cache, else a temporary one."""
 
 from __future__ import annotations
 
@@ -11,11 +11,11 @@ import edc_swarm.planner
 from processes.runtime.console import note
 
 VARIABLE = "NUMBA_CACHE_DIR"
-"""Where Numba looks first; processes that are started inherit it."""
+"""Environment variable with the folder that Numba tries first; child processes inherit it."""
 
 
-def find_a_place() -> None:
-    """See to it that compiled code can be kept somewhere, and tell where if that is no usual place."""
+def choose_code_folder() -> None:
+    """Choose a folder that takes compiled code, and note it on standard error if it is no usual one."""
     given = os.environ.get(VARIABLE, "")
     usual = [given] if given else [str(Path(edc_swarm.planner.__file__).parent / "__pycache__"), _user_cache()]
     if any(map(_takes_files, usual)):
@@ -25,11 +25,11 @@ def find_a_place() -> None:
         os.environ[VARIABLE] = str(own)
         note(f"note: the compiled planner is kept in {own}, since {reason}")
     else:
-        note(f"note: the planner is compiled anew at every start, since {reason}, nor can a temporary folder")
+        note(f"note: the planner is compiled anew at every start, since {reason} and neither can a temporary folder")
 
 
 def _temporary_folder() -> Path | None:
-    """A folder of this user alone for temporary files; None where there is none."""
+    """Return a temporary folder to which only this user can write, or None."""
     try:
         own = Path(tempfile.gettempdir()) / f"edc-swarm-compiled-{os.getuid()}"
     except OSError:
@@ -38,13 +38,13 @@ def _temporary_folder() -> Path | None:
 
 
 def _user_cache() -> str:
-    """Numba's folder for this user."""
+    """Return Numba's folder for this user."""
     base = os.environ.get("XDG_CACHE_HOME", "") or str(Path(os.path.expanduser("~")) / ".cache")
     return str(Path(base) / "numba")
 
 
 def _takes_files(folder: str) -> bool:
-    """Try it, as Numba does: rights alone do not tell of a disk that is mounted for reading."""
+    """Return True if a file can be made there: access rights do not reveal a read-only disk."""
     try:
         Path(folder).mkdir(parents=True, exist_ok=True)
         tempfile.TemporaryFile(dir=folder).close()
@@ -54,7 +54,7 @@ def _takes_files(folder: str) -> bool:
 
 
 def _is_ours(folder: Path) -> bool:
-    """Make the folder, or make sure that nobody else can put code there: it is run."""
+    """Make the folder if needed; return True if nobody else can put code there, since this process runs it."""
     try:
         folder.mkdir(mode=0o700, exist_ok=True)
         found = folder.lstat()

@@ -16,7 +16,7 @@ from processes.runtime.console import FAILED, NOT_JUDGED, note, print_json, stdo
 
 
 def conclude(path: Path, *, as_json: bool, last_slot: int = -1, load_planner: bool = False) -> int:
-    """Print what the recording at `path` says; the exit status.
+    """Print metrics and guarantees of the recording at `path`; return the exit status.
 
     `load_planner`: the user named the planner, so that G6 may load it. `last_slot` is the newest slot that the operator
     saw: a recording that ends before it is not all of the run.
@@ -40,7 +40,7 @@ def conclude(path: Path, *, as_json: bool, last_slot: int = -1, load_planner: bo
 
 
 def _warn(recording: Recording, metrics: Metrics) -> None:
-    """Say what makes this run say less than it seems to."""
+    """Warn of plans that failed or came too late, and of an overloaded machine."""
     mission = recording.mission
     if problem := next((event for event in recording.events if event.kind == EventKind.PLANNER_FAILED), None):
         failed = sum(report.status == "failed" for report in recording.reports)

@@ -1,4 +1,4 @@
-"""`edc-swarm`: the command line. Every command is a file in `processes/cli/commands` and a line here."""
+"""The command line `edc-swarm`. Every command is a file in `processes/cli/commands` and a line here."""
 
 from __future__ import annotations
 
@@ -11,10 +11,11 @@ from typing import Any, Literal, get_args, get_origin
 
 from cyclopts import App, CoercionError, CycloptsError, MissingArgumentError, Parameter, Token, UnknownOptionError
 from cyclopts.exceptions import RepeatArgumentError, UnknownCommandError, UnusedCliTokensError
+from rich.console import Console
 
 from edc_swarm.errors import InputError, SwarmError
 from processes.bus.abort_notice import send_abort_notice
-from processes.cli.compiled_code import find_a_place
+from processes.cli.compiled_code import choose_code_folder
 from processes.runtime.children import PartEndedError
 from processes.runtime.console import BAD_INPUT, FAILED, UNREAD, complain, note
 from processes.runtime.output import unusable
@@ -45,15 +46,14 @@ app.command(
 app.command("processes.cli.commands.fuzz:fuzz", help="Search random fault schedules for a broken guarantee.")
 app.command("processes.cli.commands.figures:figures", help="Make the paper's figures and the energy bill.")
 app.command("processes.cli.commands.latency:latency", help="Fly a grid of delays, jitters and losses.")
-app.command(
-    "processes.cli.commands.replay:replay", help="Put a recording back onto a bus, or plan it again and compare."
-)
-app.command("processes.cli.commands.recover:recover", help="Make a whole recording of one that was cut off.")
+app.command("processes.cli.commands.replay:replay", help="Publish a recording on a bus, or plan it again and compare.")
+app.command("processes.cli.commands.recover:recover", help="Make a whole recording from one that was cut off.")
 app.command("processes.cli.commands.visualise:visualise", help="Add what Foxglove draws to a recording.")
 app.command("processes.cli.commands.certs:certs", help="Make the certificates of a secured swarm.")
 app.command("processes.cli.commands.report:report", help="Make a self-contained page of a recording.")
 
 
+LEAST_HELP_COLUMNS = 40
 PLANNING = frozenset({"run", "join", "sim", "fuzz", "figures", "latency", "replay"})
 """Commands that plan, in this process or in others that they start."""
 PLANNING_AGAIN = frozenset({"check", "report"})
@@ -64,7 +64,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
     """Run one command and return its exit status.
 
     0: fine; 1: a guarantee is broken, a UAV is not home, or the mission failed; 2: bad input; 3: nothing is broken,
-    but something could not be judged; 141: whoever read the results has left.
+    but something could not be judged; 141: the reader of standard output has closed it.
     """
     if arguments is None:
         prepare_streams()
@@ -80,7 +80,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
 
 
 def _run(arguments: Sequence[str]) -> int:
-    """Run one command, and tell in one line what it cannot do."""
+    """Run one command; print an error in one line."""
     try:
         status = _command(arguments)
         sys.stdout.flush()
@@ -115,12 +115,19 @@ def _command(arguments: Sequence[str]) -> int:
         if here not in sys.path:
             sys.path.append(here)  # A user's planner may lie beside the mission.
     if plans or (arguments and arguments[0] in PLANNING_AGAIN):
-        find_a_place()
-    return int(app(arguments) or 0)
+        choose_code_folder()
+    return int(app(arguments, console=_help_console()) or 0)
+
+
+def _help_console() -> Console:
+    """Return the console for `--help`, with a least width: a layout narrower than a word takes minutes."""
+    console = Console()
+    console.width = max(console.width, LEAST_HELP_COLUMNS)
+    return console
 
 
 def _in_one_line(error: CycloptsError) -> str:
-    """A parse error as `FIELD = VALUE: must be ALLOWED`."""
+    """Return a parse error as `FIELD = VALUE: must be ALLOWED`."""
     unused = error.unused_tokens or [""]
     match error:
         case CoercionError(token=Token() as token):
@@ -146,7 +153,7 @@ def _name(error: CycloptsError) -> str:
 
 
 def _kind(target: Any) -> str:
-    """What a value is converted to, in words; `target` may be a union with None."""
+    """Return the type of an option in words; `target` may be a union with None."""
     kinds = (target, *get_args(target))
     choices = [choice for kind in kinds if get_origin(kind) is Literal for choice in get_args(kind)]
     if choices:

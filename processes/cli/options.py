@@ -1,4 +1,4 @@
-"""Options that `run` and `sim` share: a mission from a file, defaults and the command line."""
+"""Options of `run` and `sim` about the mission, made from the declarations of its fields."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ from edc_swarm.mission.faults import parse_faults
 from edc_swarm.mission.roster import complete_mission
 from edc_swarm.mission.validation import load_mission, with_options
 from edc_swarm.planner.registry import check_planner
-from processes.cli.whole import Whole
+from processes.cli.whole_number import WholeNumber
 from processes.runtime.console import note
 
 MISSION_HELP = "Mission file (TOML); without one, a random mission."
@@ -34,9 +34,10 @@ MOST_LISTED = 5
 
 @contextmanager
 def named_as_options(options: Mapping[str, str]) -> Iterator[None]:
-    """Let what is raised speak of options where the user has given options: `options` by the fields that they set.
+    """Replace fields by options in an `InputError`, where the user has given options.
 
-    A field of a list, such as link[0].loss or delays_ms[2], belongs to the option for the whole of it.
+    `options` maps each field to the option that sets it. An element of a list, such as link[0].loss or delays_ms[2],
+    belongs to the option for the whole list.
     """
     try:
         yield
@@ -47,7 +48,7 @@ def named_as_options(options: Mapping[str, str]) -> Iterator[None]:
 
 
 def _warn_of_batteries(mission: Mission) -> None:
-    """Tell before take-off who cannot get home: it is a mission all the same."""
+    """Warn before take-off of batteries that do not reach the target: the mission is valid all the same."""
     needed_j = stranded(mission)
     if not needed_j:
         return
@@ -74,7 +75,7 @@ def _options_of(kind: type[Struct], more: str = "") -> Iterator[tuple[str, Any, 
             parameter = Parameter(help=f"{help_text} May be given more than once.")
             yield _attribute(option), Annotated[list[str], parameter], field(default_factory=list)
         else:
-            taken = Whole if plain is int else plain
+            taken = WholeNumber if plain is int else plain
             yield _attribute(option), Annotated[taken | None, Parameter(help=help_text)], None
 
 
@@ -91,7 +92,7 @@ _FieldOptions: Any = make_dataclass(
 @Parameter(name="*")
 @dataclass(frozen=True, kw_only=True)
 class MissionOptions(_FieldOptions):  # type: ignore[misc]  # The declarations decide its attributes.
-    """What the command line says about the mission; all else stays as in the file.
+    """Options about the mission and its recording; without an option the value of the file holds.
 
     Parameters
     ----------
@@ -114,7 +115,7 @@ class MissionOptions(_FieldOptions):  # type: ignore[misc]  # The declarations d
     force: bool = False
 
     def mission(self, file: Path | None) -> Mission:
-        """The whole mission: file, then options, then what must be drawn or derived.
+        """Return the mission: the file, with options in place of its fields, completed by draws and derived values.
 
         Raises
         ------
@@ -131,7 +132,7 @@ class MissionOptions(_FieldOptions):  # type: ignore[misc]  # The declarations d
         return mission
 
     def _options(self) -> dict[str, str]:
-        """The option that was given for each field of the mission; `link.loss` is a field of every link."""
+        """Return the given options by the field that they set; `link.loss` is a field of every link."""
         fields = {**FIELDS, **{f"link.{name}": option for name, option in LINK_FIELDS.items()}}
         return {name: f"--{option}" for name, option in fields.items() if self._value(option) not in (None, [])}
 

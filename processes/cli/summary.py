@@ -1,4 +1,4 @@
-"""What a run has come to: the table that a person reads, computed from the recording alone."""
+"""The results of a run as text for a terminal, computed from the recording alone."""
 
 from __future__ import annotations
 

@@ -119,6 +119,25 @@ def test_unknown_keys(raw: dict[str, Any], field: str) -> None:
     assert refused(raw).field == field
 
 
+@pytest.mark.parametrize(
+    ("raw", "said"),
+    [
+        ({"link": [{"loss": 1.5}]}, "link[0].loss = 1.5: must be a number from 0 to 1"),
+        ({"link": {}}, "link = {}: must be a list of at most 1000 tables"),
+        ({"uavs": "ten"}, "uavs = 'ten': must be a whole number from 1 to 2000"),
+        ({"area_m2": 0}, "area_m2 = 0: must be a number above 0 and at most 1e12"),
+        ({"minimise": "money"}, "minimise = 'money': must be one of distance, energy, time"),
+        ({"planner": ""}, "planner = '': must be a text of 1 to 200 characters"),
+        ({"fault": [3]}, "fault[0] = 3: must be a text of at most 65536 characters"),
+        ({"energy": 3}, "energy = 3: must be a table"),
+        ({"roster": [{"uav": "a"}]}, "roster[0] = {'uav': 'a'}: must be a table with start_x_m"),
+    ],
+)
+def test_what_is_allowed_is_said_in_words(raw: dict[str, Any], said: str) -> None:
+    """Not in the terms of a programming language."""
+    assert str(refused(raw)) == said
+
+
 @pytest.mark.parametrize("value", [float("nan"), float("inf"), float("-inf")])
 @pytest.mark.parametrize(
     ("path", "wrap"),

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import os
 import shlex
+import signal
 import socket
 import subprocess
 import sys
@@ -21,7 +22,7 @@ from edc_swarm.mission.validation import mission_from_dict
 from edc_swarm.planner import registry
 from edc_swarm.planner.registry import make_planner
 from edc_swarm.recording.reader import read_recording
-from processes.cli.compiled_code import VARIABLE, find_a_place
+from processes.cli.compiled_code import VARIABLE, choose_code_folder
 from processes.cli.main import app, main
 
 MAIN = "import sys; from processes.cli.main import main; sys.exit(main())"
@@ -44,8 +45,22 @@ def command(*words: str | bytes, cwd: Path, shell: str = "", **environment: str)
 
 def refused(ended: subprocess.CompletedProcess[bytes], *said: str) -> None:
     """It ended with status 2 and one line that says `said`."""
-    text = ended.stderr.decode(errors="replace")
-    assert ended.returncode == 2, text
+    _refused(ended.returncode, ended.stderr.decode(errors="replace"), *said)
+
+
+def refused_here(capsys: pytest.CaptureFixture[str], *words: str | bytes, said: str) -> None:
+    """The same of a command that is run in this process, which must end in time too."""
+    signal.signal(signal.SIGALRM, lambda *_: pytest.fail("the command waits"))
+    signal.alarm(WITHIN_S)
+    try:
+        status = main([os.fsdecode(word) for word in words])
+    finally:
+        signal.alarm(0)
+    _refused(status, capsys.readouterr().err, said)
+
+
+def _refused(status: int, text: str, *said: str) -> None:
+    assert status == 2, text
     (line,) = text.splitlines()
     assert line.startswith("error: ")
     for each in said:
@@ -83,12 +98,15 @@ def _unreadable(kind: str, folder: Path) -> Path:
 
 @pytest.mark.parametrize("kind", ["missing", "folder", "pipe", "device", "socket", "loop", "long name", "empty"])
 @pytest.mark.parametrize("reader", [*READERS, *MISSION_READERS])
-def test_what_is_no_file_is_refused_at_once(tmp_path: Path, reader: str, kind: str) -> None:
+def test_what_is_no_file_is_refused_at_once(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str], reader: str, kind: str
+) -> None:
     """Nobody waits for a pipe, and nobody reads a device without end."""
     if kind == "empty" and reader in MISSION_READERS:
         pytest.skip("an empty file is a mission: all defaults")
     words = {"pipe": "it is a pipe", "device": "it is a device", "socket": "it is a socket", "folder": "it is a folder"}
-    refused(command(*reader.split(), str(_unreadable(kind, tmp_path)), cwd=tmp_path), words.get(kind, ""))
+    monkeypatch.chdir(tmp_path)
+    refused_here(capsys, *reader.split(), str(_unreadable(kind, tmp_path)), said=words.get(kind, ""))
 
 
 @pytest.mark.parametrize("shell", [">/dev/full", ">&-"])
@@ -154,11 +172,21 @@ def test_poor_environments(tmp_path: Path, environment: dict[str, str]) -> None:
     [(b"\xff.mcap", "UTF-8"), (b"x" * 260 + b".mcap", "file name too long"), (b"x" * 250 + b".mcap", "name too long")],
     ids=["bytes", "260", "250"],
 )
-def test_names_that_no_file_can_have(tmp_path: Path, recording: Path, words: str, out: bytes, said: str) -> None:
+def test_names_that_no_file_can_have(
+    tmp_path: Path,
+    monkeypatch: pytest.MonkeyPatch,
+    capsys: pytest.CaptureFixture[str],
+    recording: Path,
+    words: str,
+    out: bytes,
+    said: str,
+) -> None:
     """Refused by option before anything is flown; 250 characters leave no room for the name until the file is whole."""
     given = words.replace("X", str(recording)).split()
     out = out.replace(b".mcap", b".html") if given[0] == "report" else out
-    refused(command(*given, "--out", out, cwd=tmp_path), "--out", said)
+    monkeypatch.chdir(tmp_path)
+    capsys.readouterr()
+    refused_here(capsys, *given, "--out", out, said=said)
     assert list(tmp_path.iterdir()) == []
 
 
@@ -191,22 +219,34 @@ def test_a_recording_is_read_from_a_folder_that_was_removed(tmp_path: Path, reco
     assert (ended.returncode, ended.stderr) == (0, b"")
 
 
+def _filled(words: str, **paths: Path) -> list[str]:
+    """The words, with each path in place of its letter."""
+    return [
+        next(
+            (word.replace(letter, str(path), 1) for letter, path in paths.items() if word.partition("/")[0] == letter),
+            word,
+        )
+        for word in words.split()
+    ]
+
+
 @needs_root
 @pytest.mark.parametrize(
     "words",
     ["sim --uavs 8 --planner straight --out F/a.mcap", "visualise X --out F/a.mcap", "recover X --out F/a.mcap",
      "report X --out F/a.html", "certs --out F/certs", "figures --runs 1 --only 4a --jobs 1 --out F/figures",
-     "latency --delays 0 --jitters 0 --losses 0 --uavs 2 --repeats 1 --jobs 1 --out F/latency"],
+     "latency --delays 0 --jitters 0 --losses 0 --uavs 2 --repeats 1 --jobs 1 --mission M --out F/latency"],
 )  # fmt: skip
 def test_a_full_disk(tmp_path: Path, recording: Path, words: str) -> None:
     """What could not be written is named, with the reason and a way out, and no torn file is left."""
-    full = tmp_path / "full"
+    full, straight = tmp_path / "full", tmp_path / "straight.toml"
     full.mkdir()
+    straight.write_text('planner = "straight"\n')
     subprocess.run(["mount", "-t", "tmpfs", "-o", "size=64k", "tmpfs", full], check=True)
     try:
         if not words.startswith("sim"):
             (full / "filler").write_bytes(bytes(65536))
-        ended = command(*words.replace("X", str(recording)).replace("F/", f"{full}/").split(), cwd=tmp_path)
+        ended = command(*_filled(words, X=recording, M=straight, F=full), cwd=tmp_path)
         last = ended.stderr.decode().splitlines()[-1]
         assert ended.returncode == 2
         assert last.startswith(f"error: --out = '{full}/")
@@ -244,16 +284,16 @@ def test_compiled_code_goes_to_a_temporary_folder(
     """Where the usual places cannot be written; told in one line, also when that one cannot."""
     monkeypatch.setenv(VARIABLE, "/proc/nowhere")
     monkeypatch.setattr("tempfile.tempdir", str(tmp_path))
-    find_a_place()
+    choose_code_folder()
     folder = tmp_path / f"edc-swarm-compiled-{os.getuid()}"
     assert os.environ[VARIABLE] == str(folder)
     (line,) = capsys.readouterr().err.splitlines()
     assert line == f"note: the compiled planner is kept in {folder}, since /proc/nowhere cannot be written"
-    find_a_place()
+    choose_code_folder()
     assert capsys.readouterr().err == "", "it is a usual place now"
     monkeypatch.setenv(VARIABLE, "/proc/nowhere")
     folder.chmod(0o777)
-    find_a_place()
+    choose_code_folder()
     assert os.environ[VARIABLE] == "/proc/nowhere", "others could put code there"
     assert "compiled anew at every start" in capsys.readouterr().err
 
@@ -405,8 +445,9 @@ BAD_VALUES: dict[str, dict[str, str | None]] = {
     "check": {"load-planner": ANY, "json": ANY},
     "sim": {
         "uavs": "0", "area": "0", "gps-error": "-1", "gps-model": "x", "seed": "-1", "slot": "0", "speed-max": "0",
-        "planner": "x", "minimise": "x", "elect": "x", "fault": "x", "delay-ms": "-1", "jitter-ms": "-1",
-        "loss": "1.5", "time-scale": "0", "max-slots": "-1", "out": "x", "no-viz": ANY, "json": ANY, "force": ANY,
+        "planner": "x", "minimise": "x", "elect": "x", "fault": "x", "fault-help": ANY, "delay-ms": "-1",
+        "jitter-ms": "-1", "loss": "1.5", "time-scale": "0", "max-slots": "-1", "out": "x", "no-viz": ANY, "json": ANY,
+        "force": ANY,
     },
 }  # fmt: skip
 BAD_VALUES["run"] |= BAD_VALUES["sim"]

@@ -20,9 +20,15 @@ def test_input_error_names_field_value_and_what_is_allowed() -> None:
 def test_long_values_are_cut() -> None:
     """A value of a megabyte does not fill the terminal, and no line break gets through."""
     text = str(errors.InputError("name", "x\n" * 1000, "short"))
-    assert len(text) < 100
+    assert len(text) < 300
     assert "\n" not in text
     assert "..." in text
+
+
+def test_paths_are_shown_whole() -> None:
+    """Else nobody knows which file is meant."""
+    path = "/" + "/".join(["folder"] * 20) + "/a.mcap"
+    assert path in str(errors.InputError("--out", path, "where it can be written"))
 
 
 def test_message_and_recording_errors() -> None:

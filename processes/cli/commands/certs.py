@@ -13,7 +13,7 @@ from edc_swarm.mission.roster import uav_ids
 from edc_swarm.mission.validation import load_mission
 from processes.bus.credentials import CERTIFIED
 from processes.cli.options import MISSION_HELP
-from processes.cli.whole import Whole
+from processes.cli.whole_number import WholeNumber
 from processes.host.security import check_security
 from processes.runtime.console import note, print_json
 
@@ -24,10 +24,10 @@ def certs(
     mission_file: Annotated[Path | None, Parameter(help=MISSION_HELP)] = None,
     /,
     *,
-    uavs: Whole = 10,
+    uavs: WholeNumber = 10,
     out: Annotated[Path, Parameter(name=["--out", "-o"])] = Path("certs"),
     host: list[str] | None = None,
-    days: Whole = 30,
+    days: WholeNumber = 30,
     force: bool = False,
     json: bool = False,
 ) -> int:
@@ -39,15 +39,15 @@ def certs(
     Parameters
     ----------
     uavs
-        Number of UAVs, u001 and so on, where no mission file lists them (10).
+        Number of UAVs, u001 and so on, if no mission file lists them (10).
     out
         The folder to make (certs).
     host
-        Name or address of the router, beside this host's; may be given more than once.
+        Name or address of the router, besides those of this host; may be given more than once.
     days
-        So long they are valid (30).
+        Days for which the certificates are valid (30).
     force
-        Replace what is in the folder.
+        Replace the files in the folder.
     json
         Print the result as JSON alone on standard output.
     """

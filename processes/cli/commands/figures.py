@@ -29,7 +29,7 @@ MAX_FIGURE_RUNS = 10_000
 
 
 class FiguresReport(Struct):
-    """What `--json` prints."""
+    """The results that `--json` prints."""
 
     out: str
     runs: int
@@ -40,7 +40,7 @@ class FiguresReport(Struct):
 @Parameter(name="*")
 @dataclass(frozen=True, kw_only=True)
 class FiguresOptions:
-    """What to compute.
+    """Options of `figures`.
 
     Parameters
     ----------
@@ -50,9 +50,9 @@ class FiguresOptions:
         Make only this figure (4a 4b 4c 5a 5b 6a 6b energy-plan energy-head energy-minimise energy-long);
         may be given more than once.
     jobs
-        Processes that fly at the same time (the number of processors).
+        Processes that simulate at the same time (the number of processors).
     out
-        Folder for figures, tables, page and runs (figures); a sweep that was stopped goes on where it was.
+        Folder for figures, tables, page and runs (figures); a sweep that was stopped continues.
     scheduler
         Fly on the Dask cluster with this scheduler, such as tcp://host:8786 (extra "cluster").
     json
@@ -68,7 +68,7 @@ class FiguresOptions:
 
 
 def figures(*, options: FiguresOptions | None = None) -> int:
-    """Compute the paper's figures again: PNG, SVG and CSV each, and a page that says what was found."""
+    """Compute the paper's figures again: PNG, SVG and CSV each, and a page with the findings."""
     options = options or FiguresOptions()
     if not 1 <= options.runs <= MAX_FIGURE_RUNS:
         raise InputError("--runs", options.runs, f"between 1 and {MAX_FIGURE_RUNS}")
@@ -120,7 +120,7 @@ def _write_table(path: Path, rows: Sequence[Mapping[str, Any]], names: Sequence[
 
 
 def _machine() -> str:
-    """The processor and what surrounds it."""
+    """Return the names of processor, machine and Python version."""
     try:
         described = Path("/proc/cpuinfo").read_text(encoding="utf-8").splitlines()
     except OSError:

@@ -20,11 +20,11 @@ from processes.runtime.console import note, print_json
 MAX_FUZZ_RUNS = 10_000_000
 MAX_FAILURES_SHOWN = 20
 RUNS_AHEAD = 8
-"""Runs given to each worker ahead of time."""
+"""Runs that each worker gets ahead of time."""
 
 
 class Found(Struct):
-    """One failure, made as small as it gets."""
+    """One failure, with as few faults as reproduce it."""
 
     seed: int
     kept: list[int]
@@ -34,7 +34,7 @@ class Found(Struct):
 
 
 class FuzzReport(Struct):
-    """What a search over seeds gave."""
+    """The result of a search over seeds."""
 
     first_seed: int
     runs: int
@@ -44,7 +44,7 @@ class FuzzReport(Struct):
 @Parameter(name="*")
 @dataclass(frozen=True, kw_only=True)
 class FuzzOptions:
-    """What to search.
+    """Options of `fuzz`.
 
     Parameters
     ----------
@@ -53,7 +53,7 @@ class FuzzOptions:
     seed
         First seed (0).
     jobs
-        Processes that fly at the same time (the number of processors).
+        Processes that simulate at the same time (the number of processors).
     keep
         Fly only these faults of each schedule: indices joined by commas, or "none".
     json
@@ -68,7 +68,7 @@ class FuzzOptions:
 
 
 def fuzz(*, options: FuzzOptions | None = None) -> int:
-    """Search random fault schedules for a broken guarantee; each failure comes with its replay."""
+    """Search random fault schedules for a broken guarantee; print a command that replays each failure."""
     options = options or FuzzOptions()
     _check(options)
     kept = _kept(options.keep)
@@ -103,7 +103,7 @@ def _kept(keep: str | None) -> tuple[int, ...] | None:
 
 
 def _search(options: FuzzOptions, kept: tuple[int, ...] | None) -> Iterator[Found | None]:
-    """Results in the order of the seeds; a bounded number of runs is under way."""
+    """Yield results in the order of the seeds; a bounded number of runs is under way."""
     jobs = min(options.jobs or os.cpu_count() or 1, options.runs)
     seeds = range(options.seed, options.seed + options.runs)
     if jobs == 1:

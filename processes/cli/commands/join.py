@@ -11,7 +11,7 @@ from edc_swarm.errors import InputError
 from edc_swarm.mission.configuration import JOIN, MAX_UAVS
 from processes.bus.address import parse_endpoint
 from processes.bus.credentials import certified_uavs, check_certificates
-from processes.cli.whole import Whole
+from processes.cli.whole_number import WholeNumber
 from processes.host.claim_folder import ClaimFolder
 from processes.host.joiner import Joiner
 from processes.runtime.console import FAILED
@@ -22,7 +22,7 @@ def join(
     address: Annotated[str, Parameter(help="The mission's router, tcp/HOST:PORT, tls/HOST:PORT if secured.")],
     /,
     *,
-    uavs: Whole = 1,
+    uavs: WholeNumber = 1,
     state: Path | None = None,
     certs: Path | None = None,
 ) -> int:
@@ -31,11 +31,11 @@ def join(
     Parameters
     ----------
     uavs
-        Fly so many (1). A UAV alone stays small: it imports the planner only when it may have to lead.
+        Number of UAVs to fly (1). A single UAV imports the planner, which needs memory, only when it may have to lead.
     state
-        Folder to keep what the UAVs have promised: started again with it, they are the same UAVs.
+        Folder for the promises of the UAVs; a later `join` with the same folder flies the same UAVs.
     certs
-        Folder with the certificates of `join` and of the UAVs that may be flown here; the mission is secured.
+        Folder with the certificates of `join` and of the UAVs that this host may fly; for a secured mission.
     """
     parse_endpoint("address", address, "tcp" if certs is None else "tls", "" if certs else "; tls takes --certs FOLDER")
     if not 1 <= uavs <= MAX_UAVS:

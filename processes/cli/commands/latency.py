@@ -1,4 +1,4 @@
-"""`edc-swarm latency`: what delay, jitter and loss do to the swarm, in the simulator or with real processes."""
+"""`edc-swarm latency`: the effects of delay, jitter and loss, in the simulator or with real processes."""
 
 from __future__ import annotations
 
@@ -64,7 +64,7 @@ AXES: dict[Axis, str] = {"delay_ms": "delay", "loss": "loss"}
 
 
 class LatencyReport(Struct):
-    """What `--json` prints."""
+    """The results that `--json` prints."""
 
     out: str
     findings: list[LatencyFinding]
@@ -75,7 +75,7 @@ class LatencyReport(Struct):
 @Parameter(name="*")
 @dataclass(frozen=True, kw_only=True)
 class LatencyOptions:
-    """What is flown; what is not said is as in the sweep file, or as the engine's defaults.
+    """Options of `latency`; without one the sweep file decides, else the engine's default.
 
     Parameters
     ----------
@@ -88,13 +88,13 @@ class LatencyOptions:
     hold_slots
         The same where two delays fill a slot, so that the swarm can only hold.
     mission
-        Mission file (TOML) with all that is not swept.
+        Mission file (TOML) with all other fields.
     jobs
-        Simulated missions that are flown at the same time (the number of processors).
+        Processes that simulate at the same time (the number of processors).
     scheduler
         Simulate on the Dask cluster with this scheduler, such as tcp://host:8786 (extra "cluster").
     out
-        Folder for tables, plots, page, recordings and runs (latency); a sweep that was stopped goes on where it was.
+        Folder for tables, plots, page, recordings and runs (latency); a sweep that was stopped continues.
     json
         Print findings and cells as JSON alone on standard output.
     """
@@ -115,7 +115,7 @@ class LatencyOptions:
     json: bool = False
 
     def sweep(self, file: Path | None) -> LatencySweep:
-        """The sweep: file, then options, then defaults."""
+        """Return the sweep: the file, with options in place of its fields, completed by defaults."""
         raw = read_toml("sweep file", file) if file is not None else {}
         given = {name: value for name in PLAIN if (value := getattr(self, name)) is not None}
         lists = {LISTS[name]: _numbers(name, text) for name in LISTS if (text := getattr(self, name)) is not None}
@@ -132,7 +132,7 @@ def latency(
     *,
     options: LatencyOptions | None = None,
 ) -> int:
-    """Fly a grid of delays, jitters and losses: a table, plots with confidence bands, and what was found."""
+    """Fly a grid of delays, jitters and losses; write a table, plots with confidence bands, and the findings."""
     options = options or LatencyOptions()
     declared = options.sweep(sweep_file)
     check_plots()
@@ -183,7 +183,7 @@ def _launched(declared: LatencySweep, options: LatencyOptions) -> list[CellRow]:
 def _flown(
     declared: LatencySweep, engine: Engine, folder: Path, scheduler: Scheduler, code: str | None = None
 ) -> list[CellRow]:
-    """Make the runs that `folder` does not hold yet; the rows of all cells."""
+    """Make the runs that `folder` does not hold yet; return the rows of all cells."""
     with Ledger(folder, code) as ledger:
         if ledger.outdated:
             note(f"{ledger.outdated} runs in {folder} were made by other code and are made again")
@@ -202,7 +202,7 @@ def _rows(
 
 
 def _with_file(run: Run, folder: Path) -> Run:
-    """The same run; one that options cannot say has a mission file in `folder`."""
+    """Return the same run; a run that options cannot express gets a mission file in `folder`."""
     try:
         command_of(run.mission)
     except InputError:
@@ -229,7 +229,7 @@ def _write(folder: Path, rows: Sequence[CellRow], found: Sequence[LatencyFinding
 
 
 def _draw(quantity: Quantity, rows: Sequence[CellRow], folder: Path) -> Iterator[str]:
-    """Draw one quantity over every axis that has more than one value; the stems of the pictures."""
+    """Draw one quantity over every axis that has more than one value; yield the stems of the pictures."""
     slots_s = list(dict.fromkeys(row.cell.slot_s for row in rows))
     for slot_s in slots_s:
         own = [row for row in rows if row.cell.slot_s == slot_s]

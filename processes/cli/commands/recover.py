@@ -1,4 +1,4 @@
-"""`edc-swarm recover`: a whole recording of what a killed recorder has left."""
+"""`edc-swarm recover`: a whole recording, made from the file that a killed recorder has left."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ def recover(
     force: bool = False,
     json: bool = False,
 ) -> int:
-    """Make a whole recording of a torn one; the original is kept. Exit status 1 when something of it is lost.
+    """Make a whole recording from a torn one, and keep the original. Exit status 1: messages are lost.
 
     Parameters
     ----------
@@ -33,7 +33,7 @@ def recover(
     force
         Overwrite an existing recording.
     json
-        Print what is missing as JSON alone on standard output.
+        Print the losses as JSON alone on standard output.
     """
     path = out or recovered_name(part)
     if _is_same(path, part):

@@ -1,4 +1,4 @@
-"""`edc-swarm replay`: a recording back onto a bus, or planned again and compared."""
+"""`edc-swarm replay`: a recording published on a bus, or planned again and compared."""
 
 from __future__ import annotations
 
@@ -35,18 +35,18 @@ MAX_DIFFERENCES_SHOWN = 10
 @Parameter(name="*")
 @dataclass(frozen=True, kw_only=True)
 class ReplayOptions:
-    """How to replay.
+    """Options of `replay`.
 
     Parameters
     ----------
     speed
-        So many times as fast as it was (1).
+        Speed relative to the recorded one (1).
     listen
-        Be a router at this address, tcp/HOST:PORT (a free local port).
+        Run a router at this address, tcp/HOST:PORT (a free local port).
     connect
-        Publish to the router at this address instead of being one.
+        Publish to the router at this address instead of running one.
     wait
-        Seconds between being on the bus and the first message, for others to connect (0).
+        Seconds from opening the bus to the first message, in which others can connect (0).
     verify
         Publish nothing; plan every slot again from the recorded fixes and compare command by command.
     load_planner
@@ -68,7 +68,7 @@ class ReplayOptions:
 def replay(
     recording: Annotated[Path, Parameter(help="The recording, FILE.mcap.")], /, *, options: ReplayOptions | None = None
 ) -> int:
-    """Put a recording back onto a Zenoh bus as it was, message by message; or --verify its plans."""
+    """Publish a recording on a Zenoh bus, message by message as it was; or --verify its plans."""
     options = options or ReplayOptions()
     if options.verify:
         return _verify(recording, as_json=options.json, load_planner=options.load_planner)
@@ -97,7 +97,7 @@ def _check(options: ReplayOptions) -> None:
 
 
 def _messages(path: Path) -> list[tuple[str, int, bytes]]:
-    """Key, time and bytes of everything that was on the bus; what is unreadable is told and left out."""
+    """Return key, time and bytes of every message that was on the bus; warn of unreadable ones and leave them out."""
     recording = read_recording(path, salvage=True)
     for problem in recording.problems:
         note(f"warning: {problem}")
@@ -110,7 +110,7 @@ def _messages(path: Path) -> list[tuple[str, int, bytes]]:
 
 
 def _key(root: str, topic: str) -> str | None:
-    """The key that was recorded as `topic`; None for one that no bus takes."""
+    """Return the key that was recorded as `topic`, or None if it is no valid key of a bus."""
     key = topic if topic.startswith(f"{PREFIX}/") else f"{root}/{topic.removeprefix('/')}"
     try:
         return None if "*" in key else str(zenoh.KeyExpr(key))
@@ -134,7 +134,7 @@ def _session(options: ReplayOptions) -> zenoh.Session:
 
 
 def _publish(session: zenoh.Session, messages: list[tuple[str, int, bytes]], speed: float) -> int:
-    """Publish at the recorded times; a slow subscriber makes the replay late, and loses nothing."""
+    """Publish at the recorded times; a slow subscriber delays the replay and loses nothing."""
     for key, due_s, payload in _timed(messages, speed):
         time.sleep(max(0.0, due_s - time.monotonic()))
         session.put(key, payload, congestion_control=zenoh.CongestionControl.BLOCK, express=False)

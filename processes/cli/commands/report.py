@@ -26,7 +26,7 @@ def report(
     out: Annotated[Path | None, Parameter(name=["--out", "-o"])] = None,
     force: bool = False,
 ) -> int:
-    """Make a page of a recording, self-contained: the animated mission, plots, metrics, guarantees.
+    """Make a self-contained page of a recording: the animated mission, plots, metrics, guarantees.
 
     Parameters
     ----------

@@ -19,7 +19,7 @@ from processes.bus.credentials import TLS, Credentials, check_certificates
 from processes.bus.session import try_client
 from processes.cli.conclusion import conclude
 from processes.cli.options import MISSION_HELP, MissionOptions
-from processes.cli.whole import Whole
+from processes.cli.whole_number import WholeNumber
 from processes.host.launcher import Launcher
 from processes.host.run_report import RunReport
 from processes.host.run_setup import Bus, Protection, View
@@ -40,7 +40,7 @@ def run(
     options: MissionOptions | None = None,
     listen: str | None = None,
     live: bool = False,
-    remote: Whole = 0,
+    remote: WholeNumber = 0,
     operate: str | None = None,
     secure: bool = False,
     certs: Path | None = None,
@@ -50,17 +50,18 @@ def run(
     Parameters
     ----------
     listen
-        Where the router listens, tcp/HOST:PORT, with --secure tls/HOST:PORT (a free port of this host).
+        Address at which the router listens, tcp/HOST:PORT, with --secure tls/HOST:PORT (a free port of this host).
     live
-        Let Foxglove or Lichtblick on this host watch the mission while it is flown.
+        Serve Foxglove and Lichtblick on this host a live view of the mission.
     remote
-        Leave so many UAVs, the last of the roster, to be flown by others: edc-swarm join.
+        Number of UAVs, the last of the roster, that other hosts fly with edc-swarm join (0).
     operate
-        Start nothing: at this router, tcp/HOST:PORT or tls/HOST:PORT, all else is run by others.
+        Start no other process: connect to this router, tcp/HOST:PORT or tls/HOST:PORT; others run the rest.
     secure
-        TLS on every link, a certificate for every process, and a router that lets each say only what is its own.
+        TLS on every link, a certificate for every process, and a router that admits each only to its own keys.
     certs
-        Folder with the certificates, made by `edc-swarm certs` (new ones, for this run alone; not where others fly).
+        Folder with the certificates, made by `edc-swarm certs` (new ones for this run alone). Needed with
+        --secure --remote and --secure --operate.
     """
     options = options or MissionOptions()
     if options.fault_help:
@@ -103,7 +104,7 @@ def run(
 
 
 def _meet(address: str, mission: Mission, alone: Mapping[str, object], protection: Protection | None) -> Bus:
-    """The bus at a router that is there already, and this very mission if it has lost its operator there."""
+    """Connect to a router that is already running, and find this mission there if it has lost its operator."""
     parse_endpoint("--operate", address, "tcp" if protection is None else "tls")
     own = Credentials(protection.certs, OPERATOR) if protection is not None and protection.certs is not None else None
     if own is not None:
@@ -122,7 +123,7 @@ def _meet(address: str, mission: Mission, alone: Mapping[str, object], protectio
 
 
 def _output(mission: Mission, options: MissionOptions, bus: Bus | None) -> Output:
-    """Where to write: anew, or where the recorder of a mission that is taken over is writing."""
+    """Return the file to write: a new one, or that of the recorder of a mission that is taken over."""
     begun = bus.takeover.recorder if bus is not None and bus.takeover is not None else None
     if begun is not None:
         return Output(Path(begun.out), force=True, begun=True)
@@ -134,7 +135,7 @@ def _output(mission: Mission, options: MissionOptions, bus: Bus | None) -> Outpu
 
 
 def _protection(secure: bool, certs: Path | None, mission: Mission, *, elsewhere: bool) -> Protection | None:
-    """What `--secure` asks for: certificates that processes elsewhere have too, and no UAV that hears the truth."""
+    """Check and return the protection that `--secure` asks for: certificates, and no UAV that receives the truth."""
     if not secure:
         if certs is not None:
             raise InputError("--certs", str(certs), "given together with --secure")
@@ -149,7 +150,7 @@ def _protection(secure: bool, certs: Path | None, mission: Mission, *, elsewhere
 
 
 def _tell(report: RunReport, uavs: int) -> None:
-    """How the processes did."""
+    """Print notes about the processes of a run."""
     for text in report.notes:
         note(text)
     if report.interrupted:

@@ -1,4 +1,4 @@
-"""`edc-swarm visualise`: give a recording what viewers show."""
+"""`edc-swarm visualise`: the view for Foxglove and Lichtblick, added to a recording."""
 
 from __future__ import annotations
 
@@ -34,7 +34,7 @@ def visualise(
     Parameters
     ----------
     recording
-        The recording, FILE.mcap; a view that it already has is made anew.
+        The recording, FILE.mcap; a view that it already has is replaced.
     out
         The recording to write (FILE.viz.mcap beside it).
     force

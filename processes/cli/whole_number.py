@@ -9,9 +9,9 @@ from cyclopts import Parameter, Token
 
 
 def _whole(kind: object, tokens: Sequence[Token]) -> int:
-    """Convert without rounding: 10.5 UAVs are a mistake."""
+    """Convert a text to a whole number without rounding: 10.5 UAVs are a mistake."""
     del kind
     return int(tokens[0].value)
 
 
-Whole = Annotated[int, Parameter(converter=_whole)]
+WholeNumber = Annotated[int, Parameter(converter=_whole)]
