@@ -7,15 +7,15 @@ Each cell has one or two killed heads and one kind of links, and contains the mi
 head at (slot + phase) slots. Random(f"killed/{seed}/{heads}") draws `heads` distinct slots of 2 ... 25 by `sample`, in
 increasing order, then a phase in [0, 1) for each by `random`. A kill is skipped if there is no head at its time.
 
-A living UAV that is not home has one of these reasons. Covered: its target is nearer than R to the last plan's hull,
-or to the last known place, of a UAV that no longer lives. Held: the UAV is nearer than R to hulls and no step leads
-away from all of them, or it is within one. Enclosed: hulls surround it. The exit status is 1 if a living UAV is not
-home without such a reason, or if discs could overlap.
+The reasons why a living UAV is not home are those of `edc_swarm.protocol.hindrance`: a dead UAV, or the hull where it
+can be, covers its target; dead UAVs hold it; they close it in. The status is 1 if a living UAV without such a reason
+is not home, or discs could overlap.
 """
 
 from __future__ import annotations
 
 import argparse
+import math
 import sys
 from collections import Counter
 from collections.abc import Iterator
@@ -31,16 +31,14 @@ from rich.progress import track
 from edc_swarm.analysis.living import living_at_end
 from edc_swarm.analysis.tracks import tracks_of
 from edc_swarm.experiments.fuzzing import overlaps
-from edc_swarm.geometry import capsule_distance_m
 from edc_swarm.mission.configuration import ARRIVED_M, Mission
 from edc_swarm.mission.roster import complete_mission
 from edc_swarm.mission.validation import mission_from_dict
 from edc_swarm.planner.registry import make_planner, warm_up
-from edc_swarm.planner.ways import hindrance
+from edc_swarm.protocol.hindrance import hindrances, places_of, point
 from edc_swarm.protocol.messages import Message, MissionMessage, Report, mission_message
 from edc_swarm.recording.model import Recording
 from edc_swarm.simulation.simulator import Simulation
-from edc_swarm.solver.slot_qp import Obstacles
 
 UAVS = 10
 MAX_SLOTS = 400
@@ -100,41 +98,15 @@ def fly(seed: int, heads: int, links: str) -> Flight:
 def _away(
     mission: MissionMessage, centre_m: np.ndarray, living: np.ndarray, plan: Report | None
 ) -> Iterator[tuple[str, str]]:
-    """Yield each living UAV that is not at its target, with the reason."""
-    for k in np.flatnonzero(living).tolist():
-        entry = mission.roster[k]
-        target_m = np.array([entry.target_x_m, entry.target_y_m])
-        if np.hypot(*(centre_m[k] - target_m)) > ARRIVED_M:
-            dead = np.flatnonzero(~living).tolist()
-            covers = [_cover(mission, centre_m, other, target_m, entry.r_m, plan) for other in dead]
-            hulls = _hulls(mission, dead, plan)
-            why = hindrance(centre_m[k], target_m, entry.r_m, hulls)
-            yield entry.uav, "; ".join(filter(None, covers)) or (f"{why} by hulls" if why else "")
-
-
-def _hulls(mission: MissionMessage, dead: list[int], plan: Report | None) -> Obstacles:
-    """Return the last plan's hulls of the dead UAVs."""
-    ids = {mission.roster[k].uav: mission.roster[k].r_m for k in dead}
-    rows = [] if plan is None else list(zip(plan.hull_uav, *plan.hull_columns, strict=True))
-    kept = np.array([(*shape, ids[uav]) for uav, *shape in rows if uav in ids], dtype=float).reshape(-1, 6)
-    return Obstacles(kept[:, 0:2], kept[:, 2:4], kept[:, 4], kept[:, 5])
-
-
-def _cover(
-    mission: MissionMessage, centre_m: np.ndarray, other: int, target_m: np.ndarray, r_m: float, plan: Report | None
-) -> str:
-    """Return in words how a dead UAV covers a target, "" if it does not."""
-    entry = mission.roster[other]
-    keep_m = r_m + entry.r_m
-    disc_m = float(np.hypot(*(centre_m[other] - target_m))) - keep_m
-    if disc_m < 0:
-        return f"target covered by the disc of dead {entry.uav}, by {-disc_m:.2f} m"
-    if plan is not None and entry.uav in plan.hull_uav:
-        ax_m, ay_m, bx_m, by_m, radius_m = (column[plan.hull_uav.index(entry.uav)] for column in plan.hull_columns)
-        hull_m = float(capsule_distance_m(target_m, (ax_m, ay_m), (bx_m, by_m), radius_m)) - keep_m
-        if hull_m < 0:
-            return f"target covered by the hull of dead {entry.uav}, by {-hull_m:.2f} m"
-    return ""
+    """Each living UAV that is not at its target, and why."""
+    dead = np.flatnonzero(~living).tolist()
+    places = [place for k in dead for place in places_of(mission.roster[k], point(centre_m[k]), plan)]
+    at_m = {entry.uav: point(centre_m[k]) for k, entry in enumerate(mission.roster) if living[k]}
+    away = [(e, at_m[e.uav]) for e in mission.roster if e.uav in at_m]
+    away = [(e, here_m) for e, here_m in away if math.dist(here_m, (e.target_x_m, e.target_y_m)) > ARRIVED_M]
+    found = hindrances(away, places)
+    for entry, _ in away:
+        yield entry.uav, str(found.get(entry.uav, ""))
 
 
 def _range(text: str) -> list[int]:

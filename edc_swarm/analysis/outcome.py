@@ -17,10 +17,10 @@ from numpy.typing import NDArray
 
 from edc_swarm.analysis.living import SILENT_SLOTS, living_at_end
 from edc_swarm.analysis.tracks import Tracks, tracks_of
-from edc_swarm.geometry import point_segment_distance_m
 from edc_swarm.mission.configuration import ARRIVED_M, OPERATOR
 from edc_swarm.mission.faults import Freeze, Kill, read_fault
 from edc_swarm.protocol.events import EventKind
+from edc_swarm.protocol.hindrance import Place, hindrances, places_of, point
 from edc_swarm.protocol.messages import Event, Report
 from edc_swarm.recording.model import Recording
 from edc_swarm.recording.sequences import find_gaps
@@ -51,9 +51,15 @@ Cause = Literal[
     "target-covered",
     "not-commanded",
     "commands-not-flown",
+    "held",
+    "closed-in",
     "blocked",
     "mission-ended",
 ]
+
+
+CAUSES: dict[str, Cause] = {"covered": "target-covered", "held": "held", "closed in": "closed-in"}
+"""Cause by what hinders a UAV."""
 
 
 class NotHome(Struct, frozen=True):
@@ -111,21 +117,6 @@ def _away_m(recording: Recording, tracks: Tracks) -> NDArray[np.float64]:
     target_m = np.array([(entry.target_x_m, entry.target_y_m) for entry in roster]).reshape(-1, 2)
     away_m: NDArray[np.float64] = np.hypot(*(tracks.centre_m[-1] - target_m).T)
     return away_m
-
-
-@dataclass(frozen=True, slots=True)
-class _Obstacle:
-    """The place of a UAV that is not home: its disc, or its hull in the newest plan."""
-
-    uav: str
-    what: str
-    a_m: tuple[float, float]
-    b_m: tuple[float, float]
-    keep_m: float
-
-    def gap_m(self, point_m: tuple[float, float]) -> float:
-        """Return the distance of a centre at `point_m` from touching the obstacle, negative inside."""
-        return float(point_segment_distance_m(point_m, self.a_m, self.b_m)) - self.keep_m
 
 
 @dataclass(frozen=True, slots=True)
@@ -238,24 +229,28 @@ class _Judge:
         target_m = (entry.target_x_m, entry.target_y_m)
         obstacles = list(self._obstacles(k))
         for obstacle in obstacles:
-            if obstacle.gap_m(target_m) < 0:
-                text = f"target covered by {obstacle.uav}'s {obstacle.what}"
-                return self._not_home(k, "target-covered", text, by=obstacle.uav)
-        return self._left_alone(k) or self._blocked(k, obstacles) or self._on_its_way(k)
+            if obstacle.gap_m(target_m, entry.r_m) < 0:
+                return self._not_home(k, "target-covered", f"target covered by {obstacle}", by=obstacle.uav)
+        return self._left_alone(k) or self._hindered(k) or self._blocked(k, obstacles) or self._on_its_way(k)
 
-    def _obstacles(self, k: int) -> Iterator[_Obstacle]:
+    def _obstacles(self, k: int) -> Iterator[Place]:
         """Yield the disc of every other UAV that is not home, and its hull if it does not live."""
-        roster, plan = self.recording.mission.roster, self.plan
         for other in np.flatnonzero(~self.home).tolist():
-            if other == k:
-                continue
-            x_m, y_m = self.tracks.centre_m[-1, other].tolist()
-            uav, keep_m = roster[other].uav, roster[k].r_m + roster[other].r_m
-            yield _Obstacle(uav, "disc", (x_m, y_m), (x_m, y_m), keep_m)
-            if not self.living[other] and plan is not None and uav in plan.hull_uav:
-                i = plan.hull_uav.index(uav)
-                a_m, b_m = (plan.hull_ax_m[i], plan.hull_ay_m[i]), (plan.hull_bx_m[i], plan.hull_by_m[i])
-                yield _Obstacle(uav, "hull", a_m, b_m, keep_m + plan.hull_r_m[i])
+            if other != k:
+                plan = None if self.living[other] else self.plan
+                yield from places_of(self.recording.mission.roster[other], point(self.tracks.centre_m[-1, other]), plan)
+
+    def _hindered(self, k: int) -> NotHome | None:
+        """UAVs that do not live leave it no step, or no way to its target."""
+        roster, centre_m = self.recording.mission.roster, self.tracks.centre_m[-1]
+        gone, away = np.flatnonzero(~self.living).tolist(), np.flatnonzero(self.living & ~self.home).tolist()
+        places = [place for i in gone for place in places_of(roster[i], point(centre_m[i]), self.plan)]
+        found = hindrances([(roster[i], point(centre_m[i])) for i in away], places).get(roster[k].uav)
+        if found is None:
+            return None
+        cause = CAUSES[found.kind]
+        text = f"target {found}" if cause == "target-covered" else str(found)
+        return self._not_home(k, cause, text, by=found.uavs[0])
 
     def _left_alone(self, k: int) -> NotHome | None:
         """Return that UAV `k` got no command, or flew none, for many slots up to the end, else None."""
@@ -272,7 +267,7 @@ class _Judge:
             return self._not_home(k, "commands-not-flown", text, flown + 1)
         return None
 
-    def _blocked(self, k: int, obstacles: list[_Obstacle]) -> NotHome | None:
+    def _blocked(self, k: int, obstacles: list[Place]) -> NotHome | None:
         """Return the obstacle of a stuck UAV `k` that is within one step of touching another UAV, else None."""
         if self.tracks.slots <= STUCK_SLOTS or not obstacles:
             return None
@@ -280,12 +275,12 @@ class _Judge:
         away_m = np.hypot(centre_m[:, 0] - entry.target_x_m, centre_m[:, 1] - entry.target_y_m)
         if away_m[-1] < away_m[-1 - STUCK_SLOTS] - ARRIVED_M:
             return None
-        here_m = (float(centre_m[-1, 0]), float(centre_m[-1, 1]))
-        nearest = min(obstacles, key=lambda obstacle: obstacle.gap_m(here_m))
-        if nearest.gap_m(here_m) > self.recording.mission.u_max_m:
+        here_m = point(centre_m[-1])
+        nearest = min(obstacles, key=lambda obstacle: obstacle.gap_m(here_m, entry.r_m))
+        if nearest.gap_m(here_m, entry.r_m) > self.recording.mission.u_max_m:
             return None
         since = int(np.flatnonzero(away_m > away_m[-1] + ARRIVED_M).max(initial=-1)) + 1
-        text = f"blocked by {nearest.uav}'s {nearest.what} since slot {since}"
+        text = f"blocked by {nearest} since slot {since}"
         return self._not_home(k, "blocked", text, since, nearest.uav)
 
     def _on_its_way(self, k: int) -> NotHome:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import numpy as np
+from numpy.typing import NDArray
 
 from edc_swarm.emulation.energy import propulsion_power_w
 from edc_swarm.geometry import Floats, point_segment_distance_m
@@ -13,6 +14,7 @@ from edc_swarm.planner.interface import Plan, PlanRequest, Stopwatch
 from edc_swarm.planner.request import Arrays, checked_arrays
 from edc_swarm.planner.safe import SafeSteps
 from edc_swarm.solver import certificate, slot_qp
+from edc_swarm.solver.slot_qp import Obstacles
 
 
 def weights(mission: Mission) -> tuple[float, float]:
@@ -55,13 +57,34 @@ class Edc:
 
     def _wishes(self, arrays: Arrays) -> Floats:
         """Return the preferred waypoints: those of guidance, but for UAVs that must first fly away from a hull."""
-        obstacles = arrays.obstacles
-        goal_m = ways.free_goals(arrays.target_m, arrays.r_m, obstacles)
-        scene = Scene(arrays.slot, arrays.uav, arrays.position_m, goal_m, arrays.r_m, obstacles)
-        wish_m = self._guidance.wishes(scene)
-        if len(obstacles.keep_m) and len(arrays.uav):
+        free, obstacles = ~self._held(arrays), arrays.obstacles
+        if not free.all():
+            # A plan for a UAV that cannot move would only keep others from going where it never goes.
+            still_m, still_r_m = arrays.position_m[~free], arrays.r_m[~free]
+            obstacles = Obstacles(
+                np.concatenate([obstacles.a_m, still_m]),
+                np.concatenate([obstacles.b_m, still_m]),
+                np.concatenate([obstacles.radius_m, np.zeros(len(still_m))]),
+                np.concatenate([obstacles.keep_m, still_r_m]),
+            )
+        position_m, r_m = arrays.position_m[free], arrays.r_m[free]
+        goal_m = ways.free_goals(arrays.target_m[free], r_m, obstacles)
+        wish_m = arrays.position_m.copy()
+        wish_m[free] = self._guidance.wishes(Scene(arrays.slot, arrays.uav[free], position_m, goal_m, r_m, obstacles))
+        if len(arrays.obstacles.keep_m) and len(arrays.uav):
             self._leave(arrays, wish_m)
         return wish_m
+
+    def _held(self, arrays: Arrays) -> NDArray[np.bool_]:
+        """(n,) UAVs within a hull, or nearer than R to hulls without a step that leads away from all of them."""
+        if not len(arrays.obstacles.keep_m):
+            return np.zeros(len(arrays.uav), dtype=bool)
+        alone = slot_qp.slot_problem(arrays.position_m, arrays.position_m, arrays.r_m, self._u_max_m, arrays.obstacles)
+        held = alone.frozen.copy()
+        for k in np.unique(alone.row_uav[alone.row_room_m == 0]).tolist():
+            normal = alone.row_normal[(alone.row_uav == k) & (alone.row_room_m == 0)]
+            held[k] |= not ways.clearest(normal).any()
+        return held
 
     def _leave(self, arrays: Arrays, wish_m: Floats) -> None:
         """Send UAVs nearer than R to a hull away from it, if their preferred and allowed steps hardly do.

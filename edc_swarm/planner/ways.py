@@ -11,9 +11,9 @@ import math
 import numpy as np
 from numpy.typing import NDArray
 
-from edc_swarm.geometry import Floats, capsule_distance_m, length_m, nearest_on_segment, point_segment_distance_m
+from edc_swarm.geometry import Floats, length_m, nearest_on_segment, point_segment_distance_m
 from edc_swarm.planner import guidance_kernel as kernel
-from edc_swarm.solver.slot_qp import DELTA_M, Obstacles, slot_problem
+from edc_swarm.solver.slot_qp import DELTA_M, Obstacles
 
 SPARE_M = 1e-5
 """Distance added to a moved goal for rounding."""
@@ -106,30 +106,6 @@ def routed(position_m: Floats, goal_m: Floats, walls: kernel.Walls, slot: int) -
         if first >= 0:
             first_m[k], way_m[k] = node_m[first], length
     return first_m, way_m
-
-
-def hindrance(position_m: Floats, target_m: Floats, r_m: float, obstacles: Obstacles) -> str:
-    """Return the reason why hulls keep a UAV from flying from one point (2,) to the other, "" if they do not.
-
-    ===========  ==============================================================================================
-    "covered"    the target is nearer than R to a hull
-    "held"       the UAV is inside a hull, or no step leads away from all hulls nearer than R
-    "closed in"  there is no way round the hulls
-    ===========  ==============================================================================================
-    """
-    keep_m = r_m + obstacles.keep_m
-    if (capsule_distance_m(target_m, obstacles.a_m, obstacles.b_m, obstacles.radius_m) < keep_m).any():
-        return "covered"
-    here_m, radii_m = position_m[None], np.array([r_m])
-    near = slot_problem(here_m, here_m, radii_m, 1.0, obstacles)
-    normal = near.row_normal[near.row_room_m == 0]
-    if near.frozen.any() or (len(normal) and not clearest(normal).any()):
-        return "held"
-    goal_m = free_goals(target_m[None], radii_m, obstacles)
-    walls = walls_of(here_m, radii_m, obstacles)
-    first_m, _ = routed(here_m, goal_m, walls, 0)
-    open_way = kernel.open_way(walls, 0, *position_m.tolist(), *goal_m[0].tolist())
-    return "" if open_way or (first_m != goal_m).any() else "closed in"
 
 
 def clearest(normal: Floats) -> Floats:

@@ -3,11 +3,12 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Iterator
 
-from edc_swarm.geometry import capsule_distance_m
 from edc_swarm.mission.configuration import Mission, RosterEntry
 from edc_swarm.mission.faults import parse_faults
 from edc_swarm.mission.prospect import prospect_of, settled_slot
+from edc_swarm.protocol.hindrance import Place, hindrances, places_of
 from edc_swarm.protocol.messages import Command, Fix, Report
 
 STALL_SLOTS = 100
@@ -22,8 +23,8 @@ NO_STEP_SHARE = 1e-4
 class MissionMonitor:
     """Monitor of fixes, commands and reports that decides when a mission is over.
 
-    A mission is over when every UAV that still flies is at its target (`complete`; a UAV whose target is covered by a
-    grounded UAV does not count), or when nothing can change any more (`stalled`).
+    It is over when every UAV that still flies is at its target, or kept from it by UAVs that move no more
+    (`complete`, see `protocol.hindrance`), or when nothing can change any more (`stalled`).
     """
 
     def __init__(self, mission: Mission) -> None:
@@ -98,7 +99,17 @@ class MissionMonitor:
     def complete(self, slot: int) -> bool:
         """Return True if the fixes of `slot` show every flying UAV at its target, or at a target that is covered."""
         flying = [entry for entry in self._mission.roster if not self._grounded(entry.uav)]
-        return bool(flying) and all(self._there(entry, slot) for entry in flying)
+        away = []
+        for entry in flying:
+            fix = self._newest.get(entry.uav)
+            if fix is None or fix.slot < slot:
+                return False
+            if not fix.arrived:
+                away.append((entry, (fix.waypoint_x_m, fix.waypoint_y_m)))
+        if not away or len(flying) == len(self._mission.roster):
+            return bool(flying) and not away
+        places = [place for other in self._mission.roster for place in self._places(other)]
+        return len(hindrances(away, places)) == len(away)
 
     def stalled(self, slot: int) -> bool:
         """Return True if the fixes, commands and reports until `slot` show that nothing can change any more.
@@ -128,25 +139,10 @@ class MissionMonitor:
         fix = self._newest.get(uav)
         return uav in self._ended or (fix is not None and not fix.voter)
 
-    def _there(self, entry: RosterEntry, slot: int) -> bool:
-        fix = self._newest.get(entry.uav)
-        return fix is not None and fix.slot >= slot and (fix.arrived or self._covered(entry))
-
-    def _covered(self, entry: RosterEntry) -> bool:
-        """Return True if a grounded UAV is or may be nearer than R to this UAV's target."""
-        target_m = (entry.target_x_m, entry.target_y_m)
-        return any(
-            self._distance_m(target_m, other) < entry.r_m + other.r_m
-            for other in self._mission.roster
-            if other is not entry and self._grounded(other.uav)
-        )
-
-    def _distance_m(self, point_m: tuple[float, float], other: RosterEntry) -> float:
-        """Return the distance to a grounded UAV: to its hull in the newest report, else to its waypoint."""
-        report, fix = self.report, self._newest.get(other.uav)
-        if report is not None and other.uav in report.hull_uav:
-            k = report.hull_uav.index(other.uav)
-            a_m, b_m = (report.hull_ax_m[k], report.hull_ay_m[k]), (report.hull_bx_m[k], report.hull_by_m[k])
-            return float(capsule_distance_m(point_m, a_m, b_m, report.hull_r_m[k]))
+    def _places(self, other: RosterEntry) -> Iterator[Place]:
+        """Yield where a UAV is or can be, if it moves no more."""
+        if not self._grounded(other.uav):
+            return
+        fix = self._newest.get(other.uav)
         centre_m = (other.start_x_m, other.start_y_m) if fix is None else (fix.waypoint_x_m, fix.waypoint_y_m)
-        return math.dist(point_m, centre_m)
+        yield from places_of(other, centre_m, self.report)

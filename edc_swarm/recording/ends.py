@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 from operator import attrgetter
 
-from edc_swarm.mission.configuration import OPERATOR
+from edc_swarm.mission.configuration import OPERATOR, RECORDER
 from edc_swarm.mission.faults import Freeze, Kill, read_fault
 from edc_swarm.protocol.events import EventKind
 from edc_swarm.protocol.keys import KEY_FORMS
@@ -44,6 +44,9 @@ def ends_of(recording: Recording) -> Ends:
             who = speaker(message)
             first_ns[who] = min(message.sent_ns, first_ns.get(who, message.sent_ns))
     first_ns.pop((recording.mission.name, recording.mission.instance), None)
+    if recording.run_end is not None:
+        # The recorder publishes no `closed` event: it writes `run_end` instead, after all of its own events.
+        first_ns = {who: at_ns for who, at_ns in first_ns.items() if who[0] != RECORDER}
     newest: dict[str, tuple[int, str]] = {}
     for (source, instance), began_ns in first_ns.items():
         newest[source] = max((began_ns, instance), newest.get(source, (-1, "")))

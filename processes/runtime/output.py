@@ -87,6 +87,9 @@ class Output:
             if Path(error.path) != self.path:
                 raise
             raise self.cannot_write(error.reason) from None
+        except InputError as error:
+            cause = error.__context__
+            raise self.cannot_write(_why(cause) if isinstance(cause, OSError) else error.allowed) from None
         self.part.unlink()
         return missing
 
@@ -178,19 +181,23 @@ def recovered_name(part: Path) -> Path:
 
 
 @contextmanager
-def held_for_writing(part: Path) -> Iterator[BinaryIO]:
+def held_for_writing(part: Path, *, keep: bool = False) -> Iterator[BinaryIO]:
     """Open `part` and lock it, so that no other run recovers it. The caller renames it before the lock ends.
 
     Raises
     ------
     InputError
         The file cannot be written; it is then removed.
+    OSError
+        With `keep`: the file cannot be written; it stays, since it can be recovered.
     """
     try:
         with part.open("r+b") as stream:
             fcntl.flock(stream, fcntl.LOCK_EX)
             yield stream
     except OSError as error:
+        if keep:
+            raise
         part.unlink(missing_ok=True)
         raise unwritten("--out", part.with_name(part.name.removesuffix(PART)), error) from None
 

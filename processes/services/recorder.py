@@ -300,22 +300,25 @@ def main() -> int:
         die_with_parent(settings.parent)
         signal.signal(signal.SIGINT, signal.SIG_IGN)
     signal.signal(signal.SIGXFSZ, signal.SIG_IGN)
-    with held_for_writing(Path(settings.part)) as stream:
-        if stream.read(1):
-            raise InputError("recording", settings.part, "empty (a recording of a dead recorder cannot be continued)")
-        recorder = Recorder(settings, stream)
-        signal.signal(signal.SIGTERM, lambda *_: recorder.stop())
-        try:
+    recorder = None
+    try:
+        with held_for_writing(Path(settings.part), keep=True) as stream:
+            if stream.read(1):
+                allowed = "empty (a recording of a dead recorder cannot be continued)"
+                raise InputError("recording", settings.part, allowed)
+            recorder = Recorder(settings, stream)
+            signal.signal(signal.SIGTERM, lambda *_: recorder.stop())
             recorder.record()
             recorder.finish()
             if recorder.file.has_mission:
                 Path(settings.part).replace(settings.out)
             else:
                 Path(settings.part).unlink()
-        except OSError as error:
+    except OSError as error:
+        if recorder is not None:
             recorder.tell(EventKind.RECORDING_FAILED, reason_of(error))
-            print(reason_of(error), file=sys.stderr, flush=True)
-            os._exit(CANNOT_WRITE)
+        print(reason_of(error), file=sys.stderr, flush=True)
+        os._exit(CANNOT_WRITE)
     if not settings.parent:
         outlast_operator(settings.endpoint, settings.mission, credentials(settings.certs, NAME))
     return 0

@@ -53,7 +53,7 @@ def test_a_bad_option_ends_everything(swarm: Make, arguments: tuple[str, ...]):
     """Its one line is seen, and nobody waits for an operator that will not come."""
     flown = swarm(UAVS="3", PLANNER="nonsense")
     up = flown.compose("up", *arguments, check=False)
-    assert "error: planner = 'nonsense': must be" in up.stdout
+    assert "error: --planner = 'nonsense': must be" in up.stdout
     assert flown.await_end() == 2
     assert up.returncode == (2 if arguments else 0)
     assert list(flown.folder.iterdir()) == []

@@ -391,7 +391,7 @@ def test_a_router_that_has_just_begun_to_listen_hears_the_word(start):
     """SIGTERM reaches the aborting operator a second before that router sees its token."""
     address = free_endpoint()
     given_up = start("run", *FAST, "--operate", address, "--planner", "nonsense")
-    assert given_up.process.stderr.readline().startswith("error: planner = ")
+    assert given_up.process.stderr.readline().startswith("error: --planner = ")
     slowly = "router._route_one_mission = lambda *told: time.sleep(1) or route(*told)"
     script = f"import sys, time; from processes.services import router; route = router._route_one_mission; {slowly}"
     command = [sys.executable, "-c", f"{script}; sys.exit(router.main())", address, "mission"]

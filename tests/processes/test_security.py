@@ -44,7 +44,7 @@ FLOWS = {
 FINDS_THE_MISSION = "*/alive/operator/* -/alive/gave-up"
 ROLES_MAY = {
     "operator says": "m/mission m/event/operator",
-    "operator hears": "m/uav/*/fix m/head/*/report m/event/*",
+    "operator hears": "m/uav/*/fix m/head/*/report m/head/*/command/* m/event/*",
     "operator asks": "m/mission m/orders/recorder",
     "operator answers": "m/mission m/event/operator m/claims m/orders/* m/again/operator/*",
     "operator lives": "m/alive/operator/*",

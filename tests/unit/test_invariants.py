@@ -898,7 +898,7 @@ def test_g7_excuses_a_uav_that_must_hold() -> None:
         assert isinstance(report, Report)
         messages[last] = msgspec.structs.replace(report, **hull, hull_r_m=[radius_m])
         assert progress(messages).status == status
-    excuse = "u2 need not arrive: it must hold, since u0, which no longer flies, may be where it is"
+    excuse = "u2 need not arrive: it must hold, since no step leads away from u0, which no longer flies"
     assert progress(messages).notes == [excuse]
 
 

@@ -222,3 +222,15 @@ def test_a_long_list_is_cut_in_the_table_alone() -> None:
     found = metrics(said)
     assert len(found.not_home) == MAX_NAMED + 2
     assert dict(metric_rows(found))["not home"].endswith("; and 2 more")
+
+
+@pytest.mark.parametrize(("radius_m", "cause", "by"), [(2.5, "held", "u1"), (1.5, "mission-ended", "")])
+def test_who_is_within_a_hull_is_held_by_it(messages: list[Message], radius_m: float, cause: str, by: str) -> None:
+    """No step leads away from it; beside it one does."""
+    with_target(messages, 1, 12.0, 90.0)
+    messages.append(Event(source="operator", slot=30, kind="fault", detail="kill u1 @30"))
+    hull = {"hull_ax_m": [12.0], "hull_ay_m": [60.0], "hull_bx_m": [22.0], "hull_by_m": [60.0], "hull_r_m": [radius_m]}
+    change(messages, {"slot": 30}, Report, hull_uav=["u1"], **hull)
+    who = metrics(messages).not_home[1]
+    assert (who.cause, who.by) == (cause, by)
+    assert who.reason == "held by u1's hull" or not by

@@ -137,3 +137,16 @@ def test_the_way_is_the_shortest_and_none_is_none() -> None:
     first_m, way_m = routed(np.zeros((1, 2)), 3 * goal_m, walls_of(np.zeros((1, 2)), np.array([R_M]), box), 0)
     assert first_m.tolist() == (3 * goal_m).tolist()
     assert way_m.tolist() == [90.0]
+
+
+def test_nobody_waits_for_a_uav_that_is_held() -> None:
+    """One within a hull wants to fly across the others and never does; the one whose target is free flies home."""
+    planner = make_planner("edc", Mission(uavs=4))
+    position_m = np.array([(22.06, 9.92), (3.83, 10.23), (29.45, 24.97)])
+    target_m = np.array([(12.76, 5.75), (27.21, 28.68), (23.83, 8.49)])
+    hull = Hull(3, -5.69, 13.40, -6.07, 12.01, 15.0, R_M)
+    for slot in range(60):
+        request = PlanRequest(slot, [0, 1, 2], position_m, target_m, [R_M] * 3, [hull])
+        position_m = np.array(planner.plan(request).waypoint_m)
+    assert position_m[1].tolist() == [3.83, 10.23]
+    assert length_m(position_m[2] - target_m[2]) <= ARRIVED_M

@@ -4,15 +4,17 @@
 end. A mission that stopped because nothing could change any more (`prospect.STALLED`) is judged at that slot, since
 more slots would change nothing.
 
-A living UAV is excused, and named in the notes, if a UAV that no longer flies keeps it away: this one covers its
-target, or its hull in the last plan does; or its hull contains the place of the living UAV, which then must hold
-(ARCHITECTURE.md, near a hull). An empty battery is neither an excuse nor a violation: if a battery is empty within
-the limit, the verdict is "not judged". Else a swarm that hovers until all batteries are empty would pass.
+Excused, and named in the notes, is whoever a UAV that no longer flies keeps away: it covers the target or, by the
+last plan's hulls, may cover it; or no step leads away from where it may be; or there is no way round it (the rule:
+`edc_swarm.protocol.hindrance`). An empty battery is no excuse but no proof either: it counts as "not judged" if it was
+empty within the limit, since a swarm that does nothing until all batteries are empty must not pass for one that had no
+time.
 """
 
 from __future__ import annotations
 
 import math
+from collections.abc import Collection
 
 import numpy as np
 from numpy.typing import NDArray
@@ -20,11 +22,11 @@ from numpy.typing import NDArray
 from edc_swarm.analysis.guarantees.evidence import Evidence
 from edc_swarm.analysis.guarantees.verdict import GuaranteeResult, Violation, not_applicable, not_judged, verdict
 from edc_swarm.analysis.living import living_at_end
-from edc_swarm.geometry import Floats, capsule_distance_m
 from edc_swarm.mission.configuration import ARRIVED_M, OPERATOR
 from edc_swarm.mission.faults import Fault, parse_faults, read_fault
 from edc_swarm.mission.prospect import STALLED, default_max_slots, prospect_of, settled_slot
 from edc_swarm.protocol.events import EventKind
+from edc_swarm.protocol.hindrance import Hindrance, hindrances, places_of, point
 
 _G7 = ("G7", "Progress")
 
@@ -43,7 +45,7 @@ def check_progress(evidence: Evidence) -> GuaranteeResult:
     if due.sum() < mission.quorum:
         where = "" if inside.all() else " on the larger side of a partition that never heals"
         return not_applicable(*_G7, f"{due.sum()} UAVs live at the end{where}, {mission.quorum} are a quorum")
-    excuses = {k: _excuse(evidence, k, bound) for k in _away(evidence, due)}
+    excuses = _excuses(evidence, _away(evidence, due), bound)
     excuses |= dict.fromkeys(
         _away(evidence, living & ~inside), "a partition that never heals cuts it off from the quorum"
     )
@@ -82,33 +84,29 @@ def _away_m(evidence: Evidence, k: int) -> float:
     return math.hypot(entry.target_x_m - x_m, entry.target_y_m - y_m)
 
 
-def _excuse(evidence: Evidence, k: int, bound: NDArray[np.bool_]) -> str:
-    """Return the reason why UAV `k` need not arrive, with the UAVs that keep it away; "" if it must arrive."""
-    uavs, roster = evidence.tracks.uavs, evidence.mission.roster
-    target_m, centre_m = np.array([roster[k].target_x_m, roster[k].target_y_m]), evidence.tracks.centre_m[-1, k]
-    covering, holding = [], []
-    for other in np.flatnonzero(~bound & (np.arange(len(uavs)) != k)).tolist():
-        if _clearance_m(evidence, target_m, other) < roster[k].r_m + roster[other].r_m:
-            covering.append(uavs[other])
-        if _clearance_m(evidence, centre_m, other) <= 0:
-            holding.append(uavs[other])
-    if covering:
-        return f"its target is, or may be, covered by {' and '.join(covering)}, which no longer flies"
-    if holding:
-        return f"it must hold, since {' and '.join(holding)}, which no longer flies, may be where it is"
-    return ""
-
-
-def _clearance_m(evidence: Evidence, point_m: Floats, other: int) -> float:
-    """Return the distance from a point to the disc, or the hull in the last plan, of a UAV that no longer flies."""
-    centre_m = float(np.hypot(*(evidence.tracks.centre_m[-1][other] - point_m)))
+def _excuses(evidence: Evidence, away: list[int], bound: NDArray[np.bool_]) -> dict[int, str]:
+    """Why each UAV of `away` need not arrive: where the UAVs that no longer fly are, or may be. "" if it must."""
+    roster, centre_m = evidence.mission.roster, evidence.tracks.centre_m[-1]
     plan = max(evidence.plans, key=lambda report: (report.term, report.slot), default=None)
-    uav = evidence.mission.roster[other].uav
-    if plan is None or uav not in plan.hull_uav:
-        return centre_m
-    i = plan.hull_uav.index(uav)
-    ends_m = (plan.hull_ax_m[i], plan.hull_ay_m[i]), (plan.hull_bx_m[i], plan.hull_by_m[i])
-    return min(centre_m, float(capsule_distance_m(point_m, *ends_m, plan.hull_r_m[i])))
+    places = [
+        place for k in np.flatnonzero(~bound).tolist() for place in places_of(roster[k], point(centre_m[k]), plan)
+    ]
+    found = hindrances([(roster[k], point(centre_m[k])) for k in away], places)
+    living = {roster[k].uav for k in np.flatnonzero(bound).tolist()}
+    return {k: _excuse(found[roster[k].uav], living) if roster[k].uav in found else "" for k in away}
+
+
+def _excuse(found: Hindrance, living: Collection[str]) -> str:
+    gone = all(uav not in living for uav in found.uavs)
+    verb = "flies" if len(found.uavs) == 1 else "fly"
+    who = f"{' and '.join(found.uavs)}, which {f'no longer {verb}' if gone else 'can no longer move'}"
+    match found.kind:
+        case "covered":
+            return f"its target is, or may be, covered by {who}"
+        case "held":
+            return f"it must hold, since no step leads away from {who}"
+        case "closed in":
+            return f"there is no way to its target round {who}"
 
 
 def _missing(evidence: Evidence, k: int) -> Violation:

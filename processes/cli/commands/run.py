@@ -100,7 +100,7 @@ def run(
     _tell(report, len(mission.roster))
     status = conclude(output.path, as_json=options.json, last_slot=report.last_slot) if report.flew else FAILED
     launcher.leave()
-    return FAILED if report.failed else status
+    return FAILED if report.failed or report.interrupted else status
 
 
 def _meet(address: str, mission: Mission, alone: Mapping[str, object], protection: Protection | None) -> Bus:

@@ -1,0 +1,180 @@
+"""UAVs that no longer fly keep another from its target: they cover it, hold the UAV, or close it in."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+import pytest
+
+from edc_swarm.mission.configuration import Mission, RosterEntry
+from edc_swarm.protocol.completion import MissionMonitor
+from edc_swarm.protocol.hindrance import BUFFER_M, Place, Point, hindrance, hindrances
+from edc_swarm.protocol.messages import Fix, Report
+from edc_swarm.solver.slot_qp import DELTA_M, Obstacles, slot_problem
+
+R_M = 5.0
+HERE: Point = (0.0, 0.0)
+FAR: Point = (100.0, 0.0)
+
+
+def disc(uav: str, x_m: float, y_m: float) -> Place:
+    """The disc of a dead UAV."""
+    return Place(uav, "disc", (x_m, y_m), (x_m, y_m), 0.0, R_M)
+
+
+def hull(uav: str, a_m: Point, b_m: Point, radius_m: float = 0.0) -> Place:
+    """Where a dead UAV can be."""
+    return Place(uav, "hull", a_m, b_m, radius_m, R_M)
+
+
+def ring(radius_m: float, count: int, centre_m: Point = HERE) -> list[Place]:
+    """Discs about a point."""
+    turns = [math.tau * k / count for k in range(count)]
+    return [
+        disc(f"u{k}", centre_m[0] + radius_m * math.cos(turn), centre_m[1] + radius_m * math.sin(turn))
+        for k, turn in enumerate(turns)
+    ]
+
+
+def kind(position_m: Point, target_m: Point, places: list[Place]) -> str:
+    """The kind of hindrance, "" for none."""
+    found = hindrance(position_m, target_m, R_M, places)
+    return "" if found is None else found.kind
+
+
+def test_the_buffer_is_that_of_the_planner() -> None:
+    """What the slot QP cannot fly through is no passage."""
+    assert BUFFER_M == DELTA_M
+
+
+@pytest.mark.parametrize(
+    ("places", "expected"),
+    [
+        ([], ""),
+        ([disc("a", 100, 9.99)], "covered by a's disc"),
+        ([disc("a", 100, 10.01)], ""),
+        ([hull("a", (90, 12), (110, 12), 2.5), disc("b", 0, 9)], "covered by a's hull"),
+        # One place alone holds nobody that is outside it, two on opposite sides do.
+        ([hull("a", (-3, -8), (-3, 8), 2.5)], ""),
+        ([hull("a", (-3, -8), (-3, 8), 3.5)], "held by a's hull"),
+        ([hull("a", (-8, -8), (-8, 8), 1), hull("b", (8, -8), (8, 8), 1)], "held by a's hull and b's hull"),
+        # Seen to the left and below: away from both is up and to the right.
+        ([disc("a", -8, 0), disc("b", 0, -8)], ""),
+        ([disc("a", -8, 0), disc("b", 4, -6), disc("c", 4, 6)], "held by a's disc and b's disc and c's disc"),
+        # Across the direction of 180 degrees.
+        ([disc("a", -8, 0.1), disc("b", -8, -0.1)], ""),
+    ],
+)
+def test_covered_and_held(places: list[Place], expected: str) -> None:
+    """By R about the target, and by the directions in which the near places are seen."""
+    found = hindrance(HERE, FAR, R_M, places)
+    assert ("" if found is None else str(found)) == expected
+
+
+def test_held_is_what_the_slot_qp_holds() -> None:
+    """In random places: held exactly where no direction keeps all rows of the slot QP, or the UAV is within a hull."""
+    random = np.random.default_rng(5)
+    held = 0
+    turns = np.linspace(0, math.tau, 20001)
+    direction = np.stack([np.cos(turns), np.sin(turns)], axis=-1)
+    for _ in range(300):
+        count = int(random.integers(1, 4))
+        a_m = random.uniform(-12, 12, (count, 2))
+        b_m, radius_m = a_m + random.uniform(-6, 6, (count, 2)), random.uniform(0, 4, count)
+        places = [
+            hull(str(k), tuple(a_m[k].tolist()), tuple(b_m[k].tolist()), float(radius_m[k])) for k in range(count)
+        ]
+        problem = slot_problem(
+            np.zeros((1, 2)), np.zeros((1, 2)), np.array([R_M]), 1.0, Obstacles(a_m, b_m, radius_m, np.full(count, R_M))
+        )
+        normal = problem.row_normal[problem.row_room_m == 0]
+        expected = bool(problem.frozen[0]) or not (direction @ normal.T >= 0).all(axis=1).any()
+        held += expected
+        assert (kind(HERE, FAR, places) == "held") is expected
+    assert 50 < held < 250, "the places show both"
+
+
+def test_closed_in() -> None:
+    """A ring without a gap about the UAV or about its target; not one about both, nor an open one."""
+    closed = ring(30.0, 10)  # 18.5 m apart
+    assert kind(HERE, FAR, closed) == "closed in"
+    assert kind(FAR, HERE, closed) == "closed in"
+    assert kind((5.0, 0.0), HERE, closed) == ""
+    assert kind(HERE, FAR, closed[1:]) == ""
+    assert kind((200.0, 0.0), FAR, closed) == ""
+    chain = hindrance(HERE, FAR, R_M, [*closed, disc("elsewhere", 300, 0)])
+    assert chain is not None
+    assert chain.uavs == [f"u{k}" for k in range(10)]
+
+
+@pytest.mark.parametrize(("spare_m", "expected"), [(-1e-3, "closed in"), (2 * DELTA_M + 1e-3, "")])
+def test_the_passage_is_twice_r_and_buffer(spare_m: float, expected: str) -> None:
+    """Between neighbours of a ring a disc must fit, with the slot QP's buffer on either side."""
+    radius_m = (4 * R_M + spare_m) / (2 * math.sin(math.pi / 8))
+    assert kind(HERE, FAR, ring(radius_m, 8)) == expected
+
+
+def test_two_long_hulls_close_in_a_uav_near_one_of_them() -> None:
+    """Two V shapes that overlap form a ring; nearer than R to one of them a UAV may leave, but not through it."""
+    box = [hull("a", (-20, -20), (20, -20), 1), hull("b", (20, -20), (20, 20), 1)]
+    box += [hull("c", (20, 20), (-20, 20), 1), hull("d", (-20, 20), (-20, -20), 1)]
+    assert kind((0.0, -11.0), FAR, box) == "closed in"
+    assert kind((0.0, -11.0), FAR, box[:3]) == ""
+
+
+def test_a_uav_that_is_held_is_in_the_way_of_others() -> None:
+    """Its disc covers another one's target; where it is free to move, it does not."""
+    held = RosterEntry(uav="h", start_x_m=0, start_y_m=0, target_x_m=90, target_y_m=0, r_m=R_M, body_m=1, energy_j=1)
+    other = RosterEntry(uav="o", start_x_m=0, start_y_m=0, target_x_m=9, target_y_m=-3, r_m=R_M, body_m=1, energy_j=1)
+    away = [(other, (60.0, 60.0)), (held, HERE)]
+    sides = [hull("a", (-8, -8), (-8, 8), 1), hull("b", (-8, 9), (8, 9), 1)]
+    found = hindrances(away, sides)
+    assert {uav: str(why) for uav, why in found.items()} == {
+        "o": "covered by h's disc", "h": "held by a's hull and b's hull"
+    }  # fmt: skip
+    assert hindrances(away, sides[:1]) == {}
+
+
+# --- the end of the mission --------------------------------------------------------------------
+
+ROSTER = [
+    RosterEntry(uav=uav, start_x_m=x_m, start_y_m=y_m, target_x_m=60 * k, target_y_m=90, r_m=R_M, body_m=1, energy_j=1)
+    for k, (uav, x_m, y_m) in enumerate((("a", 0, 0), ("b", -8, 3), ("c", 8, 3), ("d", 0, -8), ("e", 90, 0)))
+]
+
+
+def monitor(scale: int = 1) -> MissionMonitor:
+    """A monitor that has heard in slot 9 that e is at its target, and the others `scale` times as far out as above."""
+    judge = MissionMonitor(Mission(uavs=5, roster=ROSTER))
+    for entry in ROSTER:
+        x_m, y_m = scale * entry.start_x_m, scale * entry.start_y_m
+        place = {"x_m": x_m, "y_m": y_m, "waypoint_x_m": x_m, "waypoint_y_m": y_m}
+        judge.hear_fix(Fix(uav=entry.uav, slot=9, r_m=R_M, arrived=entry.uav == "e", **place))
+    return judge
+
+
+def test_a_mission_does_not_wait_for_a_uav_that_dead_ones_hold() -> None:
+    """Complete for the living: as soon as all three neighbours are gone for good, and not before."""
+    judge = monitor()
+    for uav in "bcd":
+        assert not judge.complete(9)
+        judge.end(uav)
+    assert judge.complete(9)
+    judge.revive("c")
+    assert not judge.complete(9)
+
+
+def test_the_newest_hulls_hold() -> None:
+    """By where it can be as the newest plan says, not only by where the dead UAV was seen last."""
+    judge = monitor(scale=4)
+    for uav in "bcd":
+        judge.end(uav)
+    assert not judge.complete(9)
+    judge.hear_report(
+        Report(
+            head="e", slot=9, term=2, status="planned", quorum=3, grants=["a", "d", "e"], hull_uav=["b", "c"],
+            hull_ax_m=[-32, 32], hull_ay_m=[12, 12], hull_bx_m=[-8, 8], hull_by_m=[0, 0], hull_r_m=[1, 1],
+        )
+    )  # fmt: skip
+    assert judge.complete(9)
