@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import re
+from functools import cache
 
 from msgspec import inspect
 from msgspec.inspect import (
@@ -42,7 +43,7 @@ def in_words(kind: Type) -> str:
 
 def type_at(kind: type, path: str) -> Type:
     """Return the declared type at `path`, such as `roster[2].r_m`, inside the Struct `kind`."""
-    found: Type = inspect.type_info(kind)
+    found = _described(kind)
     for part in re.findall(r"[^.\[\]]+", path):
         options = found.types if isinstance(found, UnionType) else (found,)
         found = next(inner for each in options if (inner := _inside(each, part)) is not None)
@@ -55,6 +56,11 @@ def plain_number(value: float) -> str:
         return str(value)
     digits, _, exponent = f"{value:.12e}".partition("e")
     return f"{value:.12g}" if -4 <= int(exponent) < 7 else f"{digits.rstrip('0').rstrip('.')}e{int(exponent)}"
+
+
+@cache
+def _described(kind: type) -> Type:
+    return inspect.type_info(kind)
 
 
 def _inside(kind: Type, part: str) -> Type | None:
