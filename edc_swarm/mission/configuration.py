@@ -22,6 +22,8 @@ from msgspec import Meta, Struct
 MAX_UAVS = 2000
 MAX_FAULTS = 1000
 MAX_LINKS = 1000
+MAX_ZONES = 1000
+MAX_CORNERS = 1000
 MOST_SLOTS = 1_000_000
 FOR_GOOD_S = 1e9
 """A link rule that ends then or later never ends."""
@@ -31,6 +33,8 @@ Minimise = Literal["distance", "energy", "time"]
 Criterion = Literal["energy", "response-time"]
 GpsModel = Literal["none", "bias", "white", "gauss-markov"]
 Distribution = Literal["constant", "uniform", "normal", "lognormal"]
+ZoneKind = Literal["inclusion", "exclusion"]
+ZoneRule = Literal["", "disc", "centre"]
 
 UavId = Annotated[str, Meta(pattern=r"^[A-Za-z0-9_-]{1,32}$(?!\n)")]
 MissionId = Annotated[str, Meta(pattern=r"^[A-Za-z0-9_-]{1,64}$(?!\n)")]
@@ -39,6 +43,8 @@ MOST = 1e12
 """Largest quantity of any kind: products of a few of them are still finite."""
 Metres = Annotated[float, Meta(ge=-MOST_M, le=MOST_M)]
 """A coordinate in the local frame."""
+Point = tuple[Metres, Metres]
+"""A point (x, y) in the local frame."""
 Speed = Annotated[float, Meta(gt=0, le=1e4)]
 Positive = Annotated[float, Meta(gt=0, le=MOST)]
 NonNegative = Annotated[float, Meta(ge=0, le=MOST)]
@@ -236,6 +242,36 @@ class Link(Struct, frozen=True, kw_only=True):
     """Mission time at which the rule ends; from 1e9 on it never ends."""
 
 
+class Zone(Struct, frozen=True, kw_only=True):
+    """One zone of the airspace: a polygon or a circle that UAVs must not leave, or must not enter.
+
+    A UAV stays inside all inclusion zones and outside all exclusion zones.
+
+    Source: the user.
+    """
+
+    name: Annotated[str, Meta(min_length=1, max_length=64)]
+    """Name of the zone, which no other zone has."""
+    kind: ZoneKind
+    """Kind of the zone: `inclusion` (a fence that no UAV leaves) or `exclusion` (no UAV enters)."""
+    polygon: Annotated[list[Point], Meta(max_length=MAX_CORNERS)] = []
+    """Corners (x, y) of a simple polygon, at least three, in either sense of rotation; or else `centre`, `radius_m`."""
+    centre: Annotated[list[Metres], Meta(max_length=2)] = []
+    """Centre (x, y) of a circle, for a zone without `polygon`."""
+    radius_m: NonNegative = 0.0
+    """Radius of the circle about `centre`, for a zone without `polygon`."""
+    keep: ZoneRule = ""
+    """Part of a UAV that keeps to the zone: its whole tracked `disc`, or the `centre` of the disc.
+
+    Default: "", which stands for `centre` at an inclusion zone and `disc` at an exclusion zone.
+    """
+
+    @property
+    def keeps_disc(self) -> bool:
+        """True if the whole tracked disc keeps to the zone, False if only its centre does."""
+        return self.keep == "disc" or (self.keep == "" and self.kind == "exclusion")
+
+
 class Mission(Struct, frozen=True, kw_only=True):
     """Everything that decides how a mission goes.
 
@@ -365,6 +401,8 @@ class Mission(Struct, frozen=True, kw_only=True):
     """
     link: Annotated[list[Link], Meta(max_length=MAX_LINKS)] = []
     """Rules of the emulated network, tables `[[link]]`."""
+    zone: Annotated[list[Zone], Meta(max_length=MAX_ZONES)] = []
+    """Zones of the airspace, tables `[[zone]]`."""
     fault: Annotated[list[FaultText], Meta(max_length=MAX_FAULTS), Option("fault")] = []
     """Faults of the mission, each a text such as "kill head @10".
 
