@@ -100,13 +100,9 @@ def active_program(problem: Problem, uav_id: Indices) -> Program:
     step_m = np.where(problem.frozen[:, None], 0.0, problem.wish_step_m)
     length = length_m(step_m)
     gap_m = np.maximum(problem.room_m - DELTA_M, 0.0)
-    reach = (length[problem.first], length[problem.second])
-    single = [np.flatnonzero(side > gap_m) for side in reach]
-    both = np.flatnonzero((reach[0] + reach[1] > gap_m) & (reach[0] > 0) & (reach[1] > 0))
+    pair, kind = _corners(length[problem.first], length[problem.second], gap_m)
     row_gap_m = np.maximum(problem.row_room_m - DELTA_M, 0.0)
     hull = np.flatnonzero(length[problem.row_uav] > row_gap_m)
-    pair = np.concatenate([single[0], single[1], both])
-    kind = np.repeat([_FIRST, _SECOND, _BOTH], [len(single[0]), len(single[1]), len(both)])
     # A row of one UAV has no coefficient of the other, which holds.
     uav, matrix = _matrix(problem, pair, kind, hull)
     pair_key = (uav_id[problem.first[pair]] * _SPAN + uav_id[problem.second[pair]]) * 3 + kind
@@ -117,6 +113,14 @@ def active_program(problem: Problem, uav_id: Indices) -> Program:
         np.concatenate([gap_m[pair], row_gap_m[hull]]),
         np.concatenate([pair_key, np.full(len(hull), -1)]),
     )
+
+
+def _corners(first_m: Floats, second_m: Floats, gap_m: Floats) -> tuple[Indices, Indices]:
+    """Return the pairs' rows that steps of these lengths (p,) can break: the pair of each, and which UAVs move."""
+    single = [np.flatnonzero(reach_m > gap_m) for reach_m in (first_m, second_m)]
+    both = np.flatnonzero((first_m + second_m > gap_m) & (first_m > 0) & (second_m > 0))
+    kinds = np.repeat([_FIRST, _SECOND, _BOTH], [len(single[0]), len(single[1]), len(both)])
+    return np.concatenate([*single, both]), kinds
 
 
 def _matrix(problem: Problem, pair: Indices, kind: Indices, hull: Indices) -> tuple[Indices, scipy.sparse.csc_matrix]:

@@ -29,7 +29,7 @@ from edc_swarm.planner.edc import Edc
 from edc_swarm.planner.guidance import Guidance, Scene
 from edc_swarm.planner.request import Arrays
 from edc_swarm.protocol.messages import Command, Fix, Report
-from edc_swarm.solver import certificate, slot_qp
+from edc_swarm.solver import certificate, slot_qp, solution
 
 Patch = pytest.MonkeyPatch
 Defect = Callable[[Patch], None]
@@ -234,13 +234,21 @@ def hull_reset_by_a_duplicate_fix(patch: Patch) -> None:
 
 
 def joint_row_only(patch: Patch) -> None:
-    """Of the four corners only "both move" is kept: what one closes in, the other may make up for."""
+    """Solver and certificate keep only the corner "both move", where one UAV may make up for the other's approach."""
+    rows_over_m = certificate._rows_over_m
 
     def mutant(self: slot_qp.Problem, step_m: NDArray[np.float64]) -> tuple[Any, Any]:
         moved = (self.normal * (step_m[self.second] - step_m[self.first])).sum(axis=1)
         return np.maximum(moved, 0.0), np.zeros(len(moved))
 
+    def both_move(first_m: NDArray[np.float64], second_m: NDArray[np.float64], _gap_m: NDArray[np.float64]) -> Any:
+        pair = np.flatnonzero((first_m > 0) & (second_m > 0))
+        return pair, np.full(len(pair), solution._BOTH)
+
     patch.setattr(slot_qp.Problem, "closing_m", mutant)
+    patch.setattr(solution, "_corners", both_move)
+    # The first four rows are those of pairs; the joint corner has been checked with `closing_m`.
+    patch.setattr(certificate, "_rows_over_m", lambda *arguments: rows_over_m(*arguments)[4:])
 
 
 def negative_gap_taken(patch: Patch) -> None:
@@ -356,7 +364,7 @@ DEFECTS: list[tuple[Defect, int, int]] = [
     (memory_of_an_older_term_used, 0, 200),
     (never_heard_uav_left_out, 0, 200),
     (hull_reset_by_a_duplicate_fix, 0, 200),
-    (joint_row_only, 0, 200),
+    (joint_row_only, 0, 20),
     (negative_gap_taken, 0, 200),
     (planner_that_gives_up_after_a_fault, 0, 60),
     (guidance_that_ignores_one_uav, 0, 60),
