@@ -114,6 +114,8 @@ class Process:
         The fault that stops the process within its next step of several effects.
     busy_until_ns
         Time until which a slowed solver plans.
+    plan_effects
+        Effects of that plan, which the process carries out when it is ready.
     wake_ns
         Time of the wake-up that is scheduled, -1 for none.
     """
@@ -125,6 +127,7 @@ class Process:
     stopped_effects: list[Effect] = field(default_factory=list)
     stop_mid_step: Kill | Freeze | None = None
     busy_until_ns: int = 0
+    plan_effects: list[Effect] = field(default_factory=list)
     wake_ns: int = -1
 
 
@@ -254,9 +257,14 @@ class Computer:
             self.step(event)
 
     def close(self) -> None:
-        """Publish the last sequence numbers, unless the process is dead, frozen or in the middle of a plan."""
+        """Publish a plan that is not ready yet, then the last sequence numbers; a dead or frozen process does neither.
+
+        A real process that is told to end in the middle of a plan finishes that plan first, too.
+        """
+        if self.process is not None:
+            self._carry_out_plan(self.process)
         process = self.process
-        if process is not None and not process.frozen and process.busy_until_ns <= self._schedule.now_ns:
+        if process is not None and not process.frozen:
             last = msgspec.json.encode(process.node.last_seqs).decode()
             self._carry_out(process, [process.node.event(EventKind.CLOSED, last)])
 
@@ -287,15 +295,17 @@ class Computer:
         slow = self.slow
         if slow is not None and slow.by_ms and _planned(effects) and self._schedule.mission_s < slow.end_s:
             process.busy_until_ns = now_ns + round(slow.by_ms * 1e6)
-            self._schedule.at(process.busy_until_ns, partial(self._carry_out_later, process, effects))
+            process.plan_effects = effects
+            self._schedule.at(process.busy_until_ns, partial(self._carry_out_plan, process))
         else:
             self._carry_out(process, effects)
         self._schedule_wakeup()
 
-    def _carry_out_later(self, process: Process, effects: list[Effect]) -> None:
+    def _carry_out_plan(self, process: Process) -> None:
         """Carry out the effects of a plan that took long, if its process is still the one that runs."""
         if self.process is not process:
             return
+        effects, process.plan_effects = process.plan_effects, []
         if process.frozen:
             process.stopped_effects.extend(effects)
         else:

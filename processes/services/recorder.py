@@ -221,7 +221,9 @@ class Recorder:
             query_in_background(self._session, self._keys.again(*publisher), retransmission.encode(ask), take)
 
     def _take_reply(self, publisher: Publisher, reply: zenoh.Reply) -> None:
-        if reply.ok is not None and len(reply.ok.payload) <= MAX_ANSWER_BYTES:
+        if reply.ok is not None and len(reply.ok.payload) > MAX_ANSWER_BYTES:
+            self._inbox.dropped += 1
+        elif reply.ok is not None:
             payload = reply.ok.payload.to_bytes()
             self._inbox.put(RetransmissionAnswer(publisher, payload), len(payload))
 
