@@ -30,6 +30,7 @@ from processes.bus.session import hand_over, open_client
 from processes.runtime.inbox import Inbox
 from processes.services.recorder import RecorderSettings
 from processes.services.recording_file import MAX_FOREIGN_KEYS
+from tests import builders
 from tests.processes.conftest import await_true
 
 KEYS = Keys("m")
@@ -86,8 +87,7 @@ def bench(endpoint: str, tmp_path: Path) -> Iterator[Bench]:
 
 def fix(seq: int) -> bytes:
     """Return a fix of u001."""
-    place = {"x_m": 0.0, "y_m": 0.0, "r_m": 5.0, "waypoint_x_m": 0.0, "waypoint_y_m": 0.0}
-    return encode(Fix(uav="u001", instance="p-1", seq=seq, sent_ns=time.time_ns(), slot=seq, **place))
+    return encode(builders.fix("u001", seq, instance="p-1", seq=seq, sent_ns=time.time_ns()))
 
 
 def closed(source: str, tails: dict[str, int]) -> bytes:

@@ -19,7 +19,7 @@ from edc_swarm.mission.roster import complete_mission
 from edc_swarm.planner.interface import Plan, PlanRequest
 from edc_swarm.protocol.codec import encode
 from edc_swarm.protocol.keys import Keys
-from edc_swarm.protocol.messages import Fix, Report, mission_message
+from edc_swarm.protocol.messages import mission_message
 from processes.bus.abort_notice import _router, _word_after
 from processes.bus.address import SILENT, check_endpoint, connect_endpoint, free_endpoint, unreachable_router
 from processes.bus.peers import CHECK_AFTER_NS, Peers
@@ -30,9 +30,10 @@ from processes.runtime.output import Output, salvage_parts
 from processes.uav.local_faults import LocalFaults
 from processes.uav.planner_loader import SlowPlanner
 from processes.uav.state import UavState, create_state, promise_path
+from tests import builders
 
 MISSION = complete_mission(Mission(uavs=3))
-REPORT = Report(head="u002", slot=1, term=1, status="planned", quorum=2)
+REPORT = builders.report(1, head="u002")
 
 
 def test_inbox_is_bounded_but_for_orders():
@@ -88,7 +89,7 @@ def test_the_gate_counts_tells_and_drops():
     """The gate rejects undecodable messages and, once there is a mission, impossible ones; the first mission counts."""
     told: list[str] = []
     gate, flown = Gate(told.append), mission_message(MISSION, time.time_ns(), "m")
-    fix = Fix(uav="mallory", slot=0, sent_ns=flown.epoch_ns, x_m=0, y_m=0, r_m=5, waypoint_x_m=0, waypoint_y_m=0)
+    fix = builders.fix("mallory", 0, sent_ns=flown.epoch_ns)
     heard = Heard(Keys("m").of(fix), encode(fix))
     assert gate.admit(Heard(heard.key, b"\xff")) is None
     assert gate.admit(heard) == fix

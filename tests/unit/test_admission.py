@@ -9,19 +9,18 @@ import pytest
 
 from edc_swarm.errors import MessageError
 from edc_swarm.protocol.admission import Admission
-from edc_swarm.protocol.messages import Command, Event, Fix, Message, Report, Truth
+from edc_swarm.protocol.messages import Event, Message
+from tests.builders import command, fix, report, truth
 from tests.unit.synthetic import EPOCH_NS, SLOT_NS, flight, mission_of, parallel
 
 MISSION = mission_of(parallel(5), max_slots=50, sent_ns=EPOCH_NS - 1)
 MISSION.roster[1] = msgspec.structs.replace(MISSION.roster[1], start_y_m=7.0)
 UAVS = [entry.uav for entry in MISSION.roster]
 NOW: dict[str, Any] = {"slot": 4, "sent_ns": EPOCH_NS + 4 * SLOT_NS}
-FIX = Fix(uav="u1", term=1, head="u0", x_m=12, y_m=0, r_m=5, waypoint_x_m=12, waypoint_y_m=7, **NOW)
-TRUTH = Truth(uav="u1", from_x_m=0, from_y_m=0, to_x_m=0, to_y_m=0, **NOW)
-COMMAND = Command(
-    head="u0", uav="u1", term=1, start_x_m=0, start_y_m=0, target_x_m=0, target_y_m=0, slot=5, sent_ns=NOW["sent_ns"]
-)
-REPORT = Report(head="u0", term=1, status="planned", grants=UAVS[:3], heard=UAVS[:3], quorum=3, **NOW)
+FIX = fix("u1", waypoint_m=(12.0, 7.0), y_m=0.0, term=1, head="u0", **NOW)
+TRUTH = truth("u1", **NOW)
+COMMAND = command("u1", head="u0", **{**NOW, "slot": 5})
+REPORT = report(head="u0", grants=UAVS[:3], heard=UAVS[:3], quorum=3, **NOW)
 HULL = ("hull_ax_m", "hull_ay_m", "hull_bx_m", "hull_by_m", "hull_r_m")
 EVENT = Event(source="operator", kind="fault", detail="kill u1 @5", sent_ns=EPOCH_NS)
 
