@@ -27,6 +27,8 @@ with TemporaryDirectory() as folder:
 
 # %% The energy relative to the straight-line bound, and the detour, which explains only a part of the difference.
 metrics, columns = compute_metrics(recording, timings), columns_of(recording, timings)
+assert metrics.energy_propulsion_j is not None  # it is None if the recording lacks messages
+assert metrics.energy_straight_j is not None
 energy_pct = 100 * (metrics.energy_propulsion_j / metrics.energy_straight_j - 1)
 print(f"energy {energy_pct:.1f} % and distance {metrics.extra_distance_pct:.1f} % above the straight lines")
 

@@ -27,6 +27,7 @@ from edc_swarm.recording.sequences import find_gaps
 from processes.bus import outbox
 from processes.bus.outbox import Outbox
 from processes.bus.session import hand_over, open_client
+from processes.bus.session import put as put_on_bus
 from processes.runtime.inbox import Inbox
 from processes.services.recorder import RecorderSettings
 from processes.services.recording_file import MAX_FOREIGN_KEYS
@@ -48,8 +49,11 @@ class Bench:
         settings = RecorderSettings(endpoint=endpoint, mission="m", part=str(part), out=str(self.out), run={})
         self.session = open_client(endpoint)
         there = Inbox[str]()
-        take = hand_over(lambda sample: there.put(str(sample.key_expr)))
-        self._token = self.session.liveliness().declare_subscriber(KEYS.all_alive, take, history=True)
+
+        def take(sample: zenoh.Sample) -> None:
+            there.put(str(sample.key_expr))
+
+        self._token = self.session.liveliness().declare_subscriber(KEYS.all_alive, hand_over(take), history=True)
         self.recorder = subprocess.Popen([sys.executable, "-m", "processes.services.recorder"], stdin=subprocess.PIPE)
         assert self.recorder.stdin is not None
         with self.recorder.stdin as orders:
@@ -102,12 +106,12 @@ Lose = Callable[[str, set[int]], None]
 @pytest.fixture
 def lose(monkeypatch: pytest.MonkeyPatch) -> Lose:
     """Make the bus lose messages of a key, selected by their order."""
-    real, lost, counts = outbox.put, dict[str, set[int]](), dict[str, int]()
+    lost, counts = dict[str, set[int]](), dict[str, int]()
 
     def put(session: zenoh.Session, key: str, payload: bytes, attachment: bytes) -> None:
         counts[key] = counts.get(key, -1) + 1
         if counts[key] not in lost.get(key, ()):
-            real(session, key, payload, attachment)
+            put_on_bus(session, key, payload, attachment)
 
     monkeypatch.setattr(outbox, "put", put)
     return lost.__setitem__

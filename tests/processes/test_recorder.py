@@ -6,6 +6,7 @@ import subprocess
 import sys
 import time
 from pathlib import Path
+from typing import Any
 
 import msgspec
 import pytest
@@ -23,14 +24,14 @@ from processes.bus.session import hand_over, open_client
 from processes.runtime.inbox import Inbox
 from processes.services.recorder import RecorderSettings
 from processes.services.recording_file import MAX_FOREIGN_KEYS
-from tests.processes.conftest import await_true
+from tests.processes.conftest import Fly, FlyToEnd, await_true
 
 FOREIGN_KEYS = 1500
 FROZEN_FROM, FROZEN_SLOTS = 6, 10
 
 
 @pytest.mark.timing
-def test_a_frozen_recorder_delays_no_command_and_fetches_what_it_missed(start) -> None:
+def test_a_frozen_recorder_delays_no_command_and_fetches_what_it_missed(start: Fly) -> None:
     """Five seconds without a recorder: UAVs fly on by commands, and every message is recorded in the end.
 
     A UAV counts the slots in which it held; a quarter of the frozen ones is granted to a busy machine.
@@ -47,7 +48,7 @@ def test_a_frozen_recorder_delays_no_command_and_fetches_what_it_missed(start) -
     assert "fetched again" in start("metrics", str(ended.path)).end().stdout
 
 
-def test_every_message_of_the_view_is_recorded_too(run) -> None:
+def test_every_message_of_the_view_is_recorded_too(run: FlyToEnd) -> None:
     """The visualiser's `closed` event counts its messages per topic, and none is missing."""
     recording = run("--uavs", "4", "--area", "2500").recording
     (said,) = (event.detail for event in recording.events if event.source == "viz")
@@ -58,7 +59,7 @@ def test_every_message_of_the_view_is_recorded_too(run) -> None:
     assert (gap.key, gap.count) == ("viz/uavs", 1)
 
 
-def test_without_a_view_there_is_none(run) -> None:
+def test_without_a_view_there_is_none(run: FlyToEnd) -> None:
     """No visualiser runs, and the record has none of its topics."""
     recording = run("--uavs", "2", "--area", "900", "--no-viz").recording
     assert recording.unknown == {}
@@ -71,8 +72,11 @@ def test_keys_of_nobody_take_no_room_and_no_look_alike_ends_the_recording(endpoi
     part.touch()
     settings = RecorderSettings(endpoint=endpoint, mission="m", part=str(part), out=str(out), run={})
     session, keys, inbox = open_client(endpoint), Keys("m"), Inbox[str]()
-    take = hand_over(lambda sample: inbox.put(str(sample.key_expr)))
-    session.liveliness().declare_subscriber(keys.all_alive, take, history=True)
+
+    def take(sample: zenoh.Sample) -> None:
+        inbox.put(str(sample.key_expr))
+
+    session.liveliness().declare_subscriber(keys.all_alive, hand_over(take), history=True)
     session.declare_subscriber(keys.event("recorder"), take)
     recorder = subprocess.Popen([sys.executable, "-m", "processes.services.recorder"], stdin=subprocess.PIPE)
     assert recorder.stdin is not None
@@ -86,13 +90,18 @@ def test_keys_of_nobody_take_no_room_and_no_look_alike_ends_the_recording(endpoi
     for number in range(FOREIGN_KEYS):
         say(f"{keys.root}/uav/x{number}/fix", b"{}")
     mission = mission_message(complete_mission(Mission(uavs=2)), time.time_ns(), "m")
-    now = {"sent_ns": time.time_ns(), "instance": "i"}
+    now: dict[str, Any] = {"sent_ns": time.time_ns(), "instance": "i"}
     say(keys.mission, b"no mission")
     say(keys.mission, encode(msgspec.structs.replace(mission, **now)))
     say(keys.event("operator"), b'garbage "kind":"closed"')
     say(keys.event("operator"), encode(Event(source="operator", kind="closed", sent_ns=1)))
     told: list[str] = []
-    await_true(lambda: told.extend(inbox.wait(0.05)) or len(told) >= 2)
+
+    def told_twice() -> bool:
+        told.extend(inbox.wait(0.05))
+        return len(told) >= 2
+
+    await_true(told_twice)
     say(keys.event("u001"), encode(Event(source="u001", kind="told", **now)))
     say(keys.event("operator"), encode(Event(source="operator", kind="closed", **now)))
     assert recorder.wait(30) == 0

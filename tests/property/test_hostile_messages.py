@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from typing import Any
+from typing import Any, cast
 
 import msgspec
 from hypothesis import given, settings
@@ -53,9 +53,9 @@ def _sane(slot: int, term: int, uav: str) -> list[Message]:
 
 
 @st.composite
-def hostile(draw: st.DrawFn) -> Message | None:
+def _hostile(draw: st.DrawFn) -> Message | None:
     """A message with some of its fields replaced by anything, if it still decodes."""
-    message = draw(st.sampled_from(_sane(draw(slots), draw(st.integers(0, 5)), draw(st.sampled_from(IDS)))))
+    message: Message = draw(st.sampled_from(_sane(draw(slots), draw(st.integers(0, 5)), draw(st.sampled_from(IDS)))))
     raw = msgspec.to_builtins(message)
     names = [name for name in raw if name not in {"uav", "head", "source"} or draw(st.booleans())]
     changed = {name: draw(plain) for name in draw(st.lists(st.sampled_from(names), max_size=3))}
@@ -65,7 +65,8 @@ def hostile(draw: st.DrawFn) -> Message | None:
         return None
 
 
-said = st.one_of(hostile().filter(lambda message: message is not None).map(Received), st.builds(PeerGone, texts))
+hostile = _hostile().filter(lambda message: message is not None).map(lambda message: cast("Message", message))
+said = st.one_of(hostile.map(Received), st.builds(PeerGone, texts))
 story = st.lists(st.tuples(st.one_of(st.just(Tick()), said), st.floats(-1, 12)), min_size=4, max_size=30)
 
 
@@ -91,14 +92,14 @@ def test_nothing_that_decodes_makes_a_step_raise(story: list[tuple[Any, float]],
 def _followers(node: UavNode, slot: int) -> list[Received]:
     """Fixes by which all others grant what the UAV grants, so that it leads when it grants itself."""
     term, head = node.grant
-    where = {"slot": slot, "sent_ns": EPOCH_NS + slot * SLOT_NS, "x_m": 0.0, "y_m": 0.0}
+    where: dict[str, Any] = {"slot": slot, "sent_ns": EPOCH_NS + slot * SLOT_NS, "x_m": 0.0, "y_m": 0.0}
     others = [entry for entry in ROSTER if entry.uav != node.uav and slot >= 0]
     starts = [(entry.uav, (entry.start_x_m, entry.start_y_m)) for entry in others]
     return [Received(fix(uav, waypoint_m=at_m, term=term, head=head, suspects=True, **where)) for uav, at_m in starts]
 
 
 @settings(max_examples=200, deadline=None)
-@given(st.lists(hostile().filter(lambda message: message is not None), max_size=6))
+@given(st.lists(hostile, max_size=6))
 def test_no_term_moves_on_anything_short_of_a_quorum(messages: list[Message]) -> None:
     """One liar under its own id, whatever it says in reports and commands, cannot make a UAV follow it."""
     entry = ROSTER[0]
@@ -115,7 +116,7 @@ def _is_backed(report: Report) -> bool:
 
 
 @settings(max_examples=200, deadline=None)
-@given(hostile().filter(lambda message: message is not None))
+@given(hostile)
 def test_what_is_admitted_is_about_the_mission(message: Message) -> None:
     """The judge never raises, and lets in nobody that is not in the roster."""
     if Admission(MISSION).refusal(message) is None and not isinstance(message, Event | MissionMessage):

@@ -132,7 +132,8 @@ def test_a_uav_keeps_its_promise(
     """
     entry = ROSTER[IDS.index(uav)]
     disk = first_promise(entry) if remembers else None
-    node, seqs, plans = UavNode(flown, uav, "life-0", disk, first_airframe(entry)), {}, set[tuple[int, int]]()
+    node, seqs = UavNode(flown, uav, "life-0", disk, first_airframe(entry)), dict[str, int]()
+    plans: set[tuple[int, int]] = set()
     for life, (event, now_ns, fate) in enumerate(story, 1):
         effects = node.step(event, now_ns)
         if fate == 0:
@@ -161,7 +162,8 @@ def test_three_uavs_on_a_bad_bus(story: list[tuple[int, float, float]]) -> None:
         now_ns = EPOCH_NS + round((index / 4 + fraction / 8) * SLOT_NS)
         for uav, node in nodes.items():
             heard = bus[-12:] if chance > 0.3 else bus[who::3][-6:]
-            for event in [Tick(), *(Received(message) for message in heard), Tick()]:
+            heard_events: list[NodeEvent] = [Tick(), *(Received(message) for message in heard), Tick()]
+            for event in heard_events:
                 for effect in node.step(event, now_ns):
                     if isinstance(effect, Publish) and not isinstance(effect.message, Event):
                         message = effect.message

@@ -47,7 +47,7 @@ class Flight:
         make = planner or (lambda: make_planner(self.mission.planner, self.mission))
         self.simulation = Simulation(self.mission, make, self._hear)
         if to_the_end:
-            self.simulation.monitor.complete = lambda _slot: False  # type: ignore[method-assign]
+            self.simulation.monitor.complete = lambda slot: False  # type: ignore[method-assign]  # noqa: ARG005
         self.end: SimulationEnd = self.simulation.run()
 
     def _hear(self, _key: str, message: Message, now_ns: int) -> None:

@@ -25,7 +25,7 @@ HULL = ("hull_ax_m", "hull_ay_m", "hull_bx_m", "hull_by_m", "hull_r_m")
 EVENT = Event(source="operator", kind="fault", detail="kill u1 @5", sent_ns=EPOCH_NS)
 
 
-def test_a_whole_mission_is_admitted():
+def test_a_whole_mission_is_admitted() -> None:
     """Admission rejects no message of a faultless swarm."""
     admission = Admission(mission_of(parallel()))
     assert [admission.refusal(message) for message in flight(parallel())] == [None] * len(flight(parallel()))
@@ -68,7 +68,7 @@ def test_a_whole_mission_is_admitted():
         (EVENT, {"detail": "nonsense"}, "a fault such as"),
     ],
 )
-def test_what_cannot_be_true_is_refused(message: Message, changes: dict[str, Any], reason: str):
+def test_what_cannot_be_true_is_refused(message: Message, changes: dict[str, Any], reason: str) -> None:
     """The message is admitted; with one wrong field it is rejected, and the reason names the field."""
     admission = Admission(MISSION)
     assert admission.refusal(message) is None
@@ -78,7 +78,7 @@ def test_what_cannot_be_true_is_refused(message: Message, changes: dict[str, Any
         admission.check("key", wrong)
 
 
-def test_terms_may_grow_as_fast_as_any_election():
+def test_terms_may_grow_as_fast_as_any_election() -> None:
     """Up to the limit a term is believed, however many elections failed before."""
     assert Admission(MISSION).refusal(msgspec.structs.replace(REPORT, term=2000 * 1050)) is None
 
@@ -92,12 +92,12 @@ def test_terms_may_grow_as_fast_as_any_election():
         (EVENT, {"sent_ns": EPOCH_NS - 1}),
     ],
 )
-def test_what_is_just_possible_is_believed(message: Message, changes: dict[str, Any]):
+def test_what_is_just_possible_is_believed(message: Message, changes: dict[str, Any]) -> None:
     """Full speed in every slot but for rounding, a clock that is far ahead, and what is said with the mission."""
     assert Admission(MISSION).refusal(msgspec.structs.replace(message, **changes)) is None
 
 
-def test_a_report_without_a_plan_needs_no_quorum():
+def test_a_report_without_a_plan_needs_no_quorum() -> None:
     """It claims nothing."""
     powerless = msgspec.structs.replace(REPORT, status="no-quorum", grants=[])
     assert Admission(MISSION).refusal(powerless) is None

@@ -35,7 +35,7 @@ def test_the_default_grid_is_the_promised_one() -> None:
 
 def test_a_cell_is_a_mission() -> None:
     """The swept link comes first, so that links of the mission take precedence where they match."""
-    own = {"sender": "u001", "loss": 1.0}
+    own: dict[str, Any] = {"sender": "u001", "loss": 1.0}
     sweep = sweep_of({**SMALL, "link": {"distribution": "normal"}, "mission": {"area_m2": 2500, "link": [own]}})
     mission = mission_of(sweep, Cell(3, 0.5, 20.0, 0.1, 50.0), 7)
     assert mission.link == [Link(delay_ms=50, jitter_ms=20, loss=0.1, distribution="normal"), Link(**own)]

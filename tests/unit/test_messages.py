@@ -232,7 +232,7 @@ def test_roster_index() -> None:
 
 
 @pytest.mark.parametrize("kind", get_args(Message))
-def test_the_table_of_keys_has_every_kind_once(kind: type):
+def test_the_table_of_keys_has_every_kind_once(kind: type) -> None:
     """A key that the table builds is parsed back to its kind and its publisher; no other kind has such a key."""
     form, values = KEY_FORMS[kind], [f"u{index}" for index in range(len(KEY_FORMS[kind].fields))]
     key = f"swarm/m/{form.form.format(*values)}"
@@ -241,7 +241,7 @@ def test_the_table_of_keys_has_every_kind_once(kind: type):
     assert set(form.fields) <= set(kind.__struct_fields__)
 
 
-def test_every_kind_of_event_is_documented():
+def test_every_kind_of_event_is_documented() -> None:
     """The table in docs/metrics.md is the table in the code."""
     text = Path(__file__).parents[2].joinpath("docs/metrics.md").read_text(encoding="utf-8")
     assert EVENT_FORMS.keys() == set(EventKind)
