@@ -157,7 +157,7 @@ class Launcher:
         self._state.publish_end("interrupted" if self._loop.interrupted else "failed")
         remote = set(self._setup.elsewhere) & operator.alive
         publishers = {*self._parts.pool.living, *remote, *self._state.visualiser}
-        self._loop.wait_quietly(lambda: operator.closed >= publishers, CLOSE_TIMEOUT_S)
+        self._loop.wait_quietly(lambda: operator.seen.closed >= publishers, CLOSE_TIMEOUT_S)
         operator.close()
         timeout_s = CLOSE_TIMEOUT_S if self._loop.interrupted or self._loop.failure else RECORDER_TIMEOUT_S
         self._loop.wait_quietly(self._is_recorded, timeout_s, LOOK_EVERY_S)

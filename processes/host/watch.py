@@ -49,7 +49,7 @@ class MissionWatch:
                 self._check_remote()
                 bar.show(monitor)
                 state.loop.pump(min(LOOK_EVERY_S, injector.next_in_s()))
-                if state.times.publishing_at_s is None and len(self.bus.heard) == len(mission.roster):
+                if state.times.publishing_at_s is None and len(self.bus.seen.heard) == len(mission.roster):
                     state.times.publishing_at_s = time.monotonic()
         state.publish_end(why)
 
