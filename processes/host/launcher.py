@@ -22,11 +22,11 @@ from processes.host.run_report import RunReport, report_on
 from processes.host.run_setup import Bus, Protection, RunSetup, View
 from processes.host.run_state import RunState
 from processes.host.start import RunStart
-from processes.host.watch import LOOK_EVERY_S, MissionWatch
+from processes.host.watch import MissionWatch
 from processes.operator.bus_client import Operator
 from processes.operator.takeover import new_mission_id
 from processes.runtime.children import ChildExited, ChildReady, PartEndedError
-from processes.runtime.loop import Interrupted, Loop
+from processes.runtime.loop import LOOK_EVERY_S, Interrupted, Loop
 from processes.runtime.output import Output
 from processes.services.recorder import CANNOT_WRITE
 from processes.services.recorder import NAME as RECORDER

@@ -21,7 +21,7 @@ from edc_swarm.protocol.codec import encode
 from edc_swarm.protocol.keys import Keys
 from edc_swarm.protocol.messages import mission_message
 from processes.bus.abort_notice import _router, _word_after
-from processes.bus.address import SILENT, check_endpoint, connect_endpoint, free_endpoint, unreachable_router
+from processes.bus.address import NO_ANSWER, check_endpoint, connect_endpoint, free_endpoint, unreachable_router
 from processes.bus.peers import CHECK_AFTER_NS, Peers
 from processes.bus.subscriptions import MAX_TOKENS, Gate, Heard, Malformed, Postbox, Token
 from processes.runtime.clock import MissionClock
@@ -309,7 +309,7 @@ def test_a_router_that_does_not_answer_is_said_to_be_absent_or_silent(protocol: 
     """A plain TCP connection distinguishes an unused address from one of another program."""
     with socket.create_server(("127.0.0.1", 0)) as somebody:
         endpoint = f"{protocol}/127.0.0.1:{somebody.getsockname()[1]}"
-        assert unreachable_router(endpoint) == f"a router at {endpoint} ({SILENT[protocol]})"
+        assert unreachable_router(endpoint) == f"a router at {endpoint} ({NO_ANSWER[protocol]})"
     assert unreachable_router(endpoint) == f"a router at {endpoint} (connection refused)"
 
 
