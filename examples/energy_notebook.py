@@ -12,9 +12,11 @@ from tempfile import TemporaryDirectory
 
 from matplotlib import pyplot as plt
 
+from edc_swarm.analysis.columns import columns_of
 from edc_swarm.analysis.energy_bill import energy_bills
 from edc_swarm.analysis.frames import frame_of
-from edc_swarm.analysis.metrics import columns_of, compute_metrics, load_timings
+from edc_swarm.analysis.metrics import compute_metrics
+from edc_swarm.analysis.timings import load_timings
 from edc_swarm.emulation.energy import propulsion_power_w
 from edc_swarm.recording.reader import read_recording
 from processes.cli.main import main

@@ -16,9 +16,10 @@ import numpy as np
 from msgspec import Struct
 from numpy.typing import NDArray
 
+from edc_swarm.analysis.columns import Columns, columns_of, counted_ns
 from edc_swarm.analysis.guarantees.check import check
 from edc_swarm.analysis.guarantees.progress import PROGRESS
-from edc_swarm.analysis.metrics import OVERLOADED_PCT, Columns, columns_of, compute_metrics, counted_ns
+from edc_swarm.analysis.metrics import OVERLOADED_PCT, compute_metrics
 from edc_swarm.emulation.links import DelayError
 from edc_swarm.mission.configuration import ARRIVED_M
 from edc_swarm.protocol.events import EventKind

@@ -9,8 +9,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from edc_swarm.analysis.columns import columns_of
 from edc_swarm.analysis.energy_bill import energy_bills, exhausted
-from edc_swarm.analysis.metrics import columns_of
 from edc_swarm.experiments.figures.catalogue import FIGURES, LONG_MISSION, Figure
 from edc_swarm.experiments.figures.table import rows_of
 from edc_swarm.mission.configuration import EnergyModel, Mission

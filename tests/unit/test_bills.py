@@ -7,7 +7,7 @@ from typing import Any
 import pytest
 
 from edc_swarm.analysis.energy_bill import EnergyBill, Exhausted, energy_bills, exhausted
-from edc_swarm.analysis.metrics import Timing
+from edc_swarm.analysis.timings import Timing
 from edc_swarm.emulation.energy import propulsion_power_w
 from edc_swarm.mission.configuration import EnergyModel
 from edc_swarm.protocol.messages import Command, Event, Fix, Message, Report, Truth
