@@ -27,19 +27,18 @@ from edc_swarm.agent.node import (
     WantPlanner,
 )
 from edc_swarm.agent.vehicle import LATE_FRACTION, Airframe, Promise, first_airframe, first_promise
-from edc_swarm.emulation.links import LinkEmulator
-from edc_swarm.mission.configuration import NS_PER_S, RosterEntry
+from edc_swarm.emulation.links import NS_PER_MS, LinkEmulator
+from edc_swarm.mission.configuration import RosterEntry
 from edc_swarm.mission.faults import Freeze, Kill, SlowSolver
 from edc_swarm.planner.interface import Planner
 from edc_swarm.protocol.events import EventKind
+from edc_swarm.protocol.keys import SESSION_LEASE_MS
 from edc_swarm.protocol.messages import MissionMessage, Report
 from edc_swarm.simulation.network import Network
 from edc_swarm.simulation.schedule import Schedule
 
 HINT_NS = 3_000_000
 """Time from a process's end to its peers' notice that its liveliness token is gone."""
-LEASE_NS = NS_PER_S
-"""Time after which the router closes the session of a frozen process."""
 MAX_BACKLOG = 100_000
 """Messages that are kept for a frozen process."""
 FOREVER_NS = 1 << 62
@@ -237,7 +236,7 @@ class Computer:
             self.process.frozen_until_ns = max(self.process.frozen_until_ns, until_ns)
             return
         self.process.frozen, self.process.frozen_until_ns = True, until_ns
-        self._announce_end_after(LEASE_NS)
+        self._announce_end_after(SESSION_LEASE_MS * NS_PER_MS)
 
     def _thaw(self) -> None:
         """End one freeze: go on unless another lasts."""

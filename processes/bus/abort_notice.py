@@ -19,12 +19,12 @@ from edc_swarm.protocol.keys import PREFIX
 from processes.bus.address import parse_endpoint
 from processes.bus.credentials import TLS, credentials
 from processes.runtime.console import BAD_INPUT
+from processes.runtime.loop import LOOK_EVERY_S
 
 OPTION = "--operate"
 NOTICE_KEY = f"{PREFIX}/-/alive/giving-up"
 CONNECT_TIMEOUT_S = 5.0
 """Longest wait for a router, which may still be starting."""
-LOOK_EVERY_S = 0.1
 HOLD_S = 2.0
 """Time for which the command holds its token: a router that has just begun to listen sees tokens a moment later."""
 

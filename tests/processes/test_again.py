@@ -27,9 +27,11 @@ from edc_swarm.recording.sequences import find_gaps
 from processes.bus import outbox
 from processes.bus.outbox import Outbox
 from processes.bus.session import hand_over, open_client
+from processes.bus.session import put as put_on_bus
 from processes.runtime.inbox import Inbox
 from processes.services.recorder import MAX_ANSWER_BYTES, RecorderSettings
 from processes.services.recording_file import MAX_FOREIGN_KEYS
+from tests import builders
 from tests.processes.conftest import await_true
 
 KEYS = Keys("m")
@@ -47,8 +49,11 @@ class Bench:
         settings = RecorderSettings(endpoint=endpoint, mission="m", part=str(part), out=str(self.out), run={})
         self.session = open_client(endpoint)
         there = Inbox[str]()
-        take = hand_over(lambda sample: there.put(str(sample.key_expr)))
-        self._token = self.session.liveliness().declare_subscriber(KEYS.all_alive, take, history=True)
+
+        def take(sample: zenoh.Sample) -> None:
+            there.put(str(sample.key_expr))
+
+        self._token = self.session.liveliness().declare_subscriber(KEYS.all_alive, hand_over(take), history=True)
         self.recorder = subprocess.Popen([sys.executable, "-m", "processes.services.recorder"], stdin=subprocess.PIPE)
         assert self.recorder.stdin is not None
         with self.recorder.stdin as orders:
@@ -86,8 +91,7 @@ def bench(endpoint: str, tmp_path: Path) -> Iterator[Bench]:
 
 def fix(seq: int) -> bytes:
     """Return a fix of u001."""
-    place = {"x_m": 0.0, "y_m": 0.0, "r_m": 5.0, "waypoint_x_m": 0.0, "waypoint_y_m": 0.0}
-    return encode(Fix(uav="u001", instance="p-1", seq=seq, sent_ns=time.time_ns(), slot=seq, **place))
+    return encode(builders.fix("u001", seq, instance="p-1", seq=seq, sent_ns=time.time_ns()))
 
 
 def closed(source: str, tails: dict[str, int]) -> bytes:
@@ -102,12 +106,12 @@ Lose = Callable[[str, set[int]], None]
 @pytest.fixture
 def lose(monkeypatch: pytest.MonkeyPatch) -> Lose:
     """Make the bus lose messages of a key, selected by their order."""
-    real, lost, counts = outbox.put, dict[str, set[int]](), dict[str, int]()
+    lost, counts = dict[str, set[int]](), dict[str, int]()
 
     def put(session: zenoh.Session, key: str, payload: bytes, attachment: bytes) -> None:
         counts[key] = counts.get(key, -1) + 1
         if counts[key] not in lost.get(key, ()):
-            real(session, key, payload, attachment)
+            put_on_bus(session, key, payload, attachment)
 
     monkeypatch.setattr(outbox, "put", put)
     return lost.__setitem__

@@ -28,7 +28,7 @@ from processes.bus.session import hand_over, open_client
 from processes.runtime.inbox import Inbox
 from processes.services.recorder import RecorderSettings
 from processes.services.recording_file import MAX_FOREIGN_KEYS
-from tests.processes.conftest import await_true
+from tests.processes.conftest import Fly, FlyToEnd, await_true
 
 KEYS = Keys("m")
 FOREIGN_KEYS = 1500
@@ -37,7 +37,7 @@ FROZEN_FROM, FROZEN_SLOTS = 6, 10
 
 
 @pytest.mark.timing
-def test_a_frozen_recorder_delays_no_command_and_fetches_what_it_missed(start) -> None:
+def test_a_frozen_recorder_delays_no_command_and_fetches_what_it_missed(start: Fly) -> None:
     """Five seconds without a recorder: UAVs fly on by commands, and every message is recorded in the end.
 
     A UAV counts the slots in which it held; a quarter of the frozen ones is granted to a busy machine.
@@ -54,7 +54,7 @@ def test_a_frozen_recorder_delays_no_command_and_fetches_what_it_missed(start) -
     assert "fetched again" in start("metrics", str(ended.path)).end().stdout
 
 
-def test_every_message_of_the_view_is_recorded_too(run) -> None:
+def test_every_message_of_the_view_is_recorded_too(run: FlyToEnd) -> None:
     """The visualiser's `closed` event counts its messages per topic, and none is missing."""
     recording = run("--uavs", "4", "--area", "2500").recording
     (said,) = (event.detail for event in recording.events if event.source == "viz")
@@ -65,7 +65,7 @@ def test_every_message_of_the_view_is_recorded_too(run) -> None:
     assert (gap.key, gap.count) == ("viz/uavs", 1)
 
 
-def test_without_a_view_there_is_none(run) -> None:
+def test_without_a_view_there_is_none(run: FlyToEnd) -> None:
     """No visualiser runs, and the record has none of its topics."""
     recording = run("--uavs", "2", "--area", "900", "--no-viz").recording
     assert recording.unknown == {}
@@ -105,9 +105,12 @@ def recorder(endpoint: str, tmp_path: Path) -> Iterator[Bench]:
     part.touch()
     settings = RecorderSettings(endpoint=endpoint, mission="m", part=str(part), out=str(out), run={})
     session, told = open_client(endpoint), Inbox[str]()
-    take = hand_over(lambda sample: told.put(str(sample.key_expr)))
-    session.liveliness().declare_subscriber(KEYS.all_alive, take, history=True)
-    session.declare_subscriber(KEYS.event("recorder"), take)
+
+    def take(sample: zenoh.Sample) -> None:
+        told.put(str(sample.key_expr))
+
+    session.liveliness().declare_subscriber(KEYS.all_alive, hand_over(take), history=True)
+    session.declare_subscriber(KEYS.event("recorder"), hand_over(take))
     process = subprocess.Popen([sys.executable, "-m", "processes.services.recorder"], stdin=subprocess.PIPE)
     assert process.stdin is not None
     with process.stdin as orders:
@@ -128,7 +131,12 @@ def test_keys_of_nobody_take_no_room_and_no_look_alike_ends_the_recording(record
     recorder.say(KEYS.event("operator"), b'garbage "kind":"closed"')
     recorder.say(KEYS.event("operator"), encode(Event(source="operator", kind="closed", sent_ns=1)))
     told: list[str] = []
-    await_true(lambda: told.extend(recorder.told.wait(0.05)) or len(told) >= 2)
+
+    def has_told_twice() -> bool:
+        told.extend(recorder.told.wait(0.05))
+        return len(told) >= 2
+
+    await_true(has_told_twice)
     recorder.say(KEYS.event("u001"), encode(Event(source="u001", kind="told", sent_ns=time.time_ns(), instance="i")))
     recording = recorder.end()
     assert sorted(e.kind for e in recording.events if e.source in {"u001", "operator"}) == ["closed", "told"]
@@ -156,7 +164,7 @@ def test_a_flood_of_large_messages_takes_neither_memory_nor_disk(recorder: Bench
     assert peak_kb < 400_000
 
 
-def test_a_recorder_frozen_across_the_end_proves_nothing(start) -> None:
+def test_a_recorder_frozen_across_the_end_proves_nothing(start: Fly) -> None:
     """A recorder that is frozen until all UAVs have ended has no evidence: the command says so, and nothing is held."""
     command = start("run", "--json", "--uavs", "10", "--time-scale", "4")
     command.await_flight(10)

@@ -18,6 +18,10 @@ fates = st.sampled_from(["arrives", "is lost", "comes late"])
 said = st.lists(st.tuples(st.sampled_from(STREAMS), fates, st.booleans(), st.booleans()), max_size=60)
 
 
+Said = tuple[str, str, bool, bool]
+"""Key of a message, its fate, whether asks arrive then, whether an answer comes twice."""
+
+
 class Bus:
     """A publisher and a recorder, and what the bus between them does to each message, ask and answer."""
 
@@ -64,12 +68,13 @@ class Bus:
 
 
 @given(said, st.integers(1, 80), st.data())
-def test_each_message_once_or_gone(said, kept: int, data: st.DataObject):
+def test_each_message_once_or_gone(said: list[Said], kept: int, data: st.DataObject) -> None:
     """What the publisher still keeps is recorded in the end, nothing twice, and nothing but a gap else."""
     bus = Bus(kept)
     for key, fate, asks_arrive, twice in said:
         bus.publish(key, fate)
-        if bus.late and data.draw(st.booleans()):
+        late_first: bool = data.draw(st.booleans()) if bus.late else False
+        if late_first:
             bus.arrive(*bus.late.pop(0))
         bus.turn(data.draw(st.sampled_from([0.0, GATHER_S, 1.0])), asks_arrive=asks_arrive, twice=twice)
     bus.settle()
@@ -82,7 +87,7 @@ def test_each_message_once_or_gone(said, kept: int, data: st.DataObject):
 
 
 @given(said)
-def test_silence_costs_a_bounded_number_of_asks(said):
+def test_silence_costs_a_bounded_number_of_asks(said: list[Said]) -> None:
     """A publisher that never answers is asked so often for each hole that it shows, and then left alone."""
     bus = Bus(kept=1)
     for key, fate, *_ in said:

@@ -10,7 +10,6 @@ from importlib.resources import files
 import msgspec
 import numpy as np
 import pytest
-from synthetic import EPOCH_NS, change, flight, parallel, recorded, straight, whole
 
 from edc_swarm.analysis.guarantees.check import check
 from edc_swarm.analysis.guarantees.verdict import GuaranteeResult, Status, Violation, headline
@@ -21,6 +20,7 @@ from edc_swarm.recording.model import Recording
 from edc_swarm.report_page import data as page_data
 from edc_swarm.report_page.data import Page
 from edc_swarm.report_page.render import MAX_WHERE, Assets, _guarantee, render
+from tests.unit.synthetic import EPOCH_NS, change, flight, parallel, recorded, straight, whole
 
 
 @pytest.fixture
