@@ -135,8 +135,7 @@ def test_lost_messages_are_recorded_once_as_they_were(bench: Bench, lose: Lose) 
     viz.put(KEYS.event("viz"), closed("viz", {"viz/uavs": 2}), 0)
     for publisher, its_inbox in ((uav, inbox), (viz, viz_inbox)):
         publisher.flush()
-        publisher.stay(its_inbox)
-        assert publisher._released
+        assert publisher.stay(its_inbox)
     bench.say_last_word()
     recorded = bench.end()
     fixes = sorted((seq, payload) for channel, seq, _, _, payload in recorded if channel.topic == FIX)

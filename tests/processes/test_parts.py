@@ -20,10 +20,10 @@ from edc_swarm.planner.interface import Plan, PlanRequest
 from edc_swarm.protocol.codec import encode
 from edc_swarm.protocol.keys import Keys
 from edc_swarm.protocol.messages import mission_message
-from processes.bus.abort_notice import _router, _word_after
+from processes.bus.abort_notice import operated_router, word_after
 from processes.bus.address import NO_ANSWER, check_endpoint, connect_endpoint, free_endpoint, unreachable_router
 from processes.bus.peers import CHECK_AFTER_NS, Peers
-from processes.bus.subscriptions import MAX_TOKENS, Gate, Heard, Malformed, Postbox, Token
+from processes.bus.subscriptions import MAX_COUNTED_KEYS, MAX_TOKENS, Gate, Heard, Malformed, Postbox, Token
 from processes.runtime.clock import MissionClock
 from processes.runtime.inbox import Inbox
 from processes.runtime.output import Output, salvage_parts
@@ -81,8 +81,8 @@ def test_who_looks_on_lets_a_burst_gather(monkeypatch: pytest.MonkeyPatch) -> No
 )
 def test_an_operator_gives_up_where_it_would_have_operated(words: str, router: str | None) -> None:
     """A command line with `--operate` names the router, however wrong the rest is; other commands name none."""
-    assert _router(words.split()) == router
-    assert _word_after("--certs", [*words.split(), "--certs=a=b"]) == "a=b"
+    assert operated_router(words.split()) == router
+    assert word_after("--certs", [*words.split(), "--certs=a=b"]) == "a=b"
 
 
 def test_the_gate_counts_tells_and_drops() -> None:
@@ -103,9 +103,10 @@ def test_the_gate_counts_tells_and_drops() -> None:
 def test_peers_remember_so_many_tokens_and_no_more() -> None:
     """A flood of tokens of unknown ids fills no memory, and the vanishing of a real UAV still shows."""
     peers = Peers()
-    for number in range(MAX_TOKENS + 500):
+    for number in range(MAX_TOKENS - 1):
         peers.take(Token(f"x{number}", "1", True), 0)
-    assert peers._tokens == MAX_TOKENS
+    for instance in ("1", "2"):  # the second one is a token too many
+        peers.take(Token("u001", instance, True), 0)
     peers.take(Token("u001", "1", False), 0)
     assert peers.gone(CHECK_AFTER_NS) == ["u001"]
 
@@ -290,9 +291,11 @@ def test_malformed_bytes_are_told_at_powers_of_two() -> None:
     malformed = Malformed()
     told = [malformed.count(MessageError("k", "bad")) for _ in range(9)]
     assert [text is not None for text in told] == [n in {1, 2, 4, 8} for n in range(1, 10)]
-    for number in range(2000):
-        malformed.count(MessageError(f"key{number}", "bad"))
-    assert len(malformed._counts) <= 1001
+    flood = [malformed.count(MessageError(f"key{number}", "bad")) for number in range(2 * MAX_COUNTED_KEYS)]
+    worth = [text for text in flood if text is not None]
+    others = [text for text in worth if text.startswith(tuple(f"{2**power} on others" for power in range(11)))]
+    assert len(worth) - len(others) == MAX_COUNTED_KEYS - 1, "with the key above, so many are counted by themselves"
+    assert len(others) == 10
 
 
 def test_addresses() -> None:

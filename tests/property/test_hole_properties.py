@@ -7,7 +7,7 @@ from hypothesis import strategies as st
 
 from edc_swarm.protocol.gap_repair import GATHER_S, MAX_TRIES, WAITS_S, Holes
 from edc_swarm.protocol.keys import Keys
-from edc_swarm.protocol.retransmission import OVERHEAD_BYTES, Ask, Kept, Ring
+from edc_swarm.protocol.retransmission import OVERHEAD_BYTES, Ask, Kept, Ring, Span
 
 KEYS = Keys("m")
 STREAMS = (KEYS.fix("a"), KEYS.truth("a"), KEYS.event("a"))
@@ -80,7 +80,8 @@ def test_each_message_once_or_gone(said: list[Said], kept: int, data: st.DataObj
     bus.settle()
     assert len(set(bus.recorded)) == len(bus.recorded)
     everything = {(key, seq) for key, last in bus.seqs.items() for seq in range(last + 1)}
-    newest = {(one.key, one.seq) for one in bus.ring._order}
+    still_kept = bus.ring.answer(Ask([Span(key, 0, last) for key, last in bus.seqs.items()]))
+    newest = {(one.key, one.seq) for one in still_kept.found}
     assert newest <= set(bus.recorded) <= everything
     assert not bus.holes.outstanding
     assert bus.released or not said

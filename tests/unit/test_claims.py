@@ -118,10 +118,15 @@ def test_a_mission_without_remote_uavs_names_no_claimants() -> None:
 
 def test_a_flood_of_claimants_fills_no_memory() -> None:
     """The register remembers a limited number of claimants; a forgotten one only seems to be gone."""
-    book = Claims(["u1"])
-    for number in range(MAX_CLAIMANTS + 5):
-        book.see_claimant(f"{number:016x}", True)
-    assert len(book._there) == MAX_CLAIMANTS
+    book, names = Claims(["u1", "u2"]), [f"{number:016x}" for number in range(MAX_CLAIMANTS + 5)]
+    for name in names:
+        book.see_claimant(name, True)
+    for uav, name in (("u1", names[MAX_CLAIMANTS - 1]), ("u2", names[MAX_CLAIMANTS])):
+        book.see_uav(uav, instance_name("12-00ff00ff", name))
+    assert book.held == {"u1"}
+    book.see_claimant(names[0], False)
+    book.see_claimant(names[MAX_CLAIMANTS], True)
+    assert book.held == {"u1", "u2"}, "one that leaves makes room"
 
 
 @pytest.mark.parametrize("wrong", [{"claimant": "a" * 15}, {"claimant": ANNE + "\n"}, {"uavs": 0}, {"uavs": 2001}])

@@ -85,12 +85,17 @@ def test_a_burst_ends_with_its_rule() -> None:
 
 
 def test_changes_by_faults_are_limited() -> None:
-    """A flood of faults fills no memory."""
-    emulator = links()
-    for _ in range(MAX_CHANGES + 5):
-        emulator.add_rule(Link(loss=0.5))
-        emulator.add_cut(Cut(frozenset("a"), frozenset("b"), 0.0))
-    assert (len(emulator._rules), len(emulator._cuts)) == (MAX_CHANGES, MAX_CHANGES)
+    """A flood of faults fills no memory: from some number on none has an effect."""
+    emulator, one_less = links(), links()
+    for number in range(MAX_CHANGES):
+        for each in (emulator, one_less) if number else (emulator,):
+            each.add_rule(Link(loss=0.0))
+            each.add_cut(Cut(frozenset("c"), frozenset("b"), 0.0))
+    for each in (emulator, one_less):
+        each.add_rule(Link(delay_ms=7.0))
+        each.add_cut(Cut(frozenset("d"), frozenset("b"), 0.0))
+    assert (emulator.arrivals_ns("a", 0.0), emulator.is_cut("d", 0.0)) == ([0], False)
+    assert (one_less.arrivals_ns("a", 0.0), one_less.is_cut("d", 0.0)) == ([7_000_000], True)
 
 
 def test_loss_over_distance() -> None:
