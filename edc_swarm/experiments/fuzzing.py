@@ -17,6 +17,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from edc_swarm.analysis.guarantees.check import check
+from edc_swarm.analysis.guarantees.progress import PROGRESS
 from edc_swarm.errors import PlacementError
 from edc_swarm.geometry import DISC_TOLERANCE_M, Floats, length_m, segment_distance_m
 from edc_swarm.mission.configuration import Mission
@@ -31,8 +32,7 @@ from edc_swarm.simulation.computers import Motion
 from edc_swarm.simulation.simulator import Simulation
 
 CHECKED = ("G1", "G2", "G3", "G4", "G5")
-PROGRESS = "G7"
-"""Guarantee that is checked only with a planner that completes missions."""
+"""Guarantees that are checked with every planner; `PROGRESS` only with one that completes missions."""
 LAST_FAULT_SLOT = 45
 RECKLESS_SLOTS = 70
 HEALED_S = 26.0

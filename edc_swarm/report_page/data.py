@@ -10,8 +10,10 @@ import numpy as np
 from msgspec import Struct
 from numpy.typing import NDArray
 
-from edc_swarm.analysis.metrics import Columns, HeadTerm, Timing, columns_of
+from edc_swarm.analysis.columns import Columns, columns_of
+from edc_swarm.analysis.metrics import HeadTerm
 from edc_swarm.analysis.separation import least_gaps_m
+from edc_swarm.analysis.timings import Timing
 from edc_swarm.foreign_text import MAX_LINE, shown
 from edc_swarm.protocol.events import EventKind
 from edc_swarm.protocol.messages import MissionMessage

@@ -7,6 +7,7 @@ from __future__ import annotations
 
 import math
 from collections import deque
+from collections.abc import Iterable
 from dataclasses import dataclass, field
 
 import msgspec
@@ -161,11 +162,11 @@ class Scenery:
         if self._ticks % SLOW_TICKS == 0:
             for name, uav in self._uavs.items():
                 uav.leave_trail(now_ns, centres[name])
-            scenes[channels.TRAILS] = self._trails(now_ns)
+            scenes[channels.TRAILS] = _trails(self._uavs.values(), now_ns)
         if self._ticks % STATIC_TICKS == 0:
             scenes[channels.AREA] = self._area(now_ns)
         shown = [Shown(ROOT + name, now_ns, scene(entities, now_ns)) for name, entities in scenes.items()]
-        return [*shown, *self._locations(now_ns)] if self._ticks % SLOW_TICKS == 0 else shown
+        return [*shown, *_locations(self._uavs.values(), now_ns)] if self._ticks % SLOW_TICKS == 0 else shown
 
     def _discs(self, centres: dict[str, Point], now_ns: int) -> list[SceneEntity]:
         overlapping = self._gaps(centres).overlapping
@@ -220,15 +221,6 @@ class Scenery:
                 shown[-1].lines.append(line(outline, AMBER, 3.0, closed=True))
         return shown
 
-    def _trails(self, now_ns: int) -> list[SceneEntity]:
-        shown = []
-        for name, uav in self._uavs.items():
-            recent = [(then_ns, point) for then_ns, point in uav.trail if now_ns - then_ns <= TRAIL_S * NS_PER_S]
-            alphas = [0.8 * (1 - (now_ns - then_ns) / NS_PER_S / TRAIL_S) for then_ns, _ in recent]
-            shown.append(entity(name, now_ns))
-            shown[-1].lines.append(line([p for _, p in recent], colour_of(uav.index), 2.0, alphas=alphas))
-        return shown
-
     def _area(self, now_ns: int) -> list[SceneEntity]:
         """Return the geofence, which contains the area, all starts and all targets, and a mark at every target."""
         assert self._mission is not None
@@ -241,10 +233,6 @@ class Scenery:
             at = (uav.entry.target_x_m, uav.entry.target_y_m)
             targets.lines.append(ring(at, 0.6, colour_of(uav.index), 2.0, z_m=0.02))
         return [fence, targets]
-
-    def _locations(self, now_ns: int) -> list[Shown]:
-        fixes = [uav.fix for uav in self._uavs.values() if uav.fix is not None]
-        return [Shown(f"{ROOT}{channels.LOCATION}/{fix.uav}", now_ns, _location(fix, now_ns)) for fix in fixes]
 
     # --- positions --------------------------------------------------------------------
 
@@ -329,6 +317,21 @@ def extent_m(mission: MissionMessage) -> tuple[Point, Point]:
     xs_m = [x_m for entry in mission.roster for x_m in (entry.start_x_m, entry.target_x_m)]
     ys_m = [y_m for entry in mission.roster for y_m in (entry.start_y_m, entry.target_y_m)]
     return (min([0.0, *xs_m]), min([0.0, *ys_m])), (max([side_m, *xs_m]), max([side_m, *ys_m]))
+
+
+def _trails(uavs: Iterable[_Uav], now_ns: int) -> list[SceneEntity]:
+    shown = []
+    for uav in uavs:
+        recent = [(then_ns, point) for then_ns, point in uav.trail if now_ns - then_ns <= TRAIL_S * NS_PER_S]
+        alphas = [0.8 * (1 - (now_ns - then_ns) / NS_PER_S / TRAIL_S) for then_ns, _ in recent]
+        shown.append(entity(uav.entry.uav, now_ns))
+        shown[-1].lines.append(line([p for _, p in recent], colour_of(uav.index), 2.0, alphas=alphas))
+    return shown
+
+
+def _locations(uavs: Iterable[_Uav], now_ns: int) -> list[Shown]:
+    fixes = [uav.fix for uav in uavs if uav.fix is not None]
+    return [Shown(f"{ROOT}{channels.LOCATION}/{fix.uav}", now_ns, _location(fix, now_ns)) for fix in fixes]
 
 
 def _location(fix: Fix, now_ns: int) -> bytes:

@@ -14,6 +14,7 @@ from msgspec import Struct, to_builtins
 
 from edc_swarm.emulation.energy import check_batteries, stranded
 from edc_swarm.errors import InputError
+from edc_swarm.foreign_text import listed
 from edc_swarm.mission.configuration import Link, Mission
 from edc_swarm.mission.declarations import declarations, option_names
 from edc_swarm.mission.faults import parse_faults
@@ -29,7 +30,6 @@ FIELDS = option_names(Mission)
 """Name of the option that sets each field of the mission, for fields that have one."""
 LINK_FIELDS = option_names(Link)
 """Name of the option that sets each field of every link of the mission, for fields that have one."""
-MOST_LISTED = 5
 
 
 @contextmanager
@@ -53,9 +53,8 @@ def _warn_of_batteries(mission: Mission) -> None:
     if not needed_j:
         return
     battery_j = {entry.uav: entry.energy_j for entry in mission.roster}
-    named = [f"{uav} ({battery_j[uav]:.4g} of {needed_j[uav]:.4g} J)" for uav in [*needed_j][:MOST_LISTED]]
-    more = f" and {len(needed_j) - MOST_LISTED} more" if len(needed_j) > MOST_LISTED else ""
-    note(f"warning: no battery for the straight flight to the target at full speed: {', '.join(named)}{more}")
+    named = [f"{uav} ({battery_j[uav]:.4g} of {needed_j[uav]:.4g} J)" for uav in needed_j]
+    note(f"warning: no battery for the straight flight to the target at full speed: {listed(named)}")
 
 
 def swept(name: str) -> Parameter:

@@ -3,11 +3,11 @@
 from __future__ import annotations
 
 from itertools import chain, pairwise
+from typing import Any
 
 import msgspec
 import numpy as np
 import pytest
-from synthetic import EPOCH_NS, OFFSET_M, SLOT_NS, at, change, close, flight, parallel, recorded, straight
 
 from edc_swarm.analysis import tracks
 from edc_swarm.analysis.guarantees.check import check
@@ -19,6 +19,7 @@ from edc_swarm.errors import RecordingError
 from edc_swarm.mission.configuration import Link
 from edc_swarm.protocol.messages import Command, Event, Fix, Message, MissionMessage, Report, Truth
 from edc_swarm.recording.model import Garbage
+from tests.unit.synthetic import EPOCH_NS, OFFSET_M, SLOT_NS, at, change, close, flight, parallel, recorded, straight
 
 NOTHING_FLOWN = {"executing": False, "command_term": -1, "command_seq": -1}
 ALL = ("G1", "G2", "G3", "G4", "G5", "G7")
@@ -536,7 +537,7 @@ def test_g3_finds_ways_that_are_only_safe_when_flown_together() -> None:
     paths = [straight((0, 0), (0.4, 0), 1), straight((10.5, 0), (12.5, 0), 1)]
     assert "G3" not in broken(flight(paths))
     crossing = [straight((0, 0), (8, 0), 1), straight((10.5, 0), (18.5, 0), 1)]
-    fast = {"v_max_mps": 20.0}
+    fast: dict[str, Any] = {"v_max_mps": 20.0}
     violation = found(flight(crossing, **fast), "G3", "uneven")
     assert (violation.slot, violation.uavs, violation.value_m) == (1, ["u0", "u1"], pytest.approx(7.5))
     assert "G3" not in broken(flight(crossing, planner="straight", **fast))
@@ -672,7 +673,9 @@ def test_g5_excuses_what_was_dropped_and_is_there_again(messages: list[Message])
 
 
 @pytest.mark.parametrize(("kind", "fields"), [(Event, {"instance": "i2"}), (Fix, {"seq": 2})], ids=["tail", "gap"])
-def test_g5_reports_what_was_dropped_and_cannot_be_proved(messages: list[Message], kind: type, fields: dict) -> None:
+def test_g5_reports_what_was_dropped_and_cannot_be_proved(
+    messages: list[Message], kind: type, fields: dict[str, Any]
+) -> None:
     """Dropped messages break G5 if a `closed` event or a message is missing."""
     drop(messages, kind, **fields)
     recording = recorded(messages)
@@ -706,7 +709,7 @@ LIMIT = 201
 """Slots after which G7 judges the missions below: 200, and one for a way that is a step long."""
 
 
-def unfinished(slots: int = LIMIT, **fields: object) -> list[Message]:
+def unfinished(slots: int = LIMIT, **fields: Any) -> list[Message]:
     """Return messages of u2 that stops half-way, in a record of `slots` slots."""
     paths = [[*path, *[path[-1]] * (slots - len(path))] for path in parallel()]
     messages = flight(paths, **{"v_max_mps": 1e4, "max_slots": 1000, **fields})
@@ -796,14 +799,14 @@ def test_g7_judges_a_lossy_network_after_a_longer_limit() -> None:
         ({"fault": ["partition u2>rest @2"]}, "'partition u2>rest @1s' never heals, and cuts off some links of a side"),
     ],
 )
-def test_g7_promises_nothing_after_some_faults_for_good(fields: dict[str, object], why: str) -> None:
+def test_g7_promises_nothing_after_some_faults_for_good(fields: dict[str, Any], why: str) -> None:
     """The verdict names such faults if they happened; a UAV that arrived anyway counts as arrived."""
     result = progress(unfinished(**fields))
     assert (result.status, result.notes[0][: len(why)]) == ("not-applicable", why)
     assert progress(flight(parallel(), **fields)).status == "held"
-    late = {"fault": [text.replace("@2", "@900") for text in fields.get("fault", [])]}  # type: ignore[attr-defined]
-    if late["fault"]:
-        assert progress(unfinished(**late)).status == "not-judged"
+    late = [text.replace("@2", "@900") for text in fields.get("fault", [])]
+    if late:
+        assert progress(unfinished(fault=late)).status == "not-judged"
 
 
 def test_g7_takes_faults_as_they_were_told() -> None:

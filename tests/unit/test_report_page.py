@@ -10,7 +10,6 @@ from importlib.resources import files
 import msgspec
 import numpy as np
 import pytest
-from synthetic import EPOCH_NS, change, flight, parallel, recorded, straight, whole
 
 from edc_swarm.analysis.guarantees.check import check
 from edc_swarm.analysis.guarantees.verdict import GuaranteeResult, Status, Violation, headline
@@ -20,7 +19,8 @@ from edc_swarm.protocol.messages import Event, Fix, Message, Report
 from edc_swarm.recording.model import Recording
 from edc_swarm.report_page import data as page_data
 from edc_swarm.report_page.data import Page
-from edc_swarm.report_page.render import MAX_WHERE, Assets, _guarantee, render
+from edc_swarm.report_page.render import MAX_WHERE, Assets, render
+from tests.unit.synthetic import EPOCH_NS, change, flight, parallel, recorded, straight, whole
 
 
 @pytest.fixture
@@ -161,11 +161,11 @@ def test_the_headline_says_of_every_guarantee_what_it_came_to(statuses: list[Sta
     assert headline([GuaranteeResult(f"G{i + 1}", "", status) for i, status in enumerate(statuses)]) == said
 
 
-def test_so_many_violations_are_told() -> None:
+def test_so_many_violations_are_told(messages: list[Message]) -> None:
     """Beyond a limit, the page gives only the number of violations."""
     for extra in (0, 1):
         violations = [Violation("gap", f"x{number}.") for number in range(MAX_WHERE + extra)]
-        text = _guarantee(GuaranteeResult("G5", "No loss", "broken", violations))
+        text = document(recorded(messages), [GuaranteeResult("G5", "No loss", "broken", violations)])
         assert text.count("<li>x") == MAX_WHERE
         assert (f"<li>... {MAX_WHERE + 1} in all</li>" in text) == bool(extra)
 

@@ -30,6 +30,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from edc_swarm.analysis.tracks import Tracks, tracks_of
+from edc_swarm.foreign_text import listed
 from edc_swarm.protocol.messages import PLANNED, Command, Fix, MissionMessage, Report, Truth, roster_index
 from edc_swarm.recording.ends import Ends, ends_of
 from edc_swarm.recording.model import Recording
@@ -43,7 +44,6 @@ NEEDS: dict[str, tuple[str, ...]] = {
     "G7": ("fix",),
 }
 """Kinds of messages that each guarantee needs in order to be judged."""
-MOST_LISTED = 5
 _PLURAL = {"fix": "fixes", "truth": "truths", "command": "commands", "report": "reports"}
 _KEY = {
     "fix": re.compile(r"uav/([^/]+)/fix").fullmatch,
@@ -236,6 +236,4 @@ def _holes(
 
 
 def _named(uavs: set[str] | frozenset[str]) -> str:
-    names = sorted(uavs)
-    more = f" and {len(names) - MOST_LISTED} more" if len(names) > MOST_LISTED else ""
-    return ", ".join(names[:MOST_LISTED]) + more
+    return listed(sorted(uavs))
