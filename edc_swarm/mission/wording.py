@@ -15,6 +15,7 @@ from msgspec.inspect import (
     NoneType,
     StrType,
     StructType,
+    TupleType,
     Type,
     UnionType,
 )
@@ -35,6 +36,8 @@ def in_words(kind: Type) -> str:
             return f"one of {', '.join(map(str, values))}"
         case ListType():
             return _list(kind)
+        case TupleType(item_types=items):
+            return f"a list of {len(items)} numbers"
         case UnionType(types=types):
             return " or ".join(in_words(each) for each in types)
         case _:
@@ -66,6 +69,8 @@ def _described(kind: type) -> Type:
 def _inside(kind: Type, part: str) -> Type | None:
     if isinstance(kind, StructType):
         return next((field.type for field in kind.fields if field.encode_name == part), None)
+    if isinstance(kind, TupleType):
+        return kind.item_types[int(part)]
     return kind.item_type if isinstance(kind, ListType) else None
 
 
@@ -79,7 +84,13 @@ def _number(kind: IntType | FloatType) -> str:
 
 
 def _list(kind: ListType) -> str:
-    nouns = {StructType: "tables", StrType: "texts", IntType: "whole numbers", FloatType: "numbers"}
+    nouns = {
+        StructType: "tables",
+        StrType: "texts",
+        IntType: "whole numbers",
+        FloatType: "numbers",
+        TupleType: "points [x, y]",
+    }
     items = nouns.get(type(kind.item_type), "values")
     if kind.max_length is None:
         return f"a list of {items}"
