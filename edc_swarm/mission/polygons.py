@@ -40,7 +40,7 @@ def turn(a: Point, b: Point, c: Point) -> int:
 
 
 def _meeting_edges(corners: Sequence[Point]) -> tuple[int, int] | None:
-    """Return two edges that have more in common than the corner between neighbours, None for a simple polygon."""
+    """Return two edges that are no neighbours and have a point in common, None for a simple polygon."""
     count = len(corners)
     edges = [(corners[i], corners[(i + 1) % count]) for i in range(count)]
     ordered = sorted(range(count), key=lambda i: min(edges[i][0][0], edges[i][1][0]))
@@ -49,15 +49,10 @@ def _meeting_edges(corners: Sequence[Point]) -> tuple[int, int] | None:
         for j in ordered[place + 1 :]:
             if min(edges[j][0][0], edges[j][1][0]) > right:
                 break
-            if _folded(edges[i], edges[j]) if (i - j) % count in {1, count - 1} else _meet(edges[i], edges[j]):
+            # Neighbours that lie over each other need no test: the edge after or before them meets one of them too.
+            if (i - j) % count not in {1, count - 1} and _meet(edges[i], edges[j]):
                 return min(i, j), max(i, j)
     return None
-
-
-def _folded(one: tuple[Point, Point], other: tuple[Point, Point]) -> bool:
-    """Return True if two neighbouring edges lie over each other."""
-    (a, b), c = (one, other[1]) if one[1] == other[0] else (other, one[1])
-    return turn(a, b, c) == 0 and (_between(a, b, c) or _between(b, c, a))
 
 
 def _meet(one: tuple[Point, Point], other: tuple[Point, Point]) -> bool:

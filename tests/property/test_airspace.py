@@ -3,10 +3,11 @@
 from __future__ import annotations
 
 import math
+from itertools import combinations
 
 import numpy as np
 import shapely
-from hypothesis import assume, given, settings
+from hypothesis import given, settings
 from hypothesis import strategies as st
 from shapely.geometry import LineString, Point, Polygon
 
@@ -49,7 +50,11 @@ def zones(draw: st.DrawFn) -> list[Zone]:
             [
                 Zone(name="fence", kind="inclusion", polygon=[(0, 0), (SIDE_M, 0), (SIDE_M, SIDE_M), (0, SIDE_M)]),
                 Zone(name="fence", kind="inclusion", centre=[50, 50], radius_m=50, keep="disc"),
-                Zone(name="fence", kind="inclusion", polygon=[(0, 0), (100, 0), (100, 100), (60, 100), (50, 20), (0, 100)]),
+                Zone(
+                    name="fence",
+                    kind="inclusion",
+                    polygon=[(0, 0), (100, 0), (100, 100), (60, 100), (50, 20), (0, 100)],
+                ),
             ]
         )
     )
@@ -106,17 +111,34 @@ def joined(parts: list[Polygon], line: LineString) -> bool:
     return any(all(part.intersects(end) for end in ends) for part in parts)
 
 
-@settings(max_examples=400, deadline=None)
-@given(zones(), st.sampled_from([0.5, 2.0, 5.0]), st.data())
-def test_ways_exist_where_shapely_says_so(made: list[Zone], r_m: float, data: st.DataObject) -> None:
+@st.composite
+def mazes(draw: st.DrawFn) -> list[Zone]:
+    """A fence and walls across it, some with a gate that is just wide enough for a disc of 2 m, or just too narrow."""
+    corners = [(0.0, 0.0), (SIDE_M, 0.0), (SIDE_M, SIDE_M), (0.0, SIDE_M)]
+    made = [Zone(name="fence", kind="inclusion", polygon=corners)]
+    for index in range(draw(st.integers(1, 4))):
+        low_m, gate_m, gap_m = 20.0 * index + 15, draw(st.integers(10, 80)), draw(st.sampled_from([0, 3, 4, 5, 6]))
+        across = draw(st.booleans())
+        for part, (begin_m, end_m) in enumerate([(-5, gate_m), (gate_m + gap_m, 105)]):
+            corners = [(low_m, begin_m), (low_m + 2, begin_m), (low_m + 2, end_m), (low_m, end_m)]
+            corners = [(y_m, x_m) for x_m, y_m in corners] if across else corners
+            made.append(Zone(name=f"{index}{part}", kind="exclusion", polygon=corners))
+    if draw(st.booleans()):
+        made.append(Zone(name="tower", kind="exclusion", centre=[draw(st.integers(0, 100)), 50], radius_m=6))
+    return made
+
+
+@settings(max_examples=250, deadline=None)
+@given(st.one_of(mazes(), zones()), st.sampled_from([0.5, 1.98, 2.02, 5.0]))
+def test_ways_exist_where_shapely_says_so(made: list[Zone], r_m: float) -> None:
     """Two free places have a way if and only if they lie in one connected part of the free space."""
-    roomy, wide = (free_parts(made, r_m, more_m) for more_m in (SLACK_M, -SLACK_M if r_m > SLACK_M else 0.0))
+    roomy, wide = (free_parts(made, r_m, more_m) for more_m in (SLACK_M, -SLACK_M))
     places = [part.representative_point() for part in roomy if part.area > 0.1]
-    assume(len(places) >= 1)
-    chosen = data.draw(st.lists(st.sampled_from(range(len(places))), min_size=2, max_size=2))
-    points = [(places[i].x, places[i].y) for i in chosen]
-    refusal, line = zones_refusal(made, r_m, points), LineString(points)
-    if joined(roomy, line):
-        assert refusal == ""
-    elif not joined(wide, line):
-        assert refusal.startswith("no way")
+    places += [Point(x, y) for x in (7, 50, 93) for y in (7, 50, 93) if any(p.contains(Point(x, y)) for p in roomy)]
+    for one, other in combinations(places[:10], 2):
+        line = LineString([one, other])
+        refusal = zones_refusal(made, r_m, list(line.coords))
+        if joined(roomy, line):
+            assert refusal == ""
+        elif not joined(wide, line):
+            assert refusal.startswith("no way")
