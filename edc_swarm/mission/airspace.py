@@ -180,7 +180,7 @@ def _check_ways(airspace: Airspace, legs: _Legs) -> list[str]:
     overlaps = _overlaps(airspace, float(legs.r_m.max()))
     from_leg = np.flatnonzero(legs.uav[:-1] == legs.uav[1:])
     # A place that lies itself within the margin says nothing about the passages on the way.
-    roomy = (airspace.lack_m(legs.points_m, legs.r_m) <= -MARGIN_M).all(axis=1)
+    roomy: Bools = np.all(airspace.lack_m(legs.points_m, legs.r_m) <= -MARGIN_M, axis=1)
     open_uavs, tight, left = set[int](), dict[int, str](), MAX_CROSSINGS
     for r_m in np.unique(legs.r_m).tolist():
         mine = from_leg[legs.r_m[from_leg] == r_m]

@@ -283,6 +283,16 @@ class Zone(Struct, frozen=True, kw_only=True):
         """Number of corners, which a circle has too: one as an exclusion zone, else those of its rim."""
         return len(self.polygon) or (RIM_CORNERS if self.kind == "inclusion" else 1)
 
+    @property
+    def bounds_m(self) -> tuple[float, float, float, float]:
+        """Left, low, right and high edge of the box around the zone, in metres."""
+        corners = self.polygon or [
+            (self.centre[0] - self.radius_m, self.centre[1] - self.radius_m),
+            (self.centre[0] + self.radius_m, self.centre[1] + self.radius_m),
+        ]
+        xs_m, ys_m = zip(*corners, strict=True)
+        return min(xs_m), min(ys_m), max(xs_m), max(ys_m)
+
 
 class Mission(Struct, frozen=True, kw_only=True):
     """Everything that decides how a mission goes.

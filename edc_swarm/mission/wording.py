@@ -22,7 +22,7 @@ from msgspec.inspect import (
 
 _NAME = re.compile(r"\^\[A-Za-z0-9_-\]\{(\d+),(\d+)\}\$.*")
 """The pattern of an id or a name."""
-_PLAIN = {StructType: "a table", BoolType: "true or false", NoneType: "null"}
+_PLAIN = {StructType: "a table", TupleType: "a point [x, y]", BoolType: "true or false", NoneType: "null"}
 
 
 def in_words(kind: Type) -> str:
@@ -36,8 +36,6 @@ def in_words(kind: Type) -> str:
             return f"one of {', '.join(map(str, values))}"
         case ListType():
             return _list(kind)
-        case TupleType(item_types=items):
-            return f"a list of {len(items)} numbers"
         case UnionType(types=types):
             return " or ".join(in_words(each) for each in types)
         case _:

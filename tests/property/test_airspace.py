@@ -23,7 +23,7 @@ NUMBER = st.integers(0, 12).map(float)
 """Coordinates on a coarse lattice: corners repeat, touch and line up often."""
 
 
-@settings(max_examples=600, deadline=None)
+@settings(max_examples=300, deadline=None)
 @given(st.lists(st.tuples(NUMBER, NUMBER), min_size=3, max_size=9))
 def test_polygons_are_simple_where_shapely_says_so(corners: list[tuple[float, float]]) -> None:
     """A ring without repeated corners, with an area, whose edges do not meet."""
@@ -128,7 +128,7 @@ def mazes(draw: st.DrawFn) -> list[Zone]:
     return made
 
 
-@settings(max_examples=250, deadline=None)
+@settings(max_examples=100, deadline=None)
 @given(st.one_of(mazes(), zones()), st.sampled_from([0.5, 1.98, 2.02, 5.0]))
 def test_ways_exist_where_shapely_says_so(made: list[Zone], r_m: float) -> None:
     """Two free places have a way if and only if they lie in one connected part of the free space."""
