@@ -100,10 +100,12 @@ def _placed(rng: np.random.Generator, mission: Mission, what: str) -> NDArray[np
             area = f"area_m2 = {mission.area_m2:g}"
             if mission.area_x_m:
                 area = f"area_x_m = {mission.area_x_m:g}, area_y_m = {mission.area_y_m:g}"
+            zones = ", its zones" if len(mission.zone) > (mission.fence == "area") else ""
             raise PlacementError(
                 "uavs",
                 mission.uavs,
-                f"few enough for {area} and r_m = {mission.r_m:g} (placed {index} {what}, then {TRIES} tries failed)",
+                f"few enough for {area}{zones} and r_m = {mission.r_m:g}"
+                f" (placed {index} {what}, then {TRIES} tries failed)",
             )
         points_m[index] = point_m
     return points_m

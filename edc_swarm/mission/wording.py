@@ -33,7 +33,7 @@ def in_words(kind: Type) -> str:
         case StrType():
             return _text(kind)
         case LiteralType(values=values):
-            return f"one of {', '.join(map(str, values))}"
+            return "one of " + ", ".join(str(value) or '""' for value in values)
         case ListType():
             return _list(kind)
         case UnionType(types=types):

@@ -35,7 +35,7 @@
 
   const view = () => {
     const [left, low, right, high] = page.extent_m;
-    const width = map.clientWidth, height = map.clientHeight, pad = 30;
+    const width = map.clientWidth, height = map.clientHeight, pad = 36;
     const scale = Math.min((width - pad - 12) / (right - left), (height - pad - 12) / (high - low));
     const x0 = pad + (width - pad - 12 - scale * (right - left)) / 2;
     const y0 = 12 + (height - pad - 12 - scale * (high - low)) / 2;
