@@ -30,11 +30,11 @@ from edc_swarm.mission.zones import Barriers, barriers
 
 Bools = NDArray[np.bool_]
 
-ROUNDING_M = 1e-9
+KEPT_M = 1e-9
 """A distance that lacks no more than this is kept."""
 LEAST_M = 1e-6
 """Least distance of starts and targets from a barrier, even for a UAV whose centre alone keeps to the zone."""
-MARGIN_M = 0.02
+PLANNER_MARGIN_M = 0.02
 """Distance that the planner keeps beyond what zones ask (`solver.slot_qp.DELTA_M`).
 
 A passage with less room on either side is legal, but the planner may not enter it.
@@ -85,7 +85,7 @@ class Airspace:
     def lack_m(self, points_m: Floats, r_m: Floats) -> Floats:
         """Return (n, zones) how much too near points (n, 2) of UAVs of radii `r_m` (n,) are; 0 or less is allowed."""
         keeps_disc = np.array([zone.keeps_disc for zone in self.zones], dtype=bool)
-        keep_m = np.where(keeps_disc, r_m[:, None] - ROUNDING_M, 0.0)
+        keep_m = np.where(keeps_disc, r_m[:, None] - KEPT_M, 0.0)
         return np.maximum(keep_m, LEAST_M) - self.clear_m(points_m)
 
 
@@ -180,11 +180,11 @@ def _check_ways(airspace: Airspace, legs: _Legs) -> list[str]:
     overlaps = _overlaps(airspace, float(legs.r_m.max()))
     from_leg = np.flatnonzero(legs.uav[:-1] == legs.uav[1:])
     # A place that lies itself within the margin says nothing about the passages on the way.
-    roomy: Bools = np.all(airspace.lack_m(legs.points_m, legs.r_m) <= -MARGIN_M, axis=1)
+    roomy: Bools = np.all(airspace.lack_m(legs.points_m, legs.r_m) <= -PLANNER_MARGIN_M, axis=1)
     open_uavs, tight, left = set[int](), dict[int, str](), MAX_CROSSINGS
     for r_m in np.unique(legs.r_m).tolist():
         mine = from_leg[legs.r_m[from_leg] == r_m]
-        for margin_m in (0.0, MARGIN_M):
+        for margin_m in (0.0, PLANNER_MARGIN_M):
             if margin_m:
                 mine = mine[roomy[mine] & roomy[mine + 1]]
             rings = _rings(airspace, r_m, margin_m, overlaps)
@@ -208,8 +208,8 @@ def _warnings(legs: _Legs, tight: dict[int, str], open_uavs: set[int]) -> Iterat
         uav, said = next(iter(tight.items()))
         more = f" and {len(tight) - 1} more" if len(tight) > 1 else ""
         yield (
-            f"{roster[uav].uav}{more} may not arrive: the only way leaves less than {MARGIN_M:g} m beside the disc, "
-            f"which is the planner's margin ({said})"
+            f"{roster[uav].uav}{more} may not arrive: the only way leaves less than {PLANNER_MARGIN_M:g} m beside"
+            f" the disc, which is the planner's margin ({said})"
         )
     if open_uavs:
         yield f"the zones are too many or too dense to check that {len(open_uavs)} UAVs have a way to their targets"
@@ -281,7 +281,7 @@ class _Rings:
 
 def _overlaps(airspace: Airspace, r_m: float) -> _Overlaps | None:
     """Return the pairs of barriers that overlap when grown for `r_m` and the margin; None if they are too many."""
-    known, keep_m = airspace.barriers, airspace.keep_m(r_m) + MARGIN_M
+    known, keep_m = airspace.barriers, airspace.keep_m(r_m) + PLANNER_MARGIN_M
     low_m = np.minimum(known.a_m, known.b_m) - keep_m[:, None]
     high_m = np.maximum(known.a_m, known.b_m) + keep_m[:, None]
     order = np.argsort(low_m[:, 0], kind="stable")
@@ -307,7 +307,7 @@ def _rings(airspace: Airspace, r_m: float, margin_m: float, overlaps: _Overlaps 
         return None
     keep_m = airspace.keep_m(r_m) + margin_m
     first_m, second_m = keep_m[overlaps.first], keep_m[overlaps.second]
-    chosen = overlaps.apart_m < np.maximum(first_m + second_m - ROUNDING_M, ROUNDING_M)
+    chosen = overlaps.apart_m < np.maximum(first_m + second_m - KEPT_M, KEPT_M)
     share = first_m / np.where(first_m + second_m > 0, first_m + second_m, 1.0)
     meeting_m = overlaps.on_first_m + share[:, None] * (overlaps.on_second_m - overlaps.on_first_m)
     first, second = overlaps.first[chosen], overlaps.second[chosen]

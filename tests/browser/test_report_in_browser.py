@@ -37,13 +37,14 @@ pytestmark = [
 ]
 MISSIONS = {
     "10": ["--fault", "kill head @8"],
+    "zones": ["scenarios/courtyard.toml", "--planner", "straight", "--fault", "kill head @8"],
     "50": ["--uavs", "50", "--area", "40000", "--speed-max", "20", "--fault", "freeze u007 @4 for 6"],
 }
 
 
 @pytest.fixture(scope="module", params=MISSIONS)
 def page(request: pytest.FixtureRequest, tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """Return the page of a mission of 10 and of 50 UAVs."""
+    """Return the page of a mission of 10 UAVs, of one with zones, and of one of 50 UAVs."""
     recording = tmp_path_factory.mktemp("report") / "run.mcap"
     main(["sim", *MISSIONS[request.param], "--out", str(recording), "--no-viz", "--json"])
     assert main(["report", str(recording)]) == 0

@@ -15,7 +15,7 @@ from hypothesis import strategies as st
 
 from edc_swarm.errors import MessageError, MissionError, PlacementError
 from edc_swarm.mission import airspace
-from edc_swarm.mission.airspace import MARGIN_M, Airspace, check_zones, zones_refusal
+from edc_swarm.mission.airspace import PLANNER_MARGIN_M, Airspace, check_zones, zones_refusal
 from edc_swarm.mission.configuration import (
     MAX_ALL_CORNERS,
     MAX_UAVS,
@@ -257,7 +257,13 @@ def test_a_way_that_zones_close_is_refused_and_the_zones_are_named(
 
 @pytest.mark.parametrize(
     ("width_m", "outcome"),
-    [(9.99, "refused"), (10.0, "warned"), (10 + 1.9 * MARGIN_M, "warned"), (10 + 2.1 * MARGIN_M, ""), (11.0, "")],
+    [
+        (9.99, "refused"),
+        (10.0, "warned"),
+        (10 + 1.9 * PLANNER_MARGIN_M, "warned"),
+        (10 + 2.1 * PLANNER_MARGIN_M, ""),
+        (11.0, ""),
+    ],
 )
 def test_a_corridor_one_disc_wide(width_m: float, outcome: str) -> None:
     """It can be flown by law from the width of the disc on, and by the planner with the margin on either side."""
@@ -275,7 +281,7 @@ def test_a_corridor_one_disc_wide(width_m: float, outcome: str) -> None:
 
 def test_the_margin_is_the_planners() -> None:
     """The mission knows no solver, so the number is written twice."""
-    assert MARGIN_M == slot_qp.DELTA_M
+    assert PLANNER_MARGIN_M == slot_qp.DELTA_M
 
 
 def test_every_uav_is_checked_with_its_own_radius() -> None:
