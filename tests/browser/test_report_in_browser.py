@@ -77,6 +77,30 @@ def test_the_page_draws_and_its_slider_moves_everything(page: Path, browser: Any
     assert browser.get_log("browser") == []
 
 
+@pytest.mark.parametrize("scheme", ["light", "dark"])
+def test_exclusion_zones_are_drawn_in_their_colour(page: Path, browser: Any, scheme: str) -> None:
+    """The map has the colour of the legend's exclusion zones if the mission has some, and none of it otherwise."""
+    feature = {"name": "prefers-color-scheme", "value": scheme}
+    browser.execute_cdp_cmd("Emulation.setEmulatedMedia", {"features": [feature]})
+    browser.get(page.as_uri())
+    count = browser.execute_script(
+        """
+        const amber = getComputedStyle(document.documentElement).getPropertyValue("--amber").trim();
+        const wanted = [1, 3, 5].map((at) => parseInt(amber.slice(at, at + 2), 16));
+        const map = document.getElementById("map");
+        const { data } = map.getContext("2d").getImageData(0, 0, map.width, map.height);
+        let count = 0;
+        const isNear = (i) => data[i + 3] > 0 && wanted.every((value, n) => Math.abs(value - data[i + n]) < 3);
+        for (let i = 0; i < data.length; i += 4) count += isNear(i);
+        return count;
+        """
+    )
+    excludes = browser.execute_script("return document.querySelectorAll('.legend .exclusion').length > 0")
+    browser.execute_cdp_cmd("Emulation.setEmulatedMedia", {"features": []})
+    assert (count > 100) == excludes
+    assert excludes == ("pond" in page.read_text(encoding="utf-8"))
+
+
 def test_nothing_is_cut_off_or_lies_over_another(page: Path, browser: Any) -> None:
     """At every width nothing exceeds the window, and no two texts of a plot overlap."""
     for width in (2200, 1400, 1000, 620, 400):
