@@ -59,6 +59,8 @@ class Metrics(Struct, frozen=True, kw_only=True):
     """The metrics that `edc-swarm metrics --json` prints, defined in docs/metrics.md. None: undefined for this run."""
 
     uavs: int
+    inclusion_zones: int
+    exclusion_zones: int
     slots: int
     duration_s: float
     completed: bool | None
@@ -113,6 +115,8 @@ def compute_metrics(recording: Recording, timings: Sequence[Timing] = ()) -> Met
     ended_m = length_m(columns.centre_m[-1] - columns.centre_m[0])
     return Metrics(
         uavs=len(tracks.uavs),
+        inclusion_zones=sum(zone.kind == "inclusion" for zone in mission.zone),
+        exclusion_zones=sum(zone.kind == "exclusion" for zone in mission.zone),
         slots=slots,
         duration_s=mission.dt_s * slots,
         completed=_completed(recording, home, known),

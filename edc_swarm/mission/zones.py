@@ -14,10 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from edc_swarm.geometry import Floats
-from edc_swarm.mission.configuration import Zone
-
-RIM_CORNERS = 64
-"""Corners of the polygon inscribed in a circular inclusion zone. It is smaller than the circle by at most 0.12 %."""
+from edc_swarm.mission.configuration import RIM_CORNERS, Zone
 
 
 @dataclass(frozen=True, slots=True)
