@@ -39,14 +39,14 @@ def walls_of(position_m: Floats, r_m: Floats, obstacles: Obstacles) -> kernel.Wa
     return kernel.Walls(np.ascontiguousarray(obstacles.a_m), np.ascontiguousarray(obstacles.b_m), keep_m, bar_m)
 
 
-def free_goals(target_m: Floats, r_m: Floats, obstacles: Obstacles, airspace: Airspace) -> Floats:
+def free_goals(target_m: Floats, r_m: Floats, obstacles: Obstacles, airspace: Airspace | None = None) -> Floats:
     """Return the targets (n, 2), with those nearer than R + delta to a hull or barrier moved to a free place near by.
 
     The slot QP's buffer makes a target at R or a little more unreachable; it moves by less than the
     distance that counts as arrived. A covered target becomes a place to wait, clear of the targets of other UAVs, and
     in the airspace.
     """
-    goal_m = target_m.copy()
+    goal_m, airspace = target_m.copy(), airspace or Airspace.unbounded()
     keep_m = r_m[:, None] + obstacles.keep_m + obstacles.radius_m + DELTA_M
     away_m = point_segment_distance_m(target_m[:, None], obstacles.a_m[None], obstacles.b_m[None])
     covered: NDArray[np.bool_] = np.any(away_m < keep_m, axis=1) | ~clear_of(airspace, target_m, r_m)
