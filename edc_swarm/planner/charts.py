@@ -88,6 +88,11 @@ class Charts:
             self.charts[r_m] = Chart(r_m, node_m, np.full((count, count), np.inf), np.zeros(count, dtype=bool))
         return self.charts[r_m]
 
+    def reaches(self, uav: int, r_m: float, start_m: Floats, goal_m: Floats) -> bool:
+        """Return True if a way leads from the start to the goal, straight or over nodes, without a limit on tests."""
+        clear = kernel.open_leg(self.barred, r_m, DELTA_M, *start_m.tolist(), *goal_m.tolist())[0]
+        return clear or self.way(uav, r_m, start_m, goal_m, 10**12)[1] >= 0
+
     def way(
         self, uav: int, r_m: float, start_m: Floats, goal_m: Floats, budget: int
     ) -> tuple[Field | None, int, float, int]:

@@ -9,9 +9,9 @@ import pytest
 
 from edc_swarm.geometry import capsule_distance_m, length_m, segment_distance_m
 from edc_swarm.mission.configuration import ARRIVED_M, Mission
+from edc_swarm.planner.charts import Charts
 from edc_swarm.planner.interface import Hull, PlanRequest
 from edc_swarm.planner.registry import make_planner
-from edc_swarm.planner.charts import Charts
 from edc_swarm.planner.ways import free_goals, routed, walls_of
 from edc_swarm.solver.slot_qp import DELTA_M, Airspace, Obstacles
 
