@@ -58,15 +58,18 @@ class Counterexample:
 
 
 class Reckless(Edc):
-    """The slot QP under adversarial guidance, which sends each UAV to the place of another one."""
+    """The slot QP under adversarial guidance, which sends each UAV to the place of another one, or into a zone."""
 
     def _wishes(self, arrays: Arrays) -> Floats:
-        """Return steps straight towards another UAV, a hull or the target, in turn."""
+        """Return steps straight towards another UAV, a hull, a barrier or the target, in turn."""
         aims = [arrays.target_m]
         if len(arrays.uav) > 1:
             aims.append(arrays.position_m)
         if len(arrays.obstacles.keep_m):
             aims.append((arrays.obstacles.a_m + arrays.obstacles.b_m) / 2)
+        barriers = self._airspace.barriers
+        if len(barriers.a_m):
+            aims.append((barriers.a_m + barriers.b_m) / 2)
         rng = Random(f"{arrays.slot // 6}/{len(arrays.uav)}")
         wish_m = np.empty_like(arrays.position_m)
         for k, here_m in enumerate(arrays.position_m):
