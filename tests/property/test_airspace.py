@@ -139,7 +139,7 @@ def test_ways_exist_where_shapely_says_so(made: list[Zone], r_m: float) -> None:
     places += [Point(x, y) for x in (7, 50, 93) for y in (7, 50, 93) if any(p.contains(Point(x, y)) for p in roomy)]
     for one, other in combinations(places[:10], 2):
         line = LineString([one, other])
-        refusal = zones_refusal(made, r_m, list(line.coords))
+        refusal = zones_refusal(made, r_m, [(x, y) for x, y in line.coords])
         if joined(roomy, line):
             assert refusal == ""
         elif not joined(wide, line):

@@ -13,11 +13,11 @@ from tests.unit.synthetic import change, close, flight, parallel, recorded
 Keep = Callable[[Message], bool]
 
 NEEDED: dict[type, set[str]] = {
-    Fix: {"G1", "G2", "G3", "G4", "G5", "G7"},
+    Fix: {"G1", "G2", "G3", "G4", "G5", "G7", "G8"},
     Truth: {"G3", "G4", "G5"},
     Command: {"G1", "G2", "G5"},
     Report: {"G1", "G5"},
-    Event: {"G1", "G2", "G3", "G4", "G5", "G7"},
+    Event: {"G1", "G2", "G3", "G4", "G5", "G7", "G8"},
 }
 
 

@@ -13,6 +13,7 @@ G3        fixes, truths          without fixes the discs, without truths the bod
 G4        fixes, truths          motion is unknown
 G5        numbers, `closed`      what is missing is unknown; `run_end` tells how many there were
 G7        fixes                  who has arrived is unknown
+G8        fixes                  where the discs are is unknown
 ========= ====================== ==========================================================
 """
 
@@ -42,6 +43,7 @@ NEEDS: dict[str, tuple[str, ...]] = {
     "G3": ("fix", "truth"),
     "G4": ("fix", "truth"),
     "G7": ("fix",),
+    "G8": ("fix",),
 }
 """Kinds of messages that each guarantee needs in order to be judged."""
 _PLURAL = {"fix": "fixes", "truth": "truths", "command": "commands", "report": "reports"}
@@ -135,6 +137,8 @@ class Evidence:
 
     def lacking(self, guarantee: str) -> list[str]:
         """Return one reason for each part of the evidence for `guarantee` that is missing."""
+        if guarantee == "G8" and not self.mission.zone:
+            return []  # Whatever is missing, nothing was promised.
         return [reason for kind in NEEDS.get(guarantee, ()) for reason in self.missing(kind)]
 
     def missing(self, kind: str) -> Iterator[str]:
