@@ -63,7 +63,7 @@ class Head:
         self._barred_term = barred_term
         self._knowledge = knowledge
         self._quorum = mission.quorum
-        self._rules = HullRules(mission.u_max_m, mission.lag_slots)
+        self._rules = HullRules({entry.uav: mission.step_m(entry) for entry in mission.roster}, mission.lag_slots)
         self._roster = {entry.uav: entry for entry in mission.roster}
         self._index = {entry.uav: index for index, entry in enumerate(mission.roster)}
         self.office = Office((0, ""))

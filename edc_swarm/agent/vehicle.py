@@ -118,6 +118,11 @@ class Vehicle:
         return self._entry.r_m
 
     @property
+    def u_max_m(self) -> float:
+        """Longest step that this UAV flies in a slot."""
+        return self._mission.step_m(self._entry)
+
+    @property
     def arrived(self) -> bool:
         """True if the waypoint is within 0.1 m of the target."""
         entry = self._entry

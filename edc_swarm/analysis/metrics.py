@@ -26,7 +26,7 @@ from edc_swarm.analysis.living import alive_in, living_at_end
 from edc_swarm.analysis.outcome import NotHome, home_at_end, not_home
 from edc_swarm.analysis.separation import encounters, least_gap_m
 from edc_swarm.analysis.tracks import Tracks
-from edc_swarm.emulation.energy import compute_energy_j, propulsion_power_w, propulsion_powers_w
+from edc_swarm.emulation.energy import compute_energy_j, full_speed_energy_j, propulsion_power_w, propulsion_powers_w
 from edc_swarm.errors import RecordingError
 from edc_swarm.files import read_regular
 from edc_swarm.geometry import BODY_TOLERANCE_M, DISC_TOLERANCE_M
@@ -236,6 +236,7 @@ def compute_metrics(recording: Recording, timings: Sequence[Timing] = ()) -> Met
     heads = _heads(recording)
     separation = _separation(mission, tracks, known)
     path_m, straight_m = columns.step_m.sum(axis=0), np.array([entry.straight_m for entry in mission.roster])
+    speed_mps = np.array(mission.speeds_mps)
     ended_m = _length_m(columns.centre_m[-1] - columns.centre_m[0])
     return Metrics(
         uavs=len(tracks.uavs),
@@ -256,7 +257,7 @@ def compute_metrics(recording: Recording, timings: Sequence[Timing] = ()) -> Met
             _extra_mean_pct(path_m[home], ended_m[home], straight_m[home]) if known.fixes else None
         ),
         makespan_s=makespan_s,
-        makespan_ratio=_makespan_ratio(mission, makespan_s, _reached_m(columns, arrival)[living]),
+        makespan_ratio=_makespan_ratio(makespan_s, (_reached_m(columns, arrival) / speed_mps)[living]),
         energy_propulsion_j=_propulsion_j(mission, columns, arrival, first) if known.motion else None,
         energy_compute_j=_compute_j(recording, columns),
         energy_straight_j=_straight_energy_j(mission),
@@ -379,10 +380,10 @@ def _reached_m(columns: Columns, arrival: NDArray[np.int64]) -> Floats:
     return _length_m(reached_m - columns.centre_m[0])
 
 
-def _makespan_ratio(mission: Mission, makespan_s: float | None, reached_m: Floats) -> float | None:
-    """Return the makespan divided by the least time for the longest of the straight distances `reached_m`."""
-    longest_m = float(reached_m.max(initial=0.0))
-    return makespan_s * mission.v_max_mps / longest_m if makespan_s is not None and longest_m else None
+def _makespan_ratio(makespan_s: float | None, straight_s: Floats) -> float | None:
+    """Return the makespan divided by the longest of the straight flights at full speed, which take `straight_s`."""
+    longest_s = float(straight_s.max(initial=0.0))
+    return makespan_s / longest_s if makespan_s is not None and longest_s else None
 
 
 class _Separation(NamedTuple):
@@ -450,8 +451,7 @@ def _compute_j(recording: Recording, columns: Columns) -> float | None:
 
 
 def _straight_energy_j(mission: Mission) -> float:
-    total_m = sum(entry.straight_m for entry in mission.roster)
-    return propulsion_power_w(mission.v_max_mps, mission.energy) * total_m / mission.v_max_mps
+    return sum(full_speed_energy_j(mission, entry) for entry in mission.roster)
 
 
 def _quantiles(values: Floats) -> Quantiles:

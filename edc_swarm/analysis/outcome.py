@@ -277,7 +277,7 @@ class _Judge:
             return None
         here_m = point(centre_m[-1])
         nearest = min(obstacles, key=lambda obstacle: obstacle.gap_m(here_m, entry.r_m))
-        if nearest.gap_m(here_m, entry.r_m) > self.recording.mission.u_max_m:
+        if nearest.gap_m(here_m, entry.r_m) > self.recording.mission.step_m(entry):
             return None
         since = int(np.flatnonzero(away_m > away_m[-1] + ARRIVED_M).max(initial=-1)) + 1
         text = f"blocked by {nearest} since slot {since}"

@@ -13,6 +13,7 @@ from dataclasses import dataclass
 from random import Random
 from typing import Any
 
+import msgspec
 import numpy as np
 from numpy.typing import NDArray
 
@@ -71,7 +72,7 @@ class Reckless(Edc):
             aim = rng.choice(aims)
             to_m = (arrays.target_m[k] if aim is arrays.target_m else rng.choice(list(aim))) - here_m
             far_m = float(length_m(to_m))
-            wish_m[k] = to_m * min(1.0, self._u_max_m / far_m) if far_m > 0 else 0.0
+            wish_m[k] = to_m * min(1.0, self._u_max_m[arrays.uav[k]] / far_m) if far_m > 0 else 0.0
         return wish_m
 
 
@@ -99,6 +100,7 @@ def scenario(seed: int, kept: Collection[int] | None = None) -> Mission:
     else:
         fields["link"] = [{**link, "end_s": HEALED_S} for link in fields["link"]]
     mission = _placed(fields)
+    fields["roster"] = _roster(Random(f"fuzz/{seed}/roster"), mission)
     faults = _schedule(rng, mission)
     if fields["planner"] != RECKLESS:
         faults += _for_good(Random(f"fuzz/{seed}/for-good"), mission)
@@ -222,6 +224,14 @@ def _placed(fields: dict[str, Any]) -> Mission:
             return complete_mission(mission)
         except PlacementError:
             fields = {**fields, "area_m2": 1.5 * fields["area_m2"]}
+
+
+def _roster(rng: Random, mission: Mission) -> list[dict[str, Any]]:
+    """Draw the roster of a third of the missions, with speeds of the UAVs' own; empty for the other missions."""
+    if rng.random() > 1 / 3:
+        return []
+    roster: list[dict[str, Any]] = msgspec.to_builtins(mission.roster)
+    return [{**entry, "v_max_mps": rng.choice([0.0, 2.0, 8.0, 15.0])} for entry in roster]
 
 
 def _links(rng: Random) -> list[dict[str, Any]]:

@@ -133,7 +133,9 @@ class HeadModel(Struct, frozen=True, kw_only=True):
 
 
 class RosterEntry(Struct, frozen=True, kw_only=True):
-    """One UAV: its start, its target, its radii and its battery.
+    """One UAV: its start, its target or route, and what differs from the other UAVs.
+
+    A field that is 0 or left out is inherited from the mission; `roster.complete_mission` fills it in.
 
     Source: the user; a random mission draws it.
     """
@@ -157,18 +159,31 @@ class RosterEntry(Struct, frozen=True, kw_only=True):
     """
     target_y_m: Metres
     """Target, second coordinate in the local frame (north)."""
-    r_m: Positive
-    """GPS error radius of this UAV, as `r_m` of the mission."""
-    body_m: Positive
-    """Radius of the vehicle itself, as `body_m` of the mission.
+    r_m: NonNegative = 0.0
+    """GPS error radius of this UAV.
 
-    At most `r_m`.
+    Default: 0, which stands for `r_m` of the mission.
     """
-    energy_j: Positive
+    body_m: NonNegative = 0.0
+    """Radius of the vehicle itself.
+
+    At most `r_m` of this UAV.
+
+    Default: 0, which stands for `body_m` of the mission.
+    """
+    v_max_mps: Annotated[float, Meta(ge=0, le=1e4)] = 0.0
+    """Largest speed of this UAV, the paper's V_k,Max.
+
+    Default: 0, which stands for `v_max_mps` of the mission.
+    Source: the paper, eq. 36.
+    """
+    energy_j: NonNegative = 0.0
     """Charge of the battery at the start.
 
     A UAV whose battery is empty lands where it is and stays an obstacle. The charge covers at least one step at full
     speed, unless the UAV starts at its target.
+
+    Default: 0, which stands for a charge that `seed` draws, as in a random mission.
     """
     compute_factor: Positive = 1.0
     """Factor on the response time that the UAV reports, for the election criterion `response-time`.
@@ -420,8 +435,26 @@ class Mission(Struct, frozen=True, kw_only=True):
 
     @property
     def u_max_m(self) -> float:
-        """Longest step in one slot, v_max (dt - 2 guard), in metres."""
+        """Longest step in one slot of a UAV without a speed of its own, v_max (dt - 2 guard), in metres."""
         return self.v_max_mps * (self.dt_s - 2 * self.guard_s)
+
+    def speed_mps(self, entry: RosterEntry) -> float:
+        """Return the largest speed of a UAV: its own, else the mission's."""
+        return entry.v_max_mps or self.v_max_mps
+
+    def step_m(self, entry: RosterEntry) -> float:
+        """Return the longest step of a UAV in one slot, v_k,max (dt - 2 guard), in metres."""
+        return self.speed_mps(entry) * (self.dt_s - 2 * self.guard_s)
+
+    @property
+    def speeds_mps(self) -> list[float]:
+        """Largest speed of every UAV, in roster order; the mission's for all UAVs if there is no roster yet."""
+        return [self.speed_mps(entry) for entry in self.roster] or [self.v_max_mps] * self.uavs
+
+    @property
+    def steps_m(self) -> list[float]:
+        """Longest step of every UAV in one slot, in the order of `speeds_mps`, in metres."""
+        return [speed_mps * (self.dt_s - 2 * self.guard_s) for speed_mps in self.speeds_mps]
 
     @property
     def quorum(self) -> int:

@@ -91,11 +91,12 @@ def prospect_of(mission: Mission, faults: Sequence[Fault]) -> Prospect:
     side, cut = _quorum_side(mission, partitions) if partitions else (frozenset(e.uav for e in mission.roster), "")
     missed, link = _missed(mission, [fault for fault in lasting if isinstance(fault, ChangeLink)], _slowest(faults))
     obstacle = _router_gone(faults) or _clock_wrong(mission, faults) or cut or link
-    longest_m = max((entry.straight_m for entry in mission.roster), default=0.0)
-    step_m = mission.v_max_mps * mission.dt_s
-    if 20 * longest_m >= step_m * (MOST_SLOTS - 200):
+    straight_slots = max(
+        (20 * entry.straight_m / (mission.speed_mps(entry) * mission.dt_s) for entry in mission.roster), default=0.0
+    )
+    if straight_slots >= MOST_SLOTS - 200:
         return Prospect(MOST_SLOTS, side, obstacle)
-    slots = (math.ceil(20 * longest_m / step_m) + 200) / _share_in_time(missed)
+    slots = (math.ceil(straight_slots) + 200) / _share_in_time(missed)
     return Prospect(min(math.ceil(slots), MOST_SLOTS), side, obstacle)
 
 

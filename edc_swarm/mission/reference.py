@@ -25,9 +25,6 @@ EXAMPLE: dict[str, Any] = {
     "start_y_m": 90.0,
     "target_x_m": 50.0,
     "target_y_m": 10.0,
-    "r_m": 5.0,
-    "body_m": 0.25,
-    "energy_j": 90_000.0,
 }
 """Values of the keys that have no default."""
 PAGE = """\

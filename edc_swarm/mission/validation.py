@@ -18,6 +18,7 @@ from msgspec import Struct
 from edc_swarm.errors import InputError, MissionError
 from edc_swarm.files import open_regular
 from edc_swarm.mission.configuration import RESERVED_IDS, Mission, RosterEntry
+from edc_swarm.mission.inheritance import with_radii
 from edc_swarm.mission.wording import in_words, type_at
 
 MAX_MISSION_BYTES = 4 << 20
@@ -138,7 +139,7 @@ def validate_mission(mission: Mission) -> None:
         raise MissionError("body_m", mission.body_m, f"at most r_m ({mission.r_m})")
     if mission.energy.initial_min_j > mission.energy.initial_max_j:
         raise MissionError("energy.initial_min_j", mission.energy.initial_min_j, "at most initial_max_j")
-    _validate_roster(mission.roster)
+    _validate_roster(with_radii(mission))
 
 
 def check_links(mission: Mission) -> None:

@@ -54,6 +54,11 @@ def checked_arrays(request: PlanRequest) -> Arrays:
     )
 
 
+def steps_of(u_max_m: Floats, uav: Indices) -> Floats:
+    """Return the longest steps (n,) of the UAVs with these roster indices; `u_max_m` is (K,), or () for one for all."""
+    return u_max_m[uav] if u_max_m.ndim else np.full(len(uav), u_max_m)
+
+
 def _points(name: str, values: object, count: int) -> Floats:
     return _check(name, np.array(values, dtype=np.float64).reshape(-1, 2), count)
 

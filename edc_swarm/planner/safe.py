@@ -3,21 +3,23 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from typing import cast
 
 import numpy as np
 
 from edc_swarm.geometry import Floats
 from edc_swarm.planner.interface import Plan, PlanStatus, Stopwatch, stopped
-from edc_swarm.planner.request import Arrays
+from edc_swarm.planner.request import Arrays, steps_of
 from edc_swarm.solver import certificate, slot_qp, solution
 
 
 class SafeSteps:
     """Planner of the steps nearest to the preferred ones that keep all discs apart in every execution."""
 
-    def __init__(self, u_max_m: float, stopwatch: Stopwatch = stopped) -> None:
-        self._u_max_m = u_max_m
+    def __init__(self, u_max_m: Sequence[float] | float, stopwatch: Stopwatch = stopped) -> None:
+        """Take the longest step of every UAV of the roster (`Mission.steps_m`), or one for all."""
+        self._u_max_m = np.asarray(u_max_m, dtype=np.float64)
         self._stopwatch = stopwatch
         self._duals = solution.Memory()
 
@@ -25,7 +27,12 @@ class SafeSteps:
         """Plan for the UAVs of `arrays` with preferred waypoints `wish_m` (n, 2), at most u_max away."""
         ticks_ns = [self._stopwatch()]
         problem = slot_qp.slot_problem(
-            arrays.position_m, wish_m, arrays.r_m, self._u_max_m, arrays.obstacles, arrays.previous_m
+            arrays.position_m,
+            wish_m,
+            arrays.r_m,
+            steps_of(self._u_max_m, arrays.uav),
+            arrays.obstacles,
+            arrays.previous_m,
         )
         program = None
         if not solution.keeps_every_row(problem):

@@ -34,7 +34,7 @@ class MissionMonitor:
         self._ended: set[str] = set()
         faults = parse_faults(mission)
         self._settled_slot, self._side = settled_slot(mission, faults), prospect_of(mission, faults).side
-        self._still_m = NO_STEP_SHARE * mission.u_max_m
+        self._still_m = NO_STEP_SHARE * min(mission.steps_m)
         self._still_plans = 0
         self._planned = (-1, -1)
         self._changed_slot = 0

@@ -9,6 +9,7 @@ guards against a head that is wrong, and `tests/unit/test_vehicle.py` holds it.
 from __future__ import annotations
 
 from collections.abc import Callable
+from dataclasses import replace
 from typing import Any
 
 import msgspec
@@ -24,6 +25,7 @@ from edc_swarm.agent.node import Effect, Persist, UavNode
 from edc_swarm.experiments import fuzzing
 from edc_swarm.geometry import Floats
 from edc_swarm.mission.configuration import Mission
+from edc_swarm.mission.roster import complete_mission
 from edc_swarm.mission.validation import mission_from_dict
 from edc_swarm.planner.edc import Edc
 from edc_swarm.planner.guidance import Guidance, Scene
@@ -211,6 +213,30 @@ def ball_one_slot_short(patch: Patch) -> None:
     patch.setattr(Knowledge, "hull", mutant)
 
 
+def hull_grown_by_the_speed_of_the_mission(patch: Patch) -> None:
+    """The ball about an unheard UAV grows as if it had no speed of its own."""
+    init = Head.__init__
+
+    def mutant(self: Head, mission: Any, uav: str, barred_term: int, knowledge: Any) -> None:
+        init(self, mission, uav, barred_term, knowledge)
+        self._rules = replace(self._rules, u_max_m=dict.fromkeys(self._roster, mission.u_max_m))
+
+    patch.setattr(Head, "__init__", mutant)
+
+
+def speed_of_a_uav_ignored(patch: Patch) -> None:
+    """Planner and UAV know one speed for all: the UAV accepts a step that is longer than its own longest one."""
+    flown = property(lambda self: self._mission.v_max_mps * (self._mission.dt_s - 2 * self._mission.guard_s))
+    patch.setattr(vehicle.Vehicle, "u_max_m", flown)
+    init = Edc.__init__
+
+    def mutant(self: Edc, mission: Mission, *rest: Any) -> None:
+        roster = [msgspec.structs.replace(entry, v_max_mps=0.0) for entry in mission.roster]
+        init(self, msgspec.structs.replace(mission, roster=roster), *rest)
+
+    patch.setattr(Edc, "__init__", mutant)
+
+
 def report_tells_of_a_slot_too_many(patch: Patch) -> None:
     """A listed hull is taken for good a slot longer than its head can answer for."""
     hear_report = Knowledge.hear_report
@@ -308,6 +334,13 @@ def failovers(seed: int) -> Mission:
     return _crowd(seed, faults, uavs=5, standbys=3)
 
 
+def fast_failovers(seed: int) -> Mission:
+    """The same, but every UAV is faster than the mission says."""
+    slow = complete_mission(msgspec.structs.replace(failovers(seed), v_max_mps=1.0))
+    fast = [msgspec.structs.replace(entry, v_max_mps=5.0) for entry in slow.roster]
+    return msgspec.structs.replace(slow, roster=fast)
+
+
 def relapses(seed: int) -> Mission:
     """The same, but the UAV was unheard in the slot before too, and that slot's report lists it."""
     faults = []
@@ -330,6 +363,7 @@ AIMED = [
     (frozen_uav_executes_late, freezes, 20),
     (restarted_head_plans_in_its_term, restarts, 20),
     (ball_one_slot_short, failovers, 20),
+    (hull_grown_by_the_speed_of_the_mission, fast_failovers, 20),
     (report_tells_of_a_slot_too_many, relapses, 20),
 ]
 """Defects that random schedules meet too rarely: found by schedules of one kind, crowded together."""
@@ -363,6 +397,7 @@ DEFECTS: list[tuple[Defect, int, int]] = [
     (planning_twice_in_a_slot, 0, 200),
     (memory_of_an_older_term_used, 0, 200),
     (never_heard_uav_left_out, 0, 200),
+    (speed_of_a_uav_ignored, 0, 20),
     (hull_reset_by_a_duplicate_fix, 0, 200),
     (joint_row_only, 0, 20),
     (negative_gap_taken, 0, 200),

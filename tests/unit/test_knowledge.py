@@ -15,8 +15,8 @@ ROSTER = [
     RosterEntry(uav=uav, start_x_m=x_m, start_y_m=0, target_x_m=0, target_y_m=9, r_m=5, body_m=1, energy_j=1)
     for uav, x_m in (("a", 0.0), ("b", 20.0), ("c", 40.0))
 ]
-RULES = HullRules(u_max_m=2.0, lag_slots=0)
-LAGGING = HullRules(u_max_m=2.0, lag_slots=1)
+RULES = HullRules(u_max_m=dict.fromkeys("abc", 2.0), lag_slots=0)
+LAGGING = HullRules(u_max_m=dict.fromkeys("abc", 2.0), lag_slots=1)
 MINE = (3, "a")
 
 
