@@ -58,7 +58,9 @@ class Flight:
         if not self._voter:
             return None
         x_m, y_m = self._vehicle.waypoint_m
-        return Promise(slot=slot, term=grant[0], head=grant[1], waypoint_x_m=x_m, waypoint_y_m=y_m)
+        return Promise(
+            slot=slot, term=grant[0], head=grant[1], waypoint_x_m=x_m, waypoint_y_m=y_m, course=self._vehicle.course
+        )
 
     def _situation(self, slot: int, command: Command, grant: Grant, late: bool) -> Situation:
         length_m = math.dist((command.start_x_m, command.start_y_m), (command.target_x_m, command.target_y_m))

@@ -13,6 +13,7 @@ from typing import TYPE_CHECKING, Any
 
 from edc_swarm.errors import MissionError
 from edc_swarm.mission.configuration import ARRIVED_M, EnergyModel, HeadModel, Mission, RosterEntry
+from edc_swarm.mission.routes import hover_time_s
 
 if TYPE_CHECKING:
     import numpy as np
@@ -61,9 +62,13 @@ def stranded(mission: Mission) -> dict[str, float]:
 
 
 def full_speed_energy_j(mission: Mission, entry: RosterEntry, short_m: float = 0.0) -> float:
-    """Return the energy, in joules, of a UAV's straight flight at its full speed, to `short_m` before the target."""
+    """Return the energy, in joules, of a UAV's straight flight at its full speed, to `short_m` before the target.
+
+    It hovers on its way where its route says so.
+    """
     speed_mps = mission.speed_mps(entry)
-    return propulsion_power_w(speed_mps, mission.energy) * max(0.0, entry.straight_m - short_m) / speed_mps
+    hover_j = propulsion_power_w(0.0, mission.energy) * hover_time_s(entry)
+    return propulsion_power_w(speed_mps, mission.energy) * max(0.0, entry.straight_m - short_m) / speed_mps + hover_j
 
 
 def step_energy_j(mission: Mission, length_m: float) -> float:

@@ -8,6 +8,7 @@ between two effects, and a planner that steers UAVs at each other, since safety 
 
 from __future__ import annotations
 
+import math
 from collections.abc import Collection, Sequence
 from dataclasses import dataclass
 from random import Random
@@ -18,6 +19,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from edc_swarm.analysis.guarantees.check import check
+from edc_swarm.analysis.voyages import forgotten
 from edc_swarm.errors import PlacementError
 from edc_swarm.geometry import DISC_TOLERANCE_M, Floats, length_m, segment_distance_m
 from edc_swarm.mission.configuration import Mission
@@ -213,7 +215,7 @@ def _broken(recording: Recording, asked: Collection[str]) -> list[str]:
     for result in map(results.__getitem__, asked):
         said += [f"{result.guarantee}: {found.text}" for found in result.violations[:5]]
         said += [] if result.judged else [f"{result.guarantee}: not judged: {'; '.join(result.notes)}"]
-    return said
+    return said + [f"{PROGRESS}: {fix.uav} forgot {course} in slot {fix.slot}" for fix, course in forgotten(recording)]
 
 
 def _placed(fields: dict[str, Any]) -> Mission:
@@ -227,11 +229,25 @@ def _placed(fields: dict[str, Any]) -> Mission:
 
 
 def _roster(rng: Random, mission: Mission) -> list[dict[str, Any]]:
-    """Draw the roster of a third of the missions, with speeds of the UAVs' own; empty for the other missions."""
-    if rng.random() > 1 / 3:
+    """Draw the roster of half of the missions, with speeds of the UAVs' own or routes; empty for the other missions."""
+    kind = rng.choice(["plain", "plain", "plain", "speeds", "routes", "both"])
+    if kind == "plain":
         return []
     roster: list[dict[str, Any]] = msgspec.to_builtins(mission.roster)
-    return [{**entry, "v_max_mps": rng.choice([0.0, 2.0, 8.0, 15.0])} for entry in roster]
+    if kind != "routes":
+        roster = [{**entry, "v_max_mps": rng.choice([0.0, 2.0, 8.0, 15.0])} for entry in roster]
+    return roster if kind == "speeds" else [{**entry, **_route(rng, mission, entry)} for entry in roster]
+
+
+def _route(rng: Random, mission: Mission, entry: dict[str, Any]) -> dict[str, Any]:
+    """Draw a route of up to three points before the target, the first near the start, with times to hover at some."""
+    side_m = math.sqrt(mission.area_m2)
+    between = [[rng.uniform(0, side_m), rng.uniform(0, side_m)] for _ in range(rng.randint(0, 3))]
+    if between:
+        between[0] = [entry["start_x_m"] + rng.uniform(-4, 4), entry["start_y_m"] + rng.uniform(-4, 4)]
+    hover_s = [rng.choice([0.0, 0.0, 0.3, 2.0]) for _ in between] + [0.0]
+    route = [*between, [entry["target_x_m"], entry["target_y_m"]]]
+    return {"route": route, "hover_s": hover_s, "accept_m": rng.choice([0.5, 1.0, 5.0])}
 
 
 def _links(rng: Random) -> list[dict[str, Any]]:

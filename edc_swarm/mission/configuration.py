@@ -15,15 +15,20 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
+from itertools import pairwise
 from typing import Annotated, Literal
 
 from msgspec import Meta, Struct
+from msgspec.structs import force_setattr
 
 MAX_UAVS = 2000
 MAX_FAULTS = 1000
 MAX_LINKS = 1000
 MAX_ZONES = 1000
 MAX_CORNERS = 1000
+MAX_ROUTE = 1000
+MAX_GOAL_POINTS = 32
+"""Most points of a route that a UAV receives in flight: it is part of its promise and of its fixes."""
 MOST_SLOTS = 1_000_000
 FOR_GOOD_S = 1e9
 """A link rule that ends then or later never ends."""
@@ -62,9 +67,16 @@ JOIN = "join"
 RESERVED_IDS = ROLES | {JOIN, "ca"}
 """No UAV may be named like a role, a claimant, or the file of the authority that certifies them."""
 
+Goals = Literal["once", "lifelong"]
+GoalSource = Literal["operator", "any"]
+
 NS_PER_S = 1_000_000_000
 ARRIVED_M = 0.1
 """A UAV closer than this to its target has arrived."""
+
+
+LACKS_TARGET = "a table with target_x_m and target_y_m, or with a route"
+"""What an entry of the roster must be, in words."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -152,13 +164,37 @@ class RosterEntry(Struct, frozen=True, kw_only=True):
     """
     start_y_m: Metres
     """Start, second coordinate in the local frame (north)."""
-    target_x_m: Metres
+    target_x_m: Metres = math.nan
     """Target, first coordinate in the local frame (east).
 
     The discs of all UAVs at their targets are disjoint.
+
+    Default: the last point of `route`.
     """
-    target_y_m: Metres
-    """Target, second coordinate in the local frame (north)."""
+    target_y_m: Metres = math.nan
+    """Target, second coordinate in the local frame (north).
+
+    Default: the last point of `route`.
+    """
+    route: Annotated[list[Point], Meta(max_length=MAX_ROUTE)] = []
+    """Points (x, y) that the UAV flies to one after another; the last one is its target.
+
+    Default: empty, which stands for the target alone.
+    """
+    accept_m: Annotated[float, Meta(ge=ARRIVED_M, le=MOST_M)] = 1.0
+    """Acceptance radius: a step that comes as near as this to a point of the route, but the last, has reached it."""
+    hover_s: Annotated[list[NonNegative], Meta(max_length=MAX_ROUTE)] = []
+    """Times for which the UAV hovers within `accept_m` of each point of its route, as many as points.
+
+    At the last point the UAV stays in any case.
+    """
+    finish_by_s: NonNegative = 0.0
+    """Mission time by which the UAV is to be at its target, the paper's t_F; 0: no such time.
+
+    Metrics and summary say whether it was met. No plan depends on it.
+
+    Source: the paper, section II.
+    """
     r_m: NonNegative = 0.0
     """GPS error radius of this UAV.
 
@@ -191,10 +227,25 @@ class RosterEntry(Struct, frozen=True, kw_only=True):
     Source: this project.
     """
 
+    def __post_init__(self) -> None:
+        """Take the target from the route if no target is given."""
+        if self.route and math.isnan(self.target_x_m) and math.isnan(self.target_y_m):
+            force_setattr(self, "target_x_m", self.route[-1][0])
+            force_setattr(self, "target_y_m", self.route[-1][1])
+        if math.isnan(self.target_x_m) or math.isnan(self.target_y_m):
+            raise ValueError(LACKS_TARGET)
+
+    @property
+    def points(self) -> list[Point]:
+        """Points that the UAV flies to one after another: its route, or its target alone."""
+        return self.route or [(self.target_x_m, self.target_y_m)]
+
     @property
     def straight_m(self) -> float:
-        """Length of the straight line from start to target, in metres."""
-        return math.hypot(self.target_x_m - self.start_x_m, self.target_y_m - self.start_y_m)
+        """Length of the straight lines from the start through all points of the route to the target, in metres."""
+        return sum(
+            math.hypot(x - u, y - v) for (u, v), (x, y) in pairwise(((self.start_x_m, self.start_y_m), *self.points))
+        )
 
 
 class Link(Struct, frozen=True, kw_only=True):
@@ -414,6 +465,14 @@ class Mission(Struct, frozen=True, kw_only=True):
 
     Source: Aalto University, Espoo.
     """
+    goals: Goals = "once"
+    """Goals of a UAV: `once`, its route alone, or `lifelong`, a new target whenever it has arrived.
+
+    `seed`, the UAV and the number of the goal draw a new target; the discs of all UAVs at their targets are disjoint
+    where there is room. A lifelong mission lasts `max_slots`.
+    """
+    goals_from: GoalSource = "operator"
+    """Senders of new goals that a UAV accepts in flight: the `operator` alone, or `any` process of the bus."""
     link: Annotated[list[Link], Meta(max_length=MAX_LINKS)] = []
     """Rules of the emulated network, tables `[[link]]`."""
     zone: Annotated[list[Zone], Meta(max_length=MAX_ZONES)] = []

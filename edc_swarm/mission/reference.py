@@ -26,7 +26,7 @@ EXAMPLE: dict[str, Any] = {
     "target_x_m": 50.0,
     "target_y_m": 10.0,
 }
-"""Values of the keys that have no default."""
+"""Values of the keys whose default says nothing."""
 PAGE = """\
 # Mission file
 
@@ -101,7 +101,7 @@ def _lines(kind: type[Struct], names: tuple[str, ...] | list[str]) -> Iterator[s
     for name in names:
         field = declarations(kind)[name]
         facts = "; ".join(fact for fact in (field.unit[1], field.allowed) if fact)
-        value = fields[name].default if not fields[name].required else EXAMPLE[name]
+        value = EXAMPLE[name] if name in EXAMPLE else fields[name].default
         text = msgspec.json.encode(value if value is not msgspec.NODEFAULT else []).decode()
         yield "\n"
         yield f"# {field.summary} ({facts}).\n"

@@ -71,7 +71,9 @@ class Edc:
         position_m, r_m = arrays.position_m[free], arrays.r_m[free]
         goal_m = ways.free_goals(arrays.target_m[free], r_m, obstacles)
         wish_m = arrays.position_m.copy()
-        wish_m[free] = self._guidance.wishes(Scene(arrays.slot, arrays.uav[free], position_m, goal_m, r_m, obstacles))
+        wish_m[free] = self._guidance.wishes(
+            Scene(arrays.slot, arrays.uav[free], position_m, goal_m, r_m, obstacles, arrays.rest_m[free])
+        )
         if len(arrays.obstacles.keep_m) and len(arrays.uav):
             self._leave(arrays, wish_m)
         return wish_m

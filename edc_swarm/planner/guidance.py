@@ -134,7 +134,8 @@ class Tuning:
 class Scene:
     """One slot as input of the guidance.
 
-    `uav` (n,) roster indices, `position_m` `goal_m` (n, 2), `r_m` (n,); the hulls in `obstacles` do not move.
+    `uav` (n,) roster indices, `position_m` `goal_m` (n, 2), `r_m` (n,); the hulls in `obstacles` do not move;
+    `rest_m` (n,) lengths of the ways beyond the goals.
     """
 
     slot: int
@@ -143,6 +144,7 @@ class Scene:
     goal_m: Floats
     r_m: Floats
     obstacles: Obstacles
+    rest_m: Floats | float = 0.0
 
 
 class Guidance:
@@ -164,7 +166,7 @@ class Guidance:
             return np.empty((0, 2))
         walls = ways.walls_of(scene.position_m, scene.r_m, scene.obstacles)
         goal_m, way_m = ways.routed(scene.position_m, scene.goal_m, walls, scene.slot)
-        self._remember(scene, way_m)
+        self._remember(scene, way_m + scene.rest_m)
         plans = self._memory.plans_of(scene.uav)
         world = self._world(scene, goal_m, walls)
         kernel.populate(world, plans, self._tuning.delay)

@@ -26,6 +26,7 @@ from edc_swarm.experiments import fuzzing
 from edc_swarm.geometry import Floats
 from edc_swarm.mission.configuration import Mission
 from edc_swarm.mission.roster import complete_mission
+from edc_swarm.mission.routes import Course
 from edc_swarm.mission.validation import mission_from_dict
 from edc_swarm.planner.edc import Edc
 from edc_swarm.planner.guidance import Guidance, Scene
@@ -92,6 +93,11 @@ def grant_forgotten_over_a_restart(patch: Patch) -> None:
 def waypoint_forgotten_over_a_restart(patch: Patch) -> None:
     """The promise on disk loses its waypoint."""
     _at_start(patch, lambda p, e: p and msgspec.structs.replace(p, waypoint_x_m=e.start_x_m, waypoint_y_m=e.start_y_m))
+
+
+def course_forgotten_over_a_restart(patch: Patch) -> None:
+    """The promise on disk loses the goal and the place in the route."""
+    _at_start(patch, lambda p, _: p and msgspec.structs.replace(p, course=Course()))
 
 
 def promise_written_after_the_step_began(patch: Patch) -> None:
@@ -389,6 +395,7 @@ DEFECTS: list[tuple[Defect, int, int]] = [
     (term_goes_back, 0, 60),
     (grant_forgotten_over_a_restart, 0, 200),
     (waypoint_forgotten_over_a_restart, 0, 60),
+    (course_forgotten_over_a_restart, 0, 60),
     (promise_written_after_the_step_began, 0, 200),
     (lost_memory_that_grants, 0, 200),
     (late_command_accepted, 0, 200),
