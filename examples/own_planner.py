@@ -25,21 +25,22 @@ class TurnRight:
     """A planner that flies straight to the target, and turns right before a UAV that is near and ahead."""
 
     def __init__(self, mission: Mission, stopwatch: Stopwatch) -> None:
-        self._u_max_m = mission.u_max_m
-        self._safe = SafeSteps(mission.u_max_m, stopwatch, airspace_of(mission))
+        self._u_max_m = np.array(mission.steps_m)
+        self._safe = SafeSteps(mission.steps_m, stopwatch, airspace_of(mission))
 
     def plan(self, request: PlanRequest) -> Plan:
         arrays = checked_arrays(request)
-        step_m = self._straight_steps(arrays.target_m - arrays.position_m)
+        step_m = self._straight_steps(arrays.target_m - arrays.position_m, self._u_max_m[arrays.uav])
         for k in range(len(step_m)):
             if self._is_blocked(k, arrays.position_m, arrays.r_m, step_m):
                 turn = np.array([[np.cos(RIGHT_RAD), -np.sin(RIGHT_RAD)], [np.sin(RIGHT_RAD), np.cos(RIGHT_RAD)]])
                 step_m[k] = turn @ step_m[k]
         return self._safe.plan(arrays, arrays.position_m + step_m)
 
-    def _straight_steps(self, way_m: NDArray[np.float64]) -> NDArray[np.float64]:
+    @staticmethod
+    def _straight_steps(way_m: NDArray[np.float64], u_max_m: NDArray[np.float64]) -> NDArray[np.float64]:
         length_m = np.hypot(way_m[:, 0], way_m[:, 1])
-        return way_m * np.minimum(1.0, self._u_max_m / np.maximum(length_m, 1e-9))[:, None]
+        return way_m * np.minimum(1.0, u_max_m / np.maximum(length_m, 1e-9))[:, None]
 
     @staticmethod
     def _is_blocked(

@@ -6,7 +6,6 @@ import math
 
 from edc_swarm.agent.knowledge import Grant
 from edc_swarm.agent.vehicle import Promise, Situation, Vehicle, refusal
-from edc_swarm.mission.configuration import Mission
 from edc_swarm.protocol.messages import Command
 
 MAX_PENDING = 4
@@ -18,16 +17,13 @@ class Flight:
 
     Parameters
     ----------
-    mission
-        The longest step.
     vehicle
         The vehicle that flies.
     voter
         False for a UAV that lost its promise: it flies no command.
     """
 
-    def __init__(self, mission: Mission, vehicle: Vehicle, voter: bool) -> None:
-        self._u_max_m = mission.u_max_m
+    def __init__(self, vehicle: Vehicle, voter: bool) -> None:
         self._vehicle = vehicle
         self._voter = voter
         self._pending: dict[int, Command] = {}
@@ -62,7 +58,9 @@ class Flight:
         if not self._voter:
             return None
         x_m, y_m = self._vehicle.waypoint_m
-        return Promise(slot=slot, term=grant[0], head=grant[1], waypoint_x_m=x_m, waypoint_y_m=y_m)
+        return Promise(
+            slot=slot, term=grant[0], head=grant[1], waypoint_x_m=x_m, waypoint_y_m=y_m, course=self._vehicle.course
+        )
 
     def _situation(self, slot: int, command: Command, grant: Grant, late: bool) -> Situation:
         length_m = math.dist((command.start_x_m, command.start_y_m), (command.target_x_m, command.target_y_m))
@@ -70,7 +68,7 @@ class Flight:
             slot=slot,
             grant=grant if self._voter else (-1, ""),
             waypoint_m=self._vehicle.waypoint_m,
-            u_max_m=self._u_max_m,
+            u_max_m=self._vehicle.u_max_m,
             late_tick=late,
             energy_j=self._vehicle.energy_j,
             step_energy_j=self._vehicle.step_energy_j(length_m),

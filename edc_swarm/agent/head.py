@@ -15,7 +15,7 @@ from collections.abc import Collection, Sequence
 from dataclasses import dataclass, field
 
 from edc_swarm.agent.knowledge import Grant, HullRules, Knowledge
-from edc_swarm.mission.configuration import Mission, RosterEntry
+from edc_swarm.mission.configuration import Mission
 from edc_swarm.planner.interface import Hull, Plan, Planner, PlanRequest
 from edc_swarm.protocol.messages import Command, Fix, Report
 
@@ -63,7 +63,7 @@ class Head:
         self._barred_term = barred_term
         self._knowledge = knowledge
         self._quorum = mission.quorum
-        self._rules = HullRules(mission.u_max_m, mission.lag_slots)
+        self._rules = HullRules({entry.uav: mission.step_m(entry) for entry in mission.roster}, mission.lag_slots)
         self._roster = {entry.uav: entry for entry in mission.roster}
         self._index = {entry.uav: index for index, entry in enumerate(mission.roster)}
         self.office = Office((0, ""))
@@ -136,15 +136,22 @@ class Head:
 
     def _request(self, slot: int, fixes: Sequence[Fix], hulls: dict[str, Hull]) -> PlanRequest:
         entries = [self._roster[fix.uav] for fix in fixes]
+        aims = [self._aim(fix) for fix in fixes]
         return PlanRequest(
             slot=slot + 1,
             uav=[self._index[fix.uav] for fix in fixes],
             position_m=[(fix.waypoint_x_m, fix.waypoint_y_m) for fix in fixes],
-            target_m=[(entry.target_x_m, entry.target_y_m) for entry in entries],
+            target_m=[aim_m for aim_m, _ in aims],
+            rest_m=[rest_m for _, rest_m in aims],
             r_m=[entry.r_m for entry in entries],
             hulls=list(hulls.values()),
             previous_m=[(fix.from_x_m, fix.from_y_m) for fix in fixes] if self._mission.lag_slots else None,
         )
+
+    def _aim(self, fix: Fix) -> tuple[tuple[float, float], float]:
+        """Return the point that the plan for this UAV aims at, and the length of the way beyond."""
+        here_m = (fix.waypoint_x_m, fix.waypoint_y_m)
+        return fix.course.aim(self._roster[fix.uav], here_m, self._rules.u_max_m[fix.uav], self._mission.dt_s)
 
     def _command(self, slot: int, fix: Fix, to_m: tuple[float, float]) -> Command:
         """Return the command to `fix.uav`, with the paper's action V_k, theta_k, alpha_k (eq. 10, 11).
@@ -168,7 +175,7 @@ class Head:
             vy_mps=vy_mps,
             speed_mps=math.hypot(vx_mps, vy_mps),
             heading_rad=heading_rad,
-            deviation_rad=_deviation_rad(self._roster[fix.uav], fix, heading_rad, (vx_mps, vy_mps)),
+            deviation_rad=_deviation_rad(self._aim(fix)[0], fix, heading_rad, (vx_mps, vy_mps)),
             fix_seq=fix.seq,
         )
 
@@ -200,9 +207,9 @@ class Head:
         )
 
 
-def _deviation_rad(entry: RosterEntry, fix: Fix, heading_rad: float, v_mps: tuple[float, float]) -> float:
-    """Return the signed angle from the bearing to the target to the velocity, in (-pi, pi]; 0 during a hold."""
+def _deviation_rad(aim_m: tuple[float, float], fix: Fix, heading_rad: float, v_mps: tuple[float, float]) -> float:
+    """Return the signed angle from the bearing to the aim to the velocity, in (-pi, pi]; 0 during a hold."""
     if v_mps == (0.0, 0.0):
         return 0.0
-    bearing_rad = math.atan2(entry.target_y_m - fix.waypoint_y_m, entry.target_x_m - fix.waypoint_x_m)
+    bearing_rad = math.atan2(aim_m[1] - fix.waypoint_y_m, aim_m[0] - fix.waypoint_x_m)
     return math.remainder(heading_rad - bearing_rad, math.tau)

@@ -109,15 +109,16 @@ class Knowledge:
 
         (a) Its newest fix carries `grant`: the segment of the command sent for the slot after that fix, else its
             waypoint. `sent` has the last command of this term to each UAV.
-        (b) Otherwise: the place x known for the end of slot s, grown by u_max * max(0, t0 + 1 - s). The head had its
-            first quorum of the term in slot `t0`; no older plan exists for a slot after t0 + 1, so growth ends there.
+        (b) Otherwise: the place x known for the end of slot s, grown by u_max * max(0, t0 + 1 - s), where u_max is the
+            longest step of this UAV. The head had its first quorum of the term in slot `t0`; no older plan exists for
+            a slot after t0 + 1, so growth ends there.
         """
         fix = self.newest.get(uav)
         if fix is not None and (fix.term, fix.head) == grant:
             return self._after_own_command(fix, sent.get(uav), rules)
         seen = self._seen(uav, grant[0], rules)
         return min(
-            (_grown(place, rules.u_max_m * max(0, t0 + 1 - slot)) for slot, place in seen),
+            (_grown(place, rules.u_max_m[uav] * max(0, t0 + 1 - slot)) for slot, place in seen),
             key=lambda hull: hull.radius_m,
         )
 
@@ -155,9 +156,9 @@ class Knowledge:
 
 @dataclass(frozen=True, slots=True)
 class HullRules:
-    """Constants of the mission that hulls depend on."""
+    """Constants of the mission that hulls depend on: the longest step of each UAV, and the lag."""
 
-    u_max_m: float
+    u_max_m: Mapping[str, float]
     lag_slots: int
 
 

@@ -88,7 +88,7 @@ class UavNode:
         entry = next(entry for entry in mission.roster if entry.uav == uav)
         self._clock = SlotClock(mission)
         self._vehicle = Vehicle(mission, entry, promise, airframe)
-        self._flight = Flight(mission, self._vehicle, voter)
+        self._flight = Flight(self._vehicle, voter)
         self._knowledge = Knowledge(mission.roster)
         self._election = Election(mission, uav, grant, voter, self._knowledge)
         self._leadership = Leadership(mission, uav, self._knowledge, self._election, self._clock)

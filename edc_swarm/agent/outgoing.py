@@ -98,6 +98,7 @@ class Outgoing:
             held_slots=flight.held_slots,
             late_ticks=flight.late_ticks,
             cpu_s=self._cpu_s(),
+            course=vehicle.course,
         )
 
     def wgs84(self, position_m: tuple[float, float]) -> tuple[float, float]:

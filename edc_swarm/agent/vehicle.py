@@ -2,7 +2,7 @@
 
 Rules kept here (named as in ARCHITECTURE.md):
 
-- *promise*: the UAV persists (slot, term, head, waypoint) before any other effect; slot and term
+- *promise*: the UAV persists (slot, term, head, waypoint, course) before any other effect; slot and term
   never decrease, and within a term the head never changes;
 - *validity*: `refusal` has all reasons for which a UAV rejects a command;
 - *flight*: the vehicle completes an accepted step within its slot, even if the process dies.
@@ -18,7 +18,8 @@ from msgspec import Struct
 from edc_swarm.agent.knowledge import Grant
 from edc_swarm.emulation.energy import step_energy_j
 from edc_swarm.emulation.gps import GpsReceiver
-from edc_swarm.mission.configuration import ARRIVED_M, GpsModel, Mission, RosterEntry
+from edc_swarm.mission.configuration import GpsModel, Mission, RosterEntry
+from edc_swarm.mission.routes import Course
 from edc_swarm.protocol.messages import NO_ONE, Command
 
 LATE_FRACTION = 0.2
@@ -26,13 +27,14 @@ LATE_FRACTION = 0.2
 
 
 class Promise(Struct, frozen=True, kw_only=True):
-    """Promise that a UAV keeps on disk. Slot and term only grow, and a term has one head."""
+    """Promise that a UAV keeps on disk, with its course. Slot, term and goal only grow, and a term has one head."""
 
     slot: int = -1
     term: int = 0
     head: str = NO_ONE
     waypoint_x_m: float
     waypoint_y_m: float
+    course: Course = Course()
 
     @property
     def grant(self) -> Grant:
@@ -103,6 +105,7 @@ class Vehicle:
         self.waypoint_m = (airframe.x_m, airframe.y_m)
         if promise is not None:
             self.waypoint_m = (promise.waypoint_x_m, promise.waypoint_y_m)
+        self.course = promise.course if promise is not None else Course()
         self.from_m = self.waypoint_m
         self.energy_j = airframe.energy_j
         self.position_m = self.waypoint_m
@@ -118,10 +121,14 @@ class Vehicle:
         return self._entry.r_m
 
     @property
+    def u_max_m(self) -> float:
+        """Longest step that this UAV flies in a slot."""
+        return self._mission.step_m(self._entry)
+
+    @property
     def arrived(self) -> bool:
-        """True if the waypoint is within 0.1 m of the target."""
-        entry = self._entry
-        return math.hypot(entry.target_x_m - self.waypoint_m[0], entry.target_y_m - self.waypoint_m[1]) <= ARRIVED_M
+        """True if the waypoint is within 0.1 m of the last point of the course, and all others are reached."""
+        return self.course.arrived(self._entry, self.waypoint_m)
 
     @property
     def truth_m(self) -> tuple[float, float, float, float]:
@@ -138,6 +145,7 @@ class Vehicle:
         self.from_m = self.waypoint_m
         if command is not None:
             self.waypoint_m = (command.target_x_m, command.target_y_m)
+        self.course = self.course.after_step(self._entry, self.from_m, self.waypoint_m, slots, self._mission.dt_s)
         length_m = math.hypot(self.waypoint_m[0] - self.from_m[0], self.waypoint_m[1] - self.from_m[1])
         hovered_j = self.step_energy_j(0.0) * (slots - 1)
         self.energy_j = max(0.0, self.energy_j - self.step_energy_j(length_m) - hovered_j)

@@ -16,7 +16,7 @@ import numpy as np
 from msgspec import Struct
 from numpy.typing import NDArray
 
-from edc_swarm.analysis.columns import Columns, Floats, columns_from, length_m
+from edc_swarm.analysis.columns import Columns, Floats, columns_from
 from edc_swarm.analysis.guarantees.completeness import unproved
 from edc_swarm.analysis.guarantees.evidence import Evidence, gather
 from edc_swarm.analysis.living import living_at_end
@@ -24,11 +24,13 @@ from edc_swarm.analysis.outcome import NotHome, home_at_end, not_home
 from edc_swarm.analysis.separation import encounters, least_gap_m
 from edc_swarm.analysis.timings import Timing
 from edc_swarm.analysis.tracks import Tracks
-from edc_swarm.emulation.energy import compute_energy_j, propulsion_power_w, propulsion_powers_w
+from edc_swarm.analysis.voyages import Voyages, voyages_of
+from edc_swarm.emulation.energy import compute_energy_j, full_speed_energy_j, propulsion_power_w, propulsion_powers_w
 from edc_swarm.geometry import BODY_TOLERANCE_M, DISC_TOLERANCE_M
 from edc_swarm.mission.configuration import ARRIVED_M, OPERATOR, Mission
 from edc_swarm.mission.faults import parse_faults
-from edc_swarm.mission.prospect import COMPLETED
+from edc_swarm.mission.prospect import COMPLETED, GIVEN_UP
+from edc_swarm.mission.routes import hover_time_s
 from edc_swarm.protocol.events import EventKind
 from edc_swarm.protocol.messages import PLANNED
 from edc_swarm.recording.model import Recording
@@ -53,6 +55,15 @@ class HeadTerm(Struct, frozen=True):
     head: str
     first_slot: int
     last_slot: int
+
+
+class Deadline(Struct, frozen=True):
+    """A UAV with a time by which it is to be at its target, and when it was. None: not at its target, or unknown."""
+
+    uav: str
+    finish_by_s: float
+    finished_s: float | None
+    met: bool | None
 
 
 class Metrics(Struct, frozen=True, kw_only=True):
@@ -90,6 +101,9 @@ class Metrics(Struct, frozen=True, kw_only=True):
     fetched: int | None
     duplicates: int
     heads: list[HeadTerm]
+    goals_reached: int
+    goals_per_minute: float | None
+    deadlines: list[Deadline]
     failover_slots: list[int]
     faults_undone: list[str]
 
@@ -98,9 +112,10 @@ def compute_metrics(recording: Recording, timings: Sequence[Timing] = ()) -> Met
     """Return all metrics of a run. `timings`, if given, replace the recorded plan times."""
     mission, evidence = recording.mission, gather(recording)
     tracks, known = evidence.tracks, _Known.of(evidence)
+    voyages = voyages_of(recording, tracks)
     living = living_at_end(recording, tracks)
     columns = columns_from(recording, tracks, living, timings)
-    at_target = columns.away_m <= ARRIVED_M
+    at_target = (columns.away_m <= ARRIVED_M) & ~voyages.pending
     home = home_at_end(recording, tracks)
     settled = bool(living.any() and home[living].all())
     arrival = _arrival_slots(at_target)
@@ -111,8 +126,8 @@ def compute_metrics(recording: Recording, timings: Sequence[Timing] = ()) -> Met
     makespan_s = _makespan_s(mission, arrival[living], first) if settled and known.motion else None
     heads = _heads(recording)
     separation = _separation(mission, tracks, known)
-    path_m, straight_m = columns.step_m.sum(axis=0), np.array([entry.straight_m for entry in mission.roster])
-    ended_m = length_m(columns.centre_m[-1] - columns.centre_m[0])
+    path_m, straight_m = columns.step_m.sum(axis=0), np.array([voyage.straight_m for voyage in voyages.each])
+    ended_m = _ended_m(voyages, columns.centre_m[-1])
     return Metrics(
         uavs=len(tracks.uavs),
         inclusion_zones=sum(zone.kind == "inclusion" for zone in mission.zone),
@@ -134,7 +149,7 @@ def compute_metrics(recording: Recording, timings: Sequence[Timing] = ()) -> Met
             _extra_mean_pct(path_m[home], ended_m[home], straight_m[home]) if known.fixes else None
         ),
         makespan_s=makespan_s,
-        makespan_ratio=_makespan_ratio(mission, makespan_s, _reached_m(columns, arrival)[living]),
+        makespan_ratio=_makespan_ratio(makespan_s, _least_s(mission, voyages, _reached_m(columns, arrival))[living]),
         energy_propulsion_j=_propulsion_j(mission, columns, arrival, first) if known.motion else None,
         energy_compute_j=_compute_j(recording, columns),
         energy_straight_j=_straight_energy_j(mission),
@@ -148,6 +163,9 @@ def compute_metrics(recording: Recording, timings: Sequence[Timing] = ()) -> Met
         fetched=fetched_count(recording),
         duplicates=recording.duplicates,
         heads=heads,
+        goals_reached=_goals_reached(mission, voyages, home),
+        goals_per_minute=_per_minute(mission, sum(len(voyage.reached_slots) for voyage in voyages.each), slots),
+        deadlines=_deadlines(mission, home, arrival, known),
         failover_slots=[max(0, new.first_slot - old.last_slot - 1) for old, new in pairwise(heads)],
         faults_undone=_faults_undone(recording, mission.dt_s * slots),
     )
@@ -176,8 +194,13 @@ class _Known:
 
 
 def _completed(recording: Recording, home: NDArray[np.bool_], known: _Known) -> bool | None:
-    """Return True if all are home; None where the record lacks fixes, and does not tell how the mission ended."""
+    """Return True if all are home; None where the record lacks fixes, and does not tell how the mission ended.
+
+    A lifelong mission is complete if it has lasted `max_slots`.
+    """
     ends = {event.detail for event in recording.events if event.kind == EventKind.END and event.source == OPERATOR}
+    if recording.mission.goals == "lifelong":
+        return ends == {GIVEN_UP} if ends else None
     if known.fixes or home.all() or ends - {COMPLETED}:
         return bool(len(home) and home.all())
     return None
@@ -221,16 +244,53 @@ def _makespan_s(mission: Mission, arrival: NDArray[np.int64], first: int | None)
 
 
 def _reached_m(columns: Columns, arrival: NDArray[np.int64]) -> Floats:
-    """Return (K,) straight distances from start to place of arrival, which is within `ARRIVED_M` of the target."""
+    """Return (K, 2) places of arrival, which are within `ARRIVED_M` of the targets."""
     ends = np.minimum(arrival + 1, len(columns.centre_m) - 1)
-    reached_m = columns.centre_m[ends, np.arange(len(ends))]
-    return length_m(reached_m - columns.centre_m[0])
+    reached_m: Floats = columns.centre_m[ends, np.arange(len(ends))]
+    return reached_m
 
 
-def _makespan_ratio(mission: Mission, makespan_s: float | None, reached_m: Floats) -> float | None:
-    """Return the makespan divided by the least time for the longest of the straight distances `reached_m`."""
-    longest_m = float(reached_m.max(initial=0.0))
-    return makespan_s * mission.v_max_mps / longest_m if makespan_s is not None and longest_m else None
+def _ended_m(voyages: Voyages, end_m: Floats) -> Floats:
+    """Return (K,) lengths of the straight ways from the starts, through the points reached, to `end_m` (K, 2)."""
+    ends_m = zip(voyages.each, end_m.tolist(), strict=True)
+    return np.array([voyage.ended_m((x_m, y_m)) for voyage, (x_m, y_m) in ends_m], np.float64)
+
+
+def _least_s(mission: Mission, voyages: Voyages, end_m: Floats) -> Floats:
+    """Return (K,) least times from the starts to `end_m` (K, 2): at full speed, with corners cut, and hovering."""
+    cut_m = [2 * voyage.entry.accept_m * (len(voyage.entry.points) - 1) for voyage in voyages.each]
+    least_m = np.maximum(_ended_m(voyages, end_m) - cut_m, 0.0)
+    hover_s = np.array([hover_time_s(entry) for entry in mission.roster], np.float64)
+    least_s: Floats = least_m / np.array(mission.speeds_mps) + hover_s
+    return least_s
+
+
+def _goals_reached(mission: Mission, voyages: Voyages, home: NDArray[np.bool_]) -> int:
+    """Return how many goals the UAVs have reached, those at which they are included."""
+    last = int(home.sum()) if mission.goals == "once" else 0
+    return last + sum(len(voyage.reached_slots) for voyage in voyages.each)
+
+
+def _per_minute(mission: Mission, goals: int, slots: int) -> float | None:
+    """Return the goals reached in a minute of a lifelong mission; None for any other."""
+    return 60 * goals / (mission.dt_s * slots) if mission.goals == "lifelong" and slots else None
+
+
+def _deadlines(mission: Mission, home: NDArray[np.bool_], arrival: NDArray[np.int64], known: _Known) -> list[Deadline]:
+    """Return the UAVs with a time to finish by, and whether they met it; unknown where the record lacks motion."""
+    found = []
+    for k, entry in enumerate(mission.roster):
+        if entry.finish_by_s:
+            finished_s = max(0.0, (int(arrival[k]) + 1) * mission.dt_s - mission.guard_s) if home[k] else None
+            met = (finished_s is not None and finished_s <= entry.finish_by_s) if known.motion else None
+            found.append(Deadline(entry.uav, entry.finish_by_s, finished_s if known.motion else None, met))
+    return found
+
+
+def _makespan_ratio(makespan_s: float | None, straight_s: Floats) -> float | None:
+    """Return the makespan divided by the longest of the straight flights at full speed, which take `straight_s`."""
+    longest_s = float(straight_s.max(initial=0.0))
+    return makespan_s / longest_s if makespan_s is not None and longest_s else None
 
 
 class _Separation(NamedTuple):
@@ -298,8 +358,7 @@ def _compute_j(recording: Recording, columns: Columns) -> float | None:
 
 
 def _straight_energy_j(mission: Mission) -> float:
-    total_m = sum(entry.straight_m for entry in mission.roster)
-    return propulsion_power_w(mission.v_max_mps, mission.energy) * total_m / mission.v_max_mps
+    return sum(full_speed_energy_j(mission, entry) for entry in mission.roster)
 
 
 def _quantiles(values: Floats) -> Quantiles:

@@ -17,6 +17,7 @@ from numpy.typing import NDArray
 
 from edc_swarm.analysis.living import SILENT_SLOTS, living_at_end
 from edc_swarm.analysis.tracks import Tracks, tracks_of
+from edc_swarm.analysis.voyages import Voyages, voyages_of
 from edc_swarm.mission.configuration import ARRIVED_M, OPERATOR
 from edc_swarm.mission.faults import Freeze, Kill, read_fault
 from edc_swarm.protocol.events import EventKind
@@ -99,23 +100,26 @@ def not_home_of(recording: Recording) -> list[NotHome]:
 def home_at_end(recording: Recording, tracks: Tracks) -> Bools:
     """Return (K,) flags: True if the recording shows the UAV at its target at the end."""
     heard = tracks.heard.any(axis=0) | tracks.executed.any(axis=0)
-    home: Bools = heard & (_away_m(recording, tracks) <= ARRIVED_M)
+    voyages = voyages_of(recording, tracks)
+    home: Bools = heard & (_away_m(voyages, tracks) <= ARRIVED_M) & ~voyages.pending[-1]
     return home
 
 
 def not_home(recording: Recording, tracks: Tracks, living: Bools) -> list[NotHome]:
-    """Return every UAV of the roster that is not home, with the reason; `living` as `living_at_end` gives it."""
+    """Return every UAV of the roster that is not home, with the reason; `living` as `living_at_end` gives it.
+
+    In a lifelong mission a UAV that lives is never home, and none is named.
+    """
     home = home_at_end(recording, tracks)
     if home.all():
         return []
     judge = _Judge.of(recording, tracks, living, home)
-    return [judge.reason(k) for k in np.flatnonzero(~home).tolist()]
+    missing = ~home if recording.mission.goals == "once" else ~home & ~living
+    return [judge.reason(k) for k in np.flatnonzero(missing).tolist()]
 
 
-def _away_m(recording: Recording, tracks: Tracks) -> NDArray[np.float64]:
-    roster = recording.mission.roster
-    target_m = np.array([(entry.target_x_m, entry.target_y_m) for entry in roster]).reshape(-1, 2)
-    away_m: NDArray[np.float64] = np.hypot(*(tracks.centre_m[-1] - target_m).T)
+def _away_m(voyages: Voyages, tracks: Tracks) -> NDArray[np.float64]:
+    away_m: NDArray[np.float64] = np.hypot(*(tracks.centre_m[-1] - voyages.target_m).T)
     return away_m
 
 
@@ -139,6 +143,7 @@ class _Judge:
     incomplete: frozenset[str]
     plan: Report | None
     end: Event | None
+    voyages: Voyages
 
     @classmethod
     def of(cls, recording: Recording, tracks: Tracks, living: Bools, home: Bools) -> _Judge:
@@ -159,6 +164,7 @@ class _Judge:
             ),
             plan=max(plans, key=lambda plan: (plan.term, plan.slot), default=None),
             end=next((e for e in recording.events if e.kind == EventKind.END and e.source == OPERATOR), None),
+            voyages=voyages_of(recording, tracks),
         )
 
     def reason(self, k: int) -> NotHome:
@@ -167,7 +173,7 @@ class _Judge:
 
     def _not_home(self, k: int, cause: Cause, reason: str, slot: int | None = None, by: str = "") -> NotHome:
         uav = self.tracks.uavs[k]
-        away_m = float(_away_m(self.recording, self.tracks)[k])
+        away_m = float(_away_m(self.voyages, self.tracks)[k])
         heard = bool(self.newest[k] >= 0 or self.tracks.executed[:, k].any())
         return NotHome(uav, cause, reason, slot, by, away_m if heard else None)
 
@@ -225,7 +231,7 @@ class _Judge:
     # --- UAVs that live ----------------------------------------------------------------------
 
     def _flying(self, k: int) -> NotHome:
-        entry = self.recording.mission.roster[k]
+        entry = self.voyages.each[k].present
         target_m = (entry.target_x_m, entry.target_y_m)
         obstacles = list(self._obstacles(k))
         for obstacle in obstacles:
@@ -245,7 +251,9 @@ class _Judge:
         roster, centre_m = self.recording.mission.roster, self.tracks.centre_m[-1]
         gone, away = np.flatnonzero(~self.living).tolist(), np.flatnonzero(self.living & ~self.home).tolist()
         places = [place for i in gone for place in places_of(roster[i], point(centre_m[i]), self.plan)]
-        found = hindrances([(roster[i], point(centre_m[i])) for i in away], places).get(roster[k].uav)
+        found = hindrances([(self.voyages.each[i].present, point(centre_m[i])) for i in away], places).get(
+            roster[k].uav
+        )
         if found is None:
             return None
         cause = CAUSES[found.kind]
@@ -271,13 +279,13 @@ class _Judge:
         """Return the obstacle of a stuck UAV `k` that is within one step of touching another UAV, else None."""
         if self.tracks.slots <= STUCK_SLOTS or not obstacles:
             return None
-        entry, centre_m = self.recording.mission.roster[k], self.tracks.centre_m[:, k]
+        entry, centre_m = self.voyages.each[k].present, self.tracks.centre_m[:, k]
         away_m = np.hypot(centre_m[:, 0] - entry.target_x_m, centre_m[:, 1] - entry.target_y_m)
         if away_m[-1] < away_m[-1 - STUCK_SLOTS] - ARRIVED_M:
             return None
         here_m = point(centre_m[-1])
         nearest = min(obstacles, key=lambda obstacle: obstacle.gap_m(here_m, entry.r_m))
-        if nearest.gap_m(here_m, entry.r_m) > self.recording.mission.u_max_m:
+        if nearest.gap_m(here_m, entry.r_m) > self.recording.mission.step_m(entry):
             return None
         since = int(np.flatnonzero(away_m > away_m[-1] + ARRIVED_M).max(initial=-1)) + 1
         text = f"blocked by {nearest} since slot {since}"

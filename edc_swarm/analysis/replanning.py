@@ -95,11 +95,16 @@ def _plans(recording: Recording, reports: list[Report]) -> Iterator[_Plan]:
 def _request(recording: Recording, report: Report, fixes: list[Fix], index: dict[str, int]) -> PlanRequest:
     mission = recording.mission
     entries = [mission.roster[index[fix.uav]] for fix in fixes]
+    aims = [
+        fix.course.aim(entry, (fix.waypoint_x_m, fix.waypoint_y_m), mission.step_m(entry), mission.dt_s)
+        for fix, entry in zip(fixes, entries, strict=True)
+    ]
     return PlanRequest(
         slot=report.slot + 1,
         uav=[index[fix.uav] for fix in fixes],
         position_m=[(fix.waypoint_x_m, fix.waypoint_y_m) for fix in fixes],
-        target_m=[(entry.target_x_m, entry.target_y_m) for entry in entries],
+        target_m=[aim_m for aim_m, _ in aims],
+        rest_m=[rest_m for _, rest_m in aims],
         r_m=[entry.r_m for entry in entries],
         hulls=list(_hulls(recording, report, index)),
         previous_m=[(fix.from_x_m, fix.from_y_m) for fix in fixes] if mission.lag_slots else None,

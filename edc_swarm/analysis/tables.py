@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from edc_swarm.analysis.metrics import Metrics, Quantiles
+from edc_swarm.analysis.metrics import Deadline, Metrics, Quantiles
 
 MAX_HEADS = 6
 MAX_NAMED = 10
@@ -20,6 +20,8 @@ def metric_rows(m: Metrics) -> list[tuple[str, str]]:
         ("arrived", f"{m.arrived} of {m.uavs}{away}"),
         *_not_home(m),
         *([("zones", zones_said)] if zones_said else []),
+        *_goals(m),
+        *_deadlines(m),
         ("slots", f"{m.slots} ({m.duration_s:g} s), {_count(m.slots_missed)} without commands"),
         ("heads", (heads + (", ..." if len(m.heads) > MAX_HEADS else "")) or "none recorded"),
         ("collisions", f"{_count(m.potential_collisions)} potential, {_count(m.true_collisions)} true"),
@@ -43,6 +45,32 @@ def _not_home(m: Metrics) -> list[tuple[str, str]]:
     named = [str(who) for who in m.not_home[:MAX_NAMED]]
     named += [f"and {len(m.not_home) - MAX_NAMED} more"] * (len(m.not_home) > MAX_NAMED)
     return [("not home", "; ".join(named))] if named else []
+
+
+def _goals(m: Metrics) -> list[tuple[str, str]]:
+    if m.goals_per_minute is None:
+        return []
+    return [("goals", f"{m.goals_reached} reached, {m.goals_per_minute:.1f} a minute")]
+
+
+def _deadlines(m: Metrics) -> list[tuple[str, str]]:
+    """Return a row with the UAVs that missed their time to finish; no row if no UAV has such a time."""
+    if not m.deadlines:
+        return []
+    missed = [deadline for deadline in m.deadlines if deadline.met is False]
+    unknown = sum(deadline.met is None for deadline in m.deadlines)
+    named = [f"missed by {d.uav} ({_finished(d)})" for d in missed[:MAX_NAMED]]
+    named += [f"and {len(missed) - MAX_NAMED} more"] * (len(missed) > MAX_NAMED) + [f"{unknown} unknown"] * (
+        unknown > 0
+    )
+    met = sum(deadline.met is True for deadline in m.deadlines)
+    return [("finish times", "; ".join([f"{met} of {len(m.deadlines)} met", *named]))]
+
+
+def _finished(d: Deadline) -> str:
+    if d.finished_s is None:
+        return f"not there, by {d.finish_by_s:g} s"
+    return f"{d.finished_s - d.finish_by_s:.2f} s late"
 
 
 def _makespan(m: Metrics) -> str:

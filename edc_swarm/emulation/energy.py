@@ -12,7 +12,8 @@ from __future__ import annotations
 from typing import TYPE_CHECKING, Any
 
 from edc_swarm.errors import MissionError
-from edc_swarm.mission.configuration import ARRIVED_M, EnergyModel, HeadModel, Mission
+from edc_swarm.mission.configuration import ARRIVED_M, EnergyModel, HeadModel, Mission, RosterEntry
+from edc_swarm.mission.routes import hover_time_s
 
 if TYPE_CHECKING:
     import numpy as np
@@ -41,7 +42,7 @@ def check_batteries(mission: Mission) -> None:
     for index, entry in enumerate(mission.roster):
         if entry.straight_m <= ARRIVED_M:
             continue
-        length_m = min(mission.u_max_m, entry.straight_m)
+        length_m = min(mission.step_m(entry), entry.straight_m)
         least_j = step_energy_j(mission, length_m)
         if entry.energy_j < least_j:
             speed_mps = length_m / (mission.dt_s - 2 * mission.guard_s)
@@ -56,11 +57,18 @@ def check_batteries(mission: Mission) -> None:
 
 def stranded(mission: Mission) -> dict[str, float]:
     """Return the energy, in joules, of the straight flight at full speed, for each UAV whose battery has less."""
-    power_w = propulsion_power_w(mission.v_max_mps, mission.energy)
-    needed_j = {
-        entry.uav: power_w * max(0.0, entry.straight_m - ARRIVED_M) / mission.v_max_mps for entry in mission.roster
-    }
+    needed_j = {entry.uav: full_speed_energy_j(mission, entry, ARRIVED_M) for entry in mission.roster}
     return {entry.uav: needed_j[entry.uav] for entry in mission.roster if entry.energy_j < needed_j[entry.uav]}
+
+
+def full_speed_energy_j(mission: Mission, entry: RosterEntry, short_m: float = 0.0) -> float:
+    """Return the energy, in joules, of a UAV's straight flight at its full speed, to `short_m` before the target.
+
+    It hovers on its way where its route says so.
+    """
+    speed_mps = mission.speed_mps(entry)
+    hover_j = propulsion_power_w(0.0, mission.energy) * hover_time_s(entry)
+    return propulsion_power_w(speed_mps, mission.energy) * max(0.0, entry.straight_m - short_m) / speed_mps + hover_j
 
 
 def step_energy_j(mission: Mission, length_m: float) -> float:

@@ -8,17 +8,20 @@ between two effects, and a planner that steers UAVs at each other, since safety 
 
 from __future__ import annotations
 
+import math
 from collections.abc import Collection, Sequence
 from dataclasses import dataclass
 from random import Random
 from typing import Any
 
+import msgspec
 import numpy as np
 from numpy.typing import NDArray
 
 from edc_swarm.analysis.breaches import breaches
 from edc_swarm.analysis.guarantees.check import check
 from edc_swarm.analysis.guarantees.progress import PROGRESS
+from edc_swarm.analysis.voyages import forgotten
 from edc_swarm.errors import PlacementError
 from edc_swarm.experiments.random_zones import random_zones
 from edc_swarm.geometry import DISC_TOLERANCE_M, Floats, length_m, segment_distance_m
@@ -76,7 +79,7 @@ class Reckless(Edc):
             aim = rng.choice(aims)
             to_m = (arrays.target_m[k] if aim is arrays.target_m else rng.choice(list(aim))) - here_m
             far_m = float(length_m(to_m))
-            wish_m[k] = to_m * min(1.0, self._u_max_m / far_m) if far_m > 0 else 0.0
+            wish_m[k] = to_m * min(1.0, self._u_max_m[arrays.uav[k]] / far_m) if far_m > 0 else 0.0
         return wish_m
 
 
@@ -104,6 +107,10 @@ def scenario(seed: int, kept: Collection[int] | None = None) -> Mission:
     else:
         fields["link"] = [{**link, "end_s": HEALED_S} for link in fields["link"]]
     mission = _placed(fields)
+    fields["roster"] = _roster(Random(f"fuzz/{seed}/roster"), mission)
+    mission = complete_mission(
+        mission_from_dict({**fields, "roster": fields["roster"] or msgspec.to_builtins(mission.roster)})
+    )
     zones = random_zones(Random(f"fuzz/{seed}/zones"), mission, with_ways=mission.planner != RECKLESS)
     faults = _schedule(rng, mission)
     if fields["planner"] != RECKLESS:
@@ -234,7 +241,7 @@ def _broken(recording: Recording, asked: Collection[str]) -> list[str]:
     for result in map(results.__getitem__, asked):
         said += [f"{result.guarantee}: {found.text}" for found in result.violations[:5]]
         said += [] if result.judged else [f"{result.guarantee}: not judged: {'; '.join(result.notes)}"]
-    return said
+    return said + [f"{PROGRESS}: {fix.uav} forgot {course} in slot {fix.slot}" for fix, course in forgotten(recording)]
 
 
 def _placed(fields: dict[str, Any]) -> Mission:
@@ -245,6 +252,28 @@ def _placed(fields: dict[str, Any]) -> Mission:
             return complete_mission(mission)
         except PlacementError:
             fields = {**fields, "area_m2": 1.5 * fields["area_m2"]}
+
+
+def _roster(rng: Random, mission: Mission) -> list[dict[str, Any]]:
+    """Draw the roster of half of the missions, with speeds of the UAVs' own or routes; empty for the other missions."""
+    kind = rng.choice(["plain", "plain", "plain", "speeds", "routes", "both"])
+    if kind == "plain":
+        return []
+    roster: list[dict[str, Any]] = msgspec.to_builtins(mission.roster)
+    if kind != "routes":
+        roster = [{**entry, "v_max_mps": rng.choice([0.0, 2.0, 8.0, 15.0])} for entry in roster]
+    return roster if kind == "speeds" else [{**entry, **_route(rng, mission, entry)} for entry in roster]
+
+
+def _route(rng: Random, mission: Mission, entry: dict[str, Any]) -> dict[str, Any]:
+    """Draw a route of up to three points before the target, the first near the start, with times to hover at some."""
+    side_m = math.sqrt(mission.area_m2)
+    between = [[rng.uniform(0, side_m), rng.uniform(0, side_m)] for _ in range(rng.randint(0, 3))]
+    if between:
+        between[0] = [entry["start_x_m"] + rng.uniform(-4, 4), entry["start_y_m"] + rng.uniform(-4, 4)]
+    hover_s = [rng.choice([0.0, 0.0, 0.3, 2.0]) for _ in between] + [0.0]
+    route = [*between, [entry["target_x_m"], entry["target_y_m"]]]
+    return {"route": route, "hover_s": hover_s, "accept_m": rng.choice([0.5, 1.0, 5.0])}
 
 
 def _links(rng: Random) -> list[dict[str, Any]]:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from itertools import pairwise
 from random import Random
 from typing import Any
 
@@ -41,12 +42,13 @@ def _flyable(mission: Mission, zones: list[dict[str, Any]], with_ways: bool) -> 
     zoned = replace(mission, zone=[convert(zone, Zone) for zone in zones])
     airspace, charts = airspace_of(zoned), Charts.of(airspace_of(zoned))
     starts = np.array([(entry.start_x_m, entry.start_y_m) for entry in mission.roster])
-    targets = np.array([(entry.target_x_m, entry.target_y_m) for entry in mission.roster])
     r_m = np.array([entry.r_m for entry in mission.roster])
-    for points_m in (starts, targets):
-        if not (clear_of(airspace, points_m, r_m) & airspace.contains(points_m)).all():
+    routes_m = [np.array([start_m, *entry.points]) for start_m, entry in zip(starts, mission.roster, strict=True)]
+    for route_m, radius_m in zip(routes_m, r_m, strict=True):
+        if not (clear_of(airspace, route_m, np.full(len(route_m), radius_m)) & airspace.contains(route_m)).all():
             return False
-    return not with_ways or all(charts.reaches(k, float(r_m[k]), starts[k], targets[k]) for k in range(len(r_m)))
+    legs = [(k, one_m, next_m) for k, route_m in enumerate(routes_m) for one_m, next_m in pairwise(route_m)]
+    return not with_ways or all(charts.reaches(k, float(r_m[k]), one_m, next_m) for k, one_m, next_m in legs)
 
 
 def _fence(rng: Random, mission: Mission) -> list[dict[str, Any]]:

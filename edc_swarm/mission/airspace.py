@@ -115,7 +115,8 @@ def check_zones(mission: Mission, routes: Sequence[Sequence[Point]] | None = Non
     mission
         A mission with its roster, whose zones `zone_shapes.check_shapes` accepts.
     routes
-        For every UAV the points that it flies through, in metres, the first one its start; by default start and target.
+        For every UAV the points that it flies through, in metres, the first one its start; by default its start and its
+        route.
 
     Raises
     ------
@@ -124,7 +125,7 @@ def check_zones(mission: Mission, routes: Sequence[Sequence[Point]] | None = Non
     """
     if not mission.zone or not mission.roster:
         return []
-    routes = routes or [[(e.start_x_m, e.start_y_m), (e.target_x_m, e.target_y_m)] for e in mission.roster]
+    routes = routes or [[(entry.start_x_m, entry.start_y_m), *entry.points] for entry in mission.roster]
     airspace, legs = Airspace.of(mission.zone), _Legs.of(mission, routes)
     lack_m = airspace.lack_m(legs.points_m, legs.r_m)
     for index, said in _misplaced(airspace, legs.points_m, lack_m, legs.r_m):

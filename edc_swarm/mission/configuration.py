@@ -15,9 +15,11 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
+from itertools import pairwise
 from typing import Annotated, Literal
 
 from msgspec import Meta, Struct
+from msgspec.structs import force_setattr
 
 MAX_UAVS = 2000
 MAX_FAULTS = 1000
@@ -30,6 +32,9 @@ RIM_CORNERS = 64
 """Corners of the polygon inscribed in a circular inclusion zone. It is smaller than the circle by at most 0.12 %."""
 AREA_M2 = 10_000.0
 """Default of `area_m2`."""
+MAX_ROUTE = 1000
+MAX_GOAL_POINTS = 32
+"""Most points of a route that a UAV receives in flight: it is part of its promise and of its fixes."""
 MOST_SLOTS = 1_000_000
 FOR_GOOD_S = 1e9
 """A link rule that ends then or later never ends."""
@@ -69,9 +74,16 @@ JOIN = "join"
 RESERVED_IDS = ROLES | {JOIN, "ca"}
 """No UAV may be named like a role, a claimant, or the file of the authority that certifies them."""
 
+Goals = Literal["once", "lifelong"]
+GoalSource = Literal["operator", "any"]
+
 NS_PER_S = 1_000_000_000
 ARRIVED_M = 0.1
 """A UAV closer than this to its target has arrived."""
+
+
+LACKS_TARGET = "a table with target_x_m and target_y_m, or with a route"
+"""What an entry of the roster must be, in words."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -140,7 +152,9 @@ class HeadModel(Struct, frozen=True, kw_only=True):
 
 
 class RosterEntry(Struct, frozen=True, kw_only=True):
-    """One UAV: its start, its target, its radii and its battery.
+    """One UAV: its start, its target or route, and what differs from the other UAVs.
+
+    A field that is 0 or left out is inherited from the mission; `roster.complete_mission` fills it in.
 
     Source: the user; a random mission draws it.
     """
@@ -157,25 +171,62 @@ class RosterEntry(Struct, frozen=True, kw_only=True):
     """
     start_y_m: Metres
     """Start, second coordinate in the local frame (north)."""
-    target_x_m: Metres
+    target_x_m: Metres = math.nan
     """Target, first coordinate in the local frame (east).
 
     The discs of all UAVs at their targets are disjoint.
-    """
-    target_y_m: Metres
-    """Target, second coordinate in the local frame (north)."""
-    r_m: Positive
-    """GPS error radius of this UAV, as `r_m` of the mission."""
-    body_m: Positive
-    """Radius of the vehicle itself, as `body_m` of the mission.
 
-    At most `r_m`.
+    Default: the last point of `route`.
     """
-    energy_j: Positive
+    target_y_m: Metres = math.nan
+    """Target, second coordinate in the local frame (north).
+
+    Default: the last point of `route`.
+    """
+    route: Annotated[list[Point], Meta(max_length=MAX_ROUTE)] = []
+    """Points (x, y) that the UAV flies to one after another; the last one is its target.
+
+    Default: empty, which stands for the target alone.
+    """
+    accept_m: Annotated[float, Meta(ge=ARRIVED_M, le=MOST_M)] = 1.0
+    """Acceptance radius: a step that comes as near as this to a point of the route, but the last, has reached it."""
+    hover_s: Annotated[list[NonNegative], Meta(max_length=MAX_ROUTE)] = []
+    """Times for which the UAV hovers within `accept_m` of each point of its route, as many as points.
+
+    At the last point the UAV stays in any case.
+    """
+    finish_by_s: NonNegative = 0.0
+    """Mission time by which the UAV is to be at its target, the paper's t_F; 0: no such time.
+
+    Metrics and summary say whether it was met. No plan depends on it.
+
+    Source: the paper, section II.
+    """
+    r_m: NonNegative = 0.0
+    """GPS error radius of this UAV.
+
+    Default: 0, which stands for `r_m` of the mission.
+    """
+    body_m: NonNegative = 0.0
+    """Radius of the vehicle itself.
+
+    At most `r_m` of this UAV.
+
+    Default: 0, which stands for `body_m` of the mission.
+    """
+    v_max_mps: Annotated[float, Meta(ge=0, le=1e4)] = 0.0
+    """Largest speed of this UAV, the paper's V_k,Max.
+
+    Default: 0, which stands for `v_max_mps` of the mission.
+    Source: the paper, eq. 36.
+    """
+    energy_j: NonNegative = 0.0
     """Charge of the battery at the start.
 
     A UAV whose battery is empty lands where it is and stays an obstacle. The charge covers at least one step at full
     speed, unless the UAV starts at its target.
+
+    Default: 0, which stands for a charge that `seed` draws, as in a random mission.
     """
     compute_factor: Positive = 1.0
     """Factor on the response time that the UAV reports, for the election criterion `response-time`.
@@ -183,10 +234,25 @@ class RosterEntry(Struct, frozen=True, kw_only=True):
     Source: this project.
     """
 
+    def __post_init__(self) -> None:
+        """Take the target from the route if no target is given."""
+        if self.route and math.isnan(self.target_x_m) and math.isnan(self.target_y_m):
+            force_setattr(self, "target_x_m", self.route[-1][0])
+            force_setattr(self, "target_y_m", self.route[-1][1])
+        if math.isnan(self.target_x_m) or math.isnan(self.target_y_m):
+            raise ValueError(LACKS_TARGET)
+
+    @property
+    def points(self) -> list[Point]:
+        """Points that the UAV flies to one after another: its route, or its target alone."""
+        return self.route or [(self.target_x_m, self.target_y_m)]
+
     @property
     def straight_m(self) -> float:
-        """Length of the straight line from start to target, in metres."""
-        return math.hypot(self.target_x_m - self.start_x_m, self.target_y_m - self.start_y_m)
+        """Length of the straight lines from the start through all points of the route to the target, in metres."""
+        return sum(
+            math.hypot(x - u, y - v) for (u, v), (x, y) in pairwise(((self.start_x_m, self.start_y_m), *self.points))
+        )
 
 
 class Link(Struct, frozen=True, kw_only=True):
@@ -441,6 +507,14 @@ class Mission(Struct, frozen=True, kw_only=True):
 
     Source: Aalto University, Espoo.
     """
+    goals: Goals = "once"
+    """Goals of a UAV: `once`, its route alone, or `lifelong`, a new target whenever it has arrived.
+
+    `seed`, the UAV and the number of the goal draw a new target; the discs of all UAVs at their targets are disjoint
+    where there is room. A lifelong mission lasts `max_slots`.
+    """
+    goals_from: GoalSource = "operator"
+    """Senders of new goals that a UAV accepts in flight: the `operator` alone, or `any` process of the bus."""
     link: Annotated[list[Link], Meta(max_length=MAX_LINKS)] = []
     """Rules of the emulated network, tables `[[link]]`."""
     zone: Annotated[list[Zone], Meta(max_length=MAX_ZONES)] = []
@@ -471,8 +545,26 @@ class Mission(Struct, frozen=True, kw_only=True):
 
     @property
     def u_max_m(self) -> float:
-        """Longest step in one slot, v_max (dt - 2 guard), in metres."""
+        """Longest step in one slot of a UAV without a speed of its own, v_max (dt - 2 guard), in metres."""
         return self.v_max_mps * (self.dt_s - 2 * self.guard_s)
+
+    def speed_mps(self, entry: RosterEntry) -> float:
+        """Return the largest speed of a UAV: its own, else the mission's."""
+        return entry.v_max_mps or self.v_max_mps
+
+    def step_m(self, entry: RosterEntry) -> float:
+        """Return the longest step of a UAV in one slot, v_k,max (dt - 2 guard), in metres."""
+        return self.speed_mps(entry) * (self.dt_s - 2 * self.guard_s)
+
+    @property
+    def speeds_mps(self) -> list[float]:
+        """Largest speed of every UAV, in roster order; the mission's for all UAVs if there is no roster yet."""
+        return [self.speed_mps(entry) for entry in self.roster] or [self.v_max_mps] * self.uavs
+
+    @property
+    def steps_m(self) -> list[float]:
+        """Longest step of every UAV in one slot, in the order of `speeds_mps`, in metres."""
+        return [speed_mps * (self.dt_s - 2 * self.guard_s) for speed_mps in self.speeds_mps]
 
     @property
     def quorum(self) -> int:

@@ -96,7 +96,7 @@ def declarations(kind: type[Struct]) -> dict[str, Declaration]:
             name,
             _flowing(summary).removesuffix("."),
             _flowing(effect),
-            _flowing(said.get("Default", _default(kind, name))).removesuffix("."),
+            _flowing(said["Default"] if "Default" in said else _default(kind, name)).removesuffix("."),
             _flowing(said.get("Source", general["Source"])).removesuffix("."),
             in_words(type_at(kind, name)),
             options.get(name, ""),

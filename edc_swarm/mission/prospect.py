@@ -1,9 +1,9 @@
 """The promise of progress (G7): from which slot on and for which UAVs, from the mission and its faults alone.
 
-A mission is *settled* when its last fault is over: from then on only the swarm
-itself changes anything. G7 promises that `limit_slots` later every living UAV is at its target, if a quorum lives. The
-limit is 20 times the longest straight flight, and 200 slots. A mission lasts that long unless its file
-says otherwise (`max_slots`), so every mission that is not cut short can be judged.
+A mission is *settled* when its last fault is over: from then on only the swarm itself changes anything. G7 promises
+that `limit_slots` later every living UAV is at its target, if a quorum lives. The limit is 20 times the longest
+straight flight (of a route: along it, with the time to hover), and 200 slots. A mission lasts that long unless its
+file says otherwise (`max_slots`), so every mission that is not cut short can be judged.
 
 Faults that never end are no reason not to judge. What is promised then:
 
@@ -42,6 +42,7 @@ from edc_swarm.mission.faults import (
     parse_faults,
     resolve,
 )
+from edc_swarm.mission.routes import hover_time_s, rectangle_m
 
 MOST_LOSS = 0.5
 """Share of lost or late messages up to which progress is promised."""
@@ -91,12 +92,23 @@ def prospect_of(mission: Mission, faults: Sequence[Fault]) -> Prospect:
     side, cut = _quorum_side(mission, partitions) if partitions else (frozenset(e.uav for e in mission.roster), "")
     missed, link = _missed(mission, [fault for fault in lasting if isinstance(fault, ChangeLink)], _slowest(faults))
     obstacle = _router_gone(faults) or _clock_wrong(mission, faults) or cut or link
-    longest_m = max((entry.straight_m for entry in mission.roster), default=0.0)
-    step_m = mission.v_max_mps * mission.dt_s
-    if 20 * longest_m >= step_m * (MOST_SLOTS - 200):
+    straight_slots = _straight_slots(mission)
+    if straight_slots >= MOST_SLOTS - 200:
         return Prospect(MOST_SLOTS, side, obstacle)
-    slots = (math.ceil(20 * longest_m / step_m) + 200) / _share_in_time(missed)
+    slots = (math.ceil(straight_slots) + 200) / _share_in_time(missed)
     return Prospect(min(math.ceil(slots), MOST_SLOTS), side, obstacle)
+
+
+def _straight_slots(mission: Mission) -> float:
+    """Return 20 times the slots of the longest way to a target at full speed, with the time to hover on it."""
+    if mission.goals == "lifelong":
+        longest_m, slowest_mps = math.dist(*rectangle_m(mission.roster)), min(mission.speeds_mps)
+        return 20 * longest_m / (slowest_mps * mission.dt_s)
+    ways = (
+        20 * entry.straight_m / (mission.speed_mps(entry) * mission.dt_s) + 20 * hover_time_s(entry) / mission.dt_s
+        for entry in mission.roster
+    )
+    return max(ways, default=0.0)
 
 
 def _end_s(fault: Fault, faults: Sequence[Fault]) -> float:

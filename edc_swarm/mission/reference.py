@@ -25,11 +25,8 @@ EXAMPLE: dict[str, Any] = {
     "start_y_m": 90.0,
     "target_x_m": 50.0,
     "target_y_m": 10.0,
-    "r_m": 5.0,
-    "body_m": 0.25,
-    "energy_j": 90_000.0,
 }
-"""Values of the keys that have no default."""
+"""Values of the keys whose default says nothing."""
 ZONE: dict[str, Any] = {"name": "tower", "kind": "exclusion", "centre": [75.0, 50.0], "radius_m": 12.0}
 """A zone, which is a polygon or a circle, so that its defaults alone would be no zone."""
 EXAMPLES: dict[type[Struct], dict[str, Any]] = {RosterEntry: EXAMPLE, Zone: ZONE}

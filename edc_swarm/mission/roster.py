@@ -9,6 +9,7 @@ from numpy.typing import NDArray
 from edc_swarm.errors import MissionError, PlacementError
 from edc_swarm.mission.airspace import Airspace, check_zones
 from edc_swarm.mission.configuration import Mission, RosterEntry, Zone, default_tau_s
+from edc_swarm.mission.inheritance import with_charges, with_radii
 from edc_swarm.mission.prospect import default_max_slots
 from edc_swarm.mission.validation import check_links
 from edc_swarm.mission.zone_shapes import check_shapes
@@ -25,6 +26,8 @@ _ENERGY_STREAM = 1
 def complete_mission(mission: Mission) -> Mission:
     """Return the mission with its roster and fence, drawn if it has none, and with `tau_s` and `max_slots` derived.
 
+    An entry of the roster has the radii of the mission and the charge of a random mission where it states none.
+
     Raises
     ------
     PlacementError
@@ -33,7 +36,7 @@ def complete_mission(mission: Mission) -> Mission:
         A link or a fault names a UAV that is not in the roster, a fault cannot be read, or zones leave a UAV no way.
     """
     fenced = mission if mission.roster else _fenced(mission)
-    roster = mission.roster or random_roster(fenced)
+    roster = _inherited(mission) if mission.roster else random_roster(fenced)
     whole = msgspec.structs.replace(fenced, roster=roster, uavs=len(roster))
     check_links(whole)
     check_zones(whole)
@@ -53,9 +56,7 @@ def random_roster(mission: Mission) -> list[RosterEntry]:
     rng = np.random.default_rng(mission.seed)
     starts_m = _placed(rng, mission, "starts")
     targets_m = _placed(rng, mission, "targets")
-    model = mission.energy
-    charge = np.random.default_rng([mission.seed, _ENERGY_STREAM])
-    energies_j = charge.uniform(model.initial_min_j, model.initial_max_j, mission.uavs)
+    energies_j = _charges_j(mission, mission.uavs)
     return [
         RosterEntry(
             uav=uav,
@@ -65,10 +66,23 @@ def random_roster(mission: Mission) -> list[RosterEntry]:
             target_y_m=float(targets_m[index, 1]),
             r_m=mission.r_m,
             body_m=mission.body_m,
-            energy_j=float(energies_j[index]),
+            energy_j=energies_j[index],
         )
         for index, uav in enumerate(uav_ids(mission.uavs))
     ]
+
+
+def _inherited(mission: Mission) -> list[RosterEntry]:
+    """Return the mission's roster with nothing left out; the charge of an entry is that of its index."""
+    roster = with_radii(mission)
+    return roster if all(entry.energy_j for entry in roster) else with_charges(roster, _charges_j(mission, len(roster)))
+
+
+def _charges_j(mission: Mission, count: int) -> list[float]:
+    """Return the charges (count,) of the batteries of a random mission."""
+    charge = np.random.default_rng([mission.seed, _ENERGY_STREAM])
+    drawn_j: list[float] = charge.uniform(mission.energy.initial_min_j, mission.energy.initial_max_j, count).tolist()
+    return drawn_j
 
 
 def uav_ids(count: int) -> list[str]:

@@ -17,7 +17,8 @@ from msgspec import Struct
 
 from edc_swarm.errors import InputError, MissionError
 from edc_swarm.files import open_regular
-from edc_swarm.mission.configuration import AREA_M2, RESERVED_IDS, Mission, RosterEntry
+from edc_swarm.mission.configuration import AREA_M2, LACKS_TARGET, RESERVED_IDS, Mission, RosterEntry
+from edc_swarm.mission.inheritance import with_radii
 from edc_swarm.mission.wording import in_words, type_at
 from edc_swarm.mission.zone_shapes import check_shapes
 
@@ -95,7 +96,8 @@ def convert(raw: Any, kind: type[T]) -> T:
         message, _, path = str(error).partition(" - at `$")
         path = path.rstrip("`").removeprefix(".")
         missing = _MISSING.fullmatch(message)
-        allowed = f"a table with {missing[1]}" if missing else in_words(type_at(kind, path))
+        said = LACKS_TARGET if message == LACKS_TARGET else f"a table with {missing[1]}" if missing else ""
+        allowed = said or in_words(type_at(kind, path))
         raise MissionError(path or "mission", _at(raw, path), allowed) from None
 
 
@@ -141,7 +143,7 @@ def validate_mission(mission: Mission) -> None:
         raise MissionError("energy.initial_min_j", mission.energy.initial_min_j, "at most initial_max_j")
     _validate_area(mission)
     check_shapes(mission.zone)
-    _validate_roster(mission.roster)
+    _validate_roster(with_radii(mission))
 
 
 def _validate_area(mission: Mission) -> None:
@@ -172,9 +174,18 @@ def _validate_roster(roster: list[RosterEntry]) -> None:
             raise MissionError(f"roster[{index}].uav", entry.uav, f"none of {', '.join(sorted(RESERVED_IDS))}")
         if entry.body_m > entry.r_m:
             raise MissionError(f"roster[{index}].body_m", entry.body_m, f"at most r_m ({entry.r_m})")
+        _validate_route(f"roster[{index}]", entry)
         seen.add(entry.uav)
     _validate_separation(roster, "start")
     _validate_separation(roster, "target")
+
+
+def _validate_route(where: str, entry: RosterEntry) -> None:
+    target_m = (entry.target_x_m, entry.target_y_m)
+    if entry.points[-1] != target_m:
+        raise MissionError(f"{where}.target_x_m, target_y_m", target_m, f"the last point of route, {entry.points[-1]}")
+    if len(entry.hover_s) not in {0, len(entry.route)}:
+        raise MissionError(f"{where}.hover_s", entry.hover_s, f"empty, or as long as route ({len(entry.route)})")
 
 
 def _validate_separation(roster: list[RosterEntry], which: str) -> None:

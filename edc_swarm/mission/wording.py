@@ -68,7 +68,7 @@ def _inside(kind: Type, part: str) -> Type | None:
     if isinstance(kind, StructType):
         return next((field.type for field in kind.fields if field.encode_name == part), None)
     if isinstance(kind, TupleType):
-        return kind.item_types[int(part)]
+        return kind.item_types[min(int(part), len(kind.item_types) - 1)]
     return kind.item_type if isinstance(kind, ListType) else None
 
 

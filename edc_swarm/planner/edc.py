@@ -17,8 +17,8 @@ from edc_swarm.solver import certificate, slot_qp
 from edc_swarm.solver.slot_qp import Obstacles
 
 
-def weights(mission: Mission) -> tuple[float, float]:
-    """Return the prices (wt, wd) of a slot of time and of a full step of distance; wt + wd = 1.
+def weights(mission: Mission, speed_mps: float) -> tuple[float, float]:
+    """Return the prices (wt, wd) of a slot of time and of a full step of distance at `speed_mps`; wt + wd = 1.
 
     ==========  =========================================  ===================================================
     minimise    (wt, wd)                                   reason
@@ -34,7 +34,7 @@ def weights(mission: Mission) -> tuple[float, float]:
     if mission.minimise == "time":
         return 1.0, 0.0
     hover_w = propulsion_power_w(0.0, mission.energy)
-    cruise_w = propulsion_power_w(mission.v_max_mps, mission.energy)
+    cruise_w = propulsion_power_w(speed_mps, mission.energy)
     share = min(hover_w / cruise_w, 1.0)
     return share, 1.0 - share
 
@@ -43,11 +43,12 @@ class Edc:
     """The project's own planner: its missions complete, and its steps are free of overlaps in every execution."""
 
     def __init__(self, mission: Mission, stopwatch: Stopwatch, tuning: Tuning | None = None) -> None:
-        self._u_max_m = mission.u_max_m
+        self._u_max_m = np.array(mission.steps_m)
         self._stopwatch = stopwatch
         self._airspace = airspace_of(mission)
-        self._guidance = Guidance(self._u_max_m, weights(mission), mission.seed, tuning or Tuning(), self._airspace)
-        self._safe = SafeSteps(self._u_max_m, stopwatch, self._airspace)
+        prices = np.array([weights(mission, speed_mps) for speed_mps in mission.speeds_mps])
+        self._guidance = Guidance(self._u_max_m, prices, mission.seed, tuning or Tuning(), self._airspace)
+        self._safe = SafeSteps(mission.steps_m, stopwatch, self._airspace)
 
     def plan(self, request: PlanRequest) -> Plan:
         """Return the next waypoints of the UAVs of `request`."""
@@ -71,7 +72,9 @@ class Edc:
         position_m, r_m = arrays.position_m[free], arrays.r_m[free]
         goal_m = ways.free_goals(arrays.target_m[free], r_m, obstacles, self._airspace)
         wish_m = arrays.position_m.copy()
-        wish_m[free] = self._guidance.wishes(Scene(arrays.slot, arrays.uav[free], position_m, goal_m, r_m, obstacles))
+        wish_m[free] = self._guidance.wishes(
+            Scene(arrays.slot, arrays.uav[free], position_m, goal_m, r_m, obstacles, arrays.rest_m[free])
+        )
         if len(arrays.obstacles.keep_m) and len(arrays.uav):
             self._leave(arrays, wish_m)
         return wish_m
@@ -80,7 +83,9 @@ class Edc:
         """(n,) UAVs within a hull, or nearer than R to hulls without a step that leads away from all of them."""
         if not len(arrays.obstacles.keep_m):
             return np.zeros(len(arrays.uav), dtype=bool)
-        alone = slot_qp.slot_problem(arrays.position_m, arrays.position_m, arrays.r_m, self._u_max_m, arrays.obstacles)
+        alone = slot_qp.slot_problem(
+            arrays.position_m, arrays.position_m, arrays.r_m, self._u_max_m[arrays.uav], arrays.obstacles
+        )
         held = alone.frozen.copy()
         for k in np.unique(alone.row_uav[alone.row_room_m == 0]).tolist():
             normal = alone.row_normal[(alone.row_uav == k) & (alone.row_room_m == 0)]
@@ -93,16 +98,17 @@ class Edc:
         Nearer than R a UAV may fly only steps that come nearer to no point of the hull. It flies the one
         farthest from the bounds of these steps.
         """
-        alone = slot_qp.slot_problem(arrays.position_m, wish_m, arrays.r_m, self._u_max_m, arrays.obstacles)
+        u_max_m = self._u_max_m[arrays.uav]
+        alone = slot_qp.slot_problem(arrays.position_m, wish_m, arrays.r_m, u_max_m, arrays.obstacles)
         lack_m = self._lack_m(arrays, arrays.position_m)
         for k in np.flatnonzero((lack_m > 0).any(axis=1) & ~alone.frozen).tolist():
             inner = (alone.row_uav == k) & (alone.row_room_m == 0)
             normal = alone.row_normal[inner]
             step_m = certificate.nearest_step_m(alone.wish_step_m[k], normal, np.zeros(len(normal)))
             gained_m = lack_m[k] - self._lack_m(arrays, arrays.position_m[k] + step_m, k)
-            must_m = np.minimum(lack_m[k] + slot_qp.DELTA_M, self._u_max_m)[lack_m[k] > 0]
+            must_m = np.minimum(lack_m[k] + slot_qp.DELTA_M, u_max_m[k])[lack_m[k] > 0]
             if (gained_m[lack_m[k] > 0] < must_m / 2).any():
-                far_m = min(float(lack_m[k].max()) + 2 * slot_qp.DELTA_M, self._u_max_m)
+                far_m = min(float(lack_m[k].max()) + 2 * slot_qp.DELTA_M, u_max_m[k])
                 wish_m[k] = arrays.position_m[k] + far_m * ways.clearest(normal)
 
     def _lack_m(self, arrays: Arrays, point_m: Floats, k: int | None = None) -> Floats:

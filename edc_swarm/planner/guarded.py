@@ -28,7 +28,7 @@ class Guarded:
 
     def __init__(self, planner: Planner, mission: Mission, stopwatch: Stopwatch) -> None:
         self._planner = planner
-        self._u_max_m = mission.u_max_m
+        self._u_max_m = np.array(mission.steps_m)
         self._stopwatch = stopwatch
 
     def plan(self, request: PlanRequest) -> Plan:
@@ -49,7 +49,7 @@ class Guarded:
             raise ValueError(f"status is {plan.status!r}, not one of {', '.join(get_args(PlanStatus))}")
         wish_m = _points(plan.waypoint_m, len(request.uav))
         position_m = np.asarray(request.position_m, np.float64).reshape(-1, 2)
-        waypoint_m = limited_waypoints(position_m, wish_m, self._u_max_m)
+        waypoint_m = limited_waypoints(position_m, wish_m, self._u_max_m[np.asarray(request.uav, np.int64)])
         gap_m = plan.min_gap_m or least_end_gap_m(waypoint_m, np.asarray(request.r_m, np.float64))
         return replace(plan, waypoint_m=[(x, y) for x, y in waypoint_m.tolist()], min_gap_m=float(gap_m))
 

@@ -6,7 +6,7 @@ goal, and hence a *track*, its predicted position in each of the next W slots. O
 whose tracks conflict, the earliest conflict first, search the track A that is cheapest against
 the current tracks of all others:
 
-    COST(A) = sum over slots not at the goal of wt  +  wd * length / u_max  +  CONF(A)
+    COST(A) = sum over slots not at the goal of wt  +  wd * length / u_k,max  +  CONF(A)
     CONF(A) = sum_l way_kl sum_t gamma^t (TOUCH + DEPTH (sep - d) / R)   where d < sep
 
 in units of slots. d is the distance that the slot QP checks: in every uneven execution of the steps of slot t
@@ -26,7 +26,7 @@ such a step does not show that it needs room. To insist sometimes pays, since th
 a UAV that has stood still for STUCK slots plans no such step, so its track shows the others where it needs room.
 
 A* finds the best response over a lattice in space and time (nodes (layer, a, b), two slots a
-layer, spacing 2 u_max / sqrt(20); moves: stay, 12 of about half and 32 of nearly full speed; distances
+layer, spacing 2 u_k,max / sqrt(20); moves: stay, 12 of about half and 32 of nearly full speed; distances
 at slots only). Local search then improves it off the lattice at the full price: it drops way points while the cost
 does not rise ("string pulling"), moves them towards the straight connection by bisection, and moves them in space
 and time while the cost falls. It flies and prices again only the slots that a change affects. Before
@@ -135,7 +135,8 @@ class Tuning:
 class Scene:
     """One slot as input of the guidance.
 
-    `uav` (n,) roster indices, `position_m` `goal_m` (n, 2), `r_m` (n,); the hulls in `obstacles` do not move.
+    `uav` (n,) roster indices, `position_m` `goal_m` (n, 2), `r_m` (n,); the hulls in `obstacles` do not move;
+    `rest_m` (n,) lengths of the ways beyond the goals.
     """
 
     slot: int
@@ -144,14 +145,16 @@ class Scene:
     goal_m: Floats
     r_m: Floats
     obstacles: Obstacles
+    rest_m: Floats | float = 0.0
 
 
 class Guidance:
     """Preferred steps from slot to slot; remembers plans and lateness by roster index."""
 
     def __init__(
-        self, u_max_m: float, weights: tuple[float, float], seed: int, tuning: Tuning, airspace: Airspace | None = None
+        self, u_max_m: Floats, weights: Floats, seed: int, tuning: Tuning, airspace: Airspace | None = None
     ) -> None:
+        """Take the longest steps (K,) and the prices (wt, wd) (K, 2) of the UAVs of the roster."""
         self._u_max_m = u_max_m
         self._charts = Charts.of(airspace or Airspace.unbounded())
         self._weights = weights
@@ -162,14 +165,14 @@ class Guidance:
         self._draft = _draft(tuning)
 
     def wishes(self, scene: Scene) -> Floats:
-        """Return the preferred waypoints (n, 2), each within u_max of the UAV's position."""
+        """Return the preferred waypoints (n, 2), each within the UAV's longest step."""
         if not len(scene.uav):
             return np.empty((0, 2))
         walls = ways.walls_of(scene.position_m, scene.r_m, scene.obstacles)
         goal_m, way_m = ways.routed(
             scene.position_m, scene.goal_m, walls, scene.slot, scene.uav, scene.r_m, self._charts
         )
-        self._remember(scene, way_m)
+        self._remember(scene, way_m + scene.rest_m)
         plans = self._memory.plans_of(scene.uav)
         world = self._world(scene, goal_m, walls)
         kernel.populate(world, plans, self._tuning.delay)
@@ -194,12 +197,12 @@ class Guidance:
 
     def _stood_still(self, scene: Scene) -> NDArray[np.bool_]:
         """Return a mask of the UAVs that have not moved since their last plan."""
-        return length_m(scene.position_m - self._memory.position_m[scene.uav]) < STILL_SHARE * self._u_max_m
+        return length_m(scene.position_m - self._memory.position_m[scene.uav]) < STILL_SHARE * self._u_max_m[scene.uav]
 
     def _lateness(self, scene: Scene, way_m: Floats, elapsed: Indices) -> Floats:
         """Return the slots lost against full speed; at the goal they decay slowly."""
         late = self._memory.late[scene.uav]
-        lost = elapsed - (self._memory.distance_m[scene.uav] - way_m) / self._u_max_m
+        lost = elapsed - (self._memory.distance_m[scene.uav] - way_m) / self._u_max_m[scene.uav]
         fading = late * (1 - 1 / self._tuning.patience)
         return np.maximum(np.where(way_m < ARRIVED_M, fading, late + lost), 0.0)
 
@@ -208,7 +211,7 @@ class Guidance:
         tuning, memory = self._tuning, self._memory
         window = scene.slot // tuning.look_ahead
         chance = [0.5 + kernel.uniform(self._seed, window, uav) for uav in scene.uav]
-        way_slots = memory.distance_m[scene.uav] / self._u_max_m
+        way_slots = memory.distance_m[scene.uav] / self._u_max_m[scene.uav]
         return memory.late[scene.uav] * chance + tuning.far_first * min(coverage(scene), 0.4) ** 2 * way_slots
 
     def _imminent(self, scene: Scene) -> Floats:
@@ -218,19 +221,20 @@ class Guidance:
 
     def _world(self, scene: Scene, goal_m: Floats, walls: kernel.Walls) -> kernel.World:
         tuning = self._tuning
-        start_m, r_m = scene.position_m, scene.r_m
+        start_m, r_m, u_max_m = scene.position_m, scene.r_m, self._u_max_m[scene.uav]
         low_m = start_m.min(axis=0)
         extent_m = start_m.max(axis=0) - low_m
-        cell_m = max(2 * float(r_m.max()) + DELTA_M + self._u_max_m, float(extent_m.max()) / MAX_SIDE_CELLS)
+        cell_m = max(2 * float(r_m.max()) + DELTA_M + float(u_max_m.max()), float(extent_m.max()) / MAX_SIDE_CELLS)
         margin = 4
         cells = np.ceil(extent_m / cell_m).astype(np.int64) + 1 + 2 * margin
         slots = tuning.look_ahead + 1
-        weight_time, weight_distance = self._weights
         return kernel.World(
             track=np.empty((len(r_m), slots, 2)),
             start_m=start_m,
             goal_m=goal_m,
             r_m=np.maximum(r_m, 1e-6),
+            u_max_m=u_max_m,
+            weight=self._weights[scene.uav],
             luck=self._luck(scene),
             imminent=self._imminent(scene),
             gamma=np.array([tuning.gamma**slot for slot in range(slots)]),
@@ -239,9 +243,7 @@ class Guidance:
             walls=walls,
             barred=self._charts.barred,
             rules=kernel.Rules(
-                u_max_m=self._u_max_m,
-                weight_time=weight_time,
-                weight_distance=weight_distance,
+                longest_m=float(u_max_m.max()),
                 delta_m=DELTA_M,
                 touch=tuning.touch,
                 depth=tuning.depth,

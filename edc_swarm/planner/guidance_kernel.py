@@ -95,11 +95,13 @@ class _Cache(_DiskCache):  # type: ignore[misc]
 
 
 class Rules(NamedTuple):
-    """Numbers that price a plan, and the grid's shape; see `edc_swarm.planner.guidance`."""
+    """Numbers that price a plan, and the grid's shape; see `edc_swarm.planner.guidance`.
 
-    u_max_m: float
-    weight_time: float
-    weight_distance: float
+    `longest_m` is the longest step of any UAV: the middles of two steps in conflict are at most this farther apart
+    than the UAVs themselves.
+    """
+
+    longest_m: float
     delta_m: float
     touch: float
     depth: float
@@ -148,7 +150,8 @@ class World(NamedTuple):
     """Data for pricing a plan.
 
     track (n, W+1, 2) predicted positions in metres, one a slot; start_m (n, 2); goal_m (n, 2);
-    r_m (n,); luck (n,) lateness drawn for right of way; imminent (n,) least right of way
+    r_m (n,); u_max_m (n,) longest step of each; weight (n, 2) prices of a slot and of a full step;
+    luck (n,) lateness drawn for right of way; imminent (n,) least right of way
     of all others over each in the next slot; gamma (W+1,) discount of a conflict;
     head (W+1, cells) and link (W+1, 16 n) linked lists, for each slot and square cell, of the vehicles
     whose step of that slot has its middle in this cell or in one of the eight around it (entry 16 l + i
@@ -162,6 +165,8 @@ class World(NamedTuple):
     start_m: Floats
     goal_m: Floats
     r_m: Floats
+    u_max_m: Floats
+    weight: Floats
     luck: Floats
     imminent: Floats
     gamma: Floats
@@ -419,7 +424,7 @@ def near_barrier(world: World, k: int, x: float, y: float) -> bool:
     cell = barred_cell(barred, x, y)
     for e in range(barred.begin[cell], barred.begin[cell + 1]):
         w = barred.which[e]
-        far = barred.radius_m[w] + barred.disc[w] * world.r_m[k] + world.rules.delta_m + 2 * world.rules.u_max_m
+        far = barred.radius_m[w] + barred.disc[w] * world.r_m[k] + world.rules.delta_m + 2 * world.u_max_m[k]
         if to_barrier(barred, w, x, y, x, y) < far * far:
             return True
     return False
@@ -673,7 +678,7 @@ def step_conflict(
         bx, by = ox - track[other, t, 0], oy - track[other, t, 1]
         px, py = x0 - ox, y0 - oy
         mx, my = px + 0.5 * (ax + bx), py + 0.5 * (ay + by)
-        far = r_m[k] + r_m[other] + rules.delta_m + rules.u_max_m
+        far = r_m[k] + r_m[other] + rules.delta_m + rules.longest_m
         if mx * mx + my * my < far * far and other != k:
             lack = separation(rules, start_m, r_m, k, other) - math.sqrt(clearance(px, py, ax, ay, bx, by))
             if lack > 0.0:
@@ -724,7 +729,7 @@ def fly(world: World, k: int, count: int, slot: Ints, point_m: Floats, track: Fl
         tx, ty, slots = world.goal_m[k, 0], world.goal_m[k, 1], 1
         if n < count:
             tx, ty, slots = point_m[n, 0], point_m[n, 1], max(slot[n] - t + 1, 1)
-        x, y, _, arrived = towards(x, y, tx, ty, slots, world.rules.u_max_m)
+        x, y, _, arrived = towards(x, y, tx, ty, slots, world.u_max_m[k])
         if arrived and n < count and slot[n] <= t:
             n += 1
         track[t, 0], track[t, 1] = x, y
@@ -787,11 +792,11 @@ def search(  # noqa: PLR0912, PLR0915 (one loop: splitting it costs a third of t
     area = side * side
     last = tracks.shape[1] - 1
     sx, sy = start_m[k, 0], start_m[k, 1]
-    spacing = 2.0 * rules.u_max_m / math.sqrt(20.0)
+    spacing = 2.0 * world.u_max_m[k] / math.sqrt(20.0)
     ga = round(min(max((world.goal_m[k, 0] - sx) / spacing, -1e6), 1e6))
     gb = round(min(max((world.goal_m[k, 1] - sy) / spacing, -1e6), 1e6))
-    unit = spacing / rules.u_max_m
-    wt, wd = rules.weight_time, rules.weight_distance
+    unit = spacing / world.u_max_m[k]
+    wt, wd = world.weight[k, 0], world.weight[k, 1]
     true_per_cell = (wt + wd) * unit
     per_cell = limits.greed * true_per_cell
     scratch.epoch[0] += CLOSED + 1
@@ -901,7 +906,7 @@ def refly(world: World, k: int, draft: Draft, count: int, n: int, shift: int) ->
     effort, price = draft.effort, draft.price
     new_track, new_aim, new_effort = draft.new_track, draft.new_aim, draft.new_effort
     gx, gy = world.goal_m[k, 0], world.goal_m[k, 1]
-    u_max, wt, wd = world.rules.u_max_m, world.rules.weight_time, world.rules.weight_distance
+    u_max, wt, wd = world.u_max_m[k], world.weight[k, 0], world.weight[k, 1]
     last = track.shape[0] - 1
     first, total = 1, 0.0
     while first <= last and aim[first] < n:
@@ -1025,7 +1030,7 @@ def chord(world: World, k: int, draft: Draft, count: int, n: int) -> tuple[float
     if n > 0:
         s0, x0, y0 = slot[n - 1], point_m[n - 1, 0], point_m[n - 1, 1]
     x1, y1 = world.goal_m[k, 0], world.goal_m[k, 1]
-    span = norm(x1 - x, y1 - y) / world.rules.u_max_m
+    span = norm(x1 - x, y1 - y) / world.u_max_m[k]
     if n + 1 < count:
         x1, y1, span = point_m[n + 1, 0], point_m[n + 1, 1], float(slot[n + 1] - s)
     share = (s - s0) / max(s - s0 + span, 1.0)
@@ -1112,7 +1117,7 @@ def opponent(world: World, k: int, t: int, x: float, y: float) -> int:
     while entry >= 0:
         other = entry >> ENTRY_BITS
         dx, dy = x - track[other, t, 0], y - track[other, t, 1]
-        reach = world.r_m[k] + world.r_m[other] + rules.delta_m + 2 * rules.u_max_m
+        reach = world.r_m[k] + world.r_m[other] + rules.delta_m + (world.u_max_m[k] + world.u_max_m[other])
         squared = dx * dx + dy * dy
         if other != k and squared < reach * reach and squared < least:
             nearest, least = other, squared
@@ -1161,7 +1166,7 @@ def sidestep(world: World, k: int, turn: float, draft: Draft) -> tuple[int, floa
         insert(count, slot, point_m, n, t, world.track[other, t, 0] - vy * scale, world.track[other, t, 1] + vx * scale)
         count += 1
         cost = attempt(world, k, draft, count, n, INSERTED, np.inf)
-        cost = nudge(world, k, draft, count, n, cost, 0.4 * world.rules.u_max_m)
+        cost = nudge(world, k, draft, count, n, cost, 0.4 * world.u_max_m[k])
     return count, cost
 
 
@@ -1191,7 +1196,7 @@ def install(world: World, plans: Plans, k: int, count: int, draft: Draft) -> Non
 @compiled
 def replan(world: World, plans: Plans, scratch: Scratch, draft: Draft, limits: Limits, k: int) -> None:
     """Replace UAV k's plan by its best response to all other tracks."""
-    step_m = 0.4 * world.rules.u_max_m
+    step_m = 0.4 * world.u_max_m[k]
     straight = begin(world, k, draft, NONE)
     conflict = draft.price.sum()
     if conflict == 0.0:
@@ -1254,7 +1259,7 @@ def put_off(world: World, plans: Plans, k: int, most: int) -> None:
 
     A plan with more than `most` slots of delay in all is dropped.
     """
-    u_max = world.rules.u_max_m
+    u_max = world.u_max_m[k]
     while plans.size[k] > 0:
         x = plans.point_m[k, 0, 0] - world.start_m[k, 0]
         y = plans.point_m[k, 0, 1] - world.start_m[k, 1]

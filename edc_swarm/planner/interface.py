@@ -68,13 +68,15 @@ class PlanRequest:
     position_m
         (n, 2) centres of the tracked discs at the start of the slot.
     target_m
-        (n, 2) target of each UAV.
+        (n, 2) point that each UAV flies to now: its target, or a point of its route.
     r_m
         (n,) GPS error radii.
     hulls
         Hulls of all other UAVs of the roster.
     previous_m
         (n, 2) centres one slot earlier when `lag_slots` is 1, else None.
+    rest_m
+        (n,) length of the way beyond `target_m`, 0 for the last point of a route; None for 0 everywhere.
     """
 
     slot: int
@@ -84,6 +86,7 @@ class PlanRequest:
     r_m: Scalars
     hulls: Sequence[Hull] = ()
     previous_m: Points | None = None
+    rest_m: Scalars | None = None
 
 
 @dataclass(frozen=True, slots=True)

@@ -60,7 +60,7 @@ class Paper:
     """The paper's optimisation, solved when a head takes office and when a UAV is off its plan."""
 
     def __init__(self, mission: Mission, stopwatch: Stopwatch, *, eliminate: bool = True) -> None:
-        self._u_max_m = mission.u_max_m
+        self._u_max_m = np.array(mission.steps_m)
         self._stopwatch = stopwatch
         self._eliminate = eliminate
         self._uav: tuple[int, ...] = ()
@@ -75,13 +75,13 @@ class Paper:
         iterations, assembled_ns = 0, ticks_ns[0]
         if not self._on_plan(arrays):
             program = horizon_program(
-                arrays.position_m, arrays.target_m, arrays.r_m, self._u_max_m, eliminate=self._eliminate
+                arrays.position_m, arrays.target_m, arrays.r_m, self._u_max_m[arrays.uav], eliminate=self._eliminate
             )
             assembled_ns = self._stopwatch()
             path_m, iterations = solve_horizon(program, arrays.position_m, arrays.target_m)
             status = "planned" if path_m is not None else "failed"
             self._adopt(arrays, path_m)
-        waypoint_m = limited_waypoints(arrays.position_m, self._place_m(arrays.slot + 1), self._u_max_m)
+        waypoint_m = limited_waypoints(arrays.position_m, self._place_m(arrays.slot + 1), self._u_max_m[arrays.uav])
         return Plan(
             waypoint_m=[(x, y) for x, y in waypoint_m.tolist()],
             status=status,
@@ -129,14 +129,14 @@ class HorizonProgram:
         self.upper.append(upper)
 
 
-def horizon_slots(position_m: Floats, target_m: Floats, u_max_m: float) -> int:
-    """Return F, the slots from here to the targets, at least 1."""
-    longest_m = float(length_m(target_m - position_m).max(initial=0.0))
-    return min(max(math.ceil(HORIZON_SHARE * longest_m / u_max_m), 1), MAX_HORIZON)
+def horizon_slots(position_m: Floats, target_m: Floats, u_max_m: Floats | float) -> int:
+    """Return F, the slots from here to the targets, at least 1; `u_max_m` is (n,), or one for all."""
+    longest = float((HORIZON_SHARE * length_m(target_m - position_m) / u_max_m).max(initial=0.0))
+    return min(max(math.ceil(longest), 1), MAX_HORIZON)
 
 
 def horizon_program(
-    position_m: Floats, target_m: Floats, r_m: Floats, u_max_m: float, *, eliminate: bool
+    position_m: Floats, target_m: Floats, r_m: Floats, u_max_m: Floats | float, *, eliminate: bool
 ) -> HorizonProgram:
     """Return eq. 30-43 as rows; `eliminate` leaves out the dotted variables with eq. 37-43."""
     count, horizon = len(position_m), horizon_slots(position_m, target_m, u_max_m)
@@ -149,7 +149,7 @@ def horizon_program(
     program.add(scipy.sparse.hstack([identity - before, -identity]), start, start)
     last = scipy.sparse.eye(2 * count, size, k=size - 2 * count, format="csc")
     program.add(scipy.sparse.hstack([last, _zeros(2 * count, size)]), target_m.ravel(), target_m.ravel())
-    polygon, limit_m = _polygon(count * horizon, u_max_m)
+    polygon, limit_m = _polygon(np.tile(np.broadcast_to(u_max_m, (count,)), horizon))
     program.add(scipy.sparse.hstack([_zeros(polygon.shape[0], size), polygon]), -limit_m, limit_m)
     if not eliminate:
         _add_dotted(program, r_m)
@@ -189,12 +189,12 @@ def solve_horizon(program: HorizonProgram, position_m: Floats, target_m: Floats)
     return np.concatenate([position_m[None], path_m]), int(result.info.iter)
 
 
-def _polygon(vectors: int, radius_m: float) -> tuple[Any, Floats]:
-    """Return rows |n.v| <= apothem over half the normals of the 16-gon inscribed in the circle (eq. 36)."""
+def _polygon(radius_m: Floats) -> tuple[Any, Floats]:
+    """Return rows |n.v| <= apothem over half the normals of the 16-gons inscribed in circles (v,) (eq. 36)."""
     angle = np.arange(SIDES // 2) * 2 * np.pi / SIDES
     normals = np.stack([by_libm(math.cos, angle), by_libm(math.sin, angle)], axis=-1)
-    rows = scipy.sparse.kron(scipy.sparse.identity(vectors), normals, format="csc")
-    return rows, np.full(rows.shape[0], radius_m * math.cos(math.pi / SIDES))
+    rows = scipy.sparse.kron(scipy.sparse.identity(len(radius_m)), normals, format="csc")
+    return rows, np.repeat(radius_m * math.cos(math.pi / SIDES), SIDES // 2)
 
 
 def _add_dotted(program: HorizonProgram, r_m: Floats) -> None:

@@ -23,6 +23,7 @@ class Arrays:
     r_m: Floats
     previous_m: Floats | None
     obstacles: Obstacles
+    rest_m: Floats
 
 
 def checked_arrays(request: PlanRequest) -> Arrays:
@@ -48,10 +49,20 @@ def checked_arrays(request: PlanRequest) -> Arrays:
         uav,
         _points("position_m", request.position_m, count),
         _points("target_m", request.target_m, count),
-        _check("r_m", np.asarray(request.r_m, dtype=np.float64).reshape(-1), count, least=0.0),
+        _lengths("r_m", request.r_m, count),
         None if previous_m is None else _points("previous_m", previous_m, count),
         Obstacles(hulls[:, 0:2], hulls[:, 2:4], hulls[:, 4], hulls[:, 5]),
+        np.zeros(count) if request.rest_m is None else _lengths("rest_m", request.rest_m, count),
     )
+
+
+def steps_of(u_max_m: Floats, uav: Indices) -> Floats:
+    """Return the longest steps (n,) of the UAVs with these roster indices; `u_max_m` is (K,), or () for one for all."""
+    return u_max_m[uav] if u_max_m.ndim else np.full(len(uav), u_max_m)
+
+
+def _lengths(name: str, values: object, count: int) -> Floats:
+    return _check(name, np.asarray(values, dtype=np.float64).reshape(-1), count, least=0.0)
 
 
 def _points(name: str, values: object, count: int) -> Floats:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from typing import cast
 
 import numpy as np
@@ -11,7 +12,7 @@ from edc_swarm.geometry import Floats
 from edc_swarm.mission.configuration import Mission
 from edc_swarm.mission.zones import barriers
 from edc_swarm.planner.interface import Plan, PlanStatus, Stopwatch, stopped
-from edc_swarm.planner.request import Arrays
+from edc_swarm.planner.request import Arrays, steps_of
 from edc_swarm.solver import certificate, slot_qp, solution
 from edc_swarm.solver.slot_qp import Airspace
 
@@ -19,7 +20,7 @@ from edc_swarm.solver.slot_qp import Airspace
 def airspace_of(mission: Mission) -> Airspace:
     """Return the airspace that the mission's zones leave to its UAVs."""
     r_m = max([mission.r_m, *(entry.r_m for entry in mission.roster)])
-    return Airspace.of(barriers(mission.zone), r_m, 2 * mission.u_max_m)
+    return Airspace.of(barriers(mission.zone), r_m, 2 * max(mission.steps_m, default=0.0))
 
 
 class SafeSteps:
@@ -28,8 +29,14 @@ class SafeSteps:
     With an `airspace` (`airspace_of` the mission) the steps keep to the mission's zones too.
     """
 
-    def __init__(self, u_max_m: float, stopwatch: Stopwatch = stopped, airspace: Airspace | None = None) -> None:
-        self._u_max_m = u_max_m
+    def __init__(
+        self,
+        u_max_m: Sequence[float] | float,
+        stopwatch: Stopwatch = stopped,
+        airspace: Airspace | None = None,
+    ) -> None:
+        """Take the longest step of every UAV of the roster (`Mission.steps_m`), or one for all."""
+        self._u_max_m = np.asarray(u_max_m, dtype=np.float64)
         self._stopwatch = stopwatch
         self._duals = solution.Memory()
         self._airspace = airspace
@@ -41,7 +48,7 @@ class SafeSteps:
             arrays.position_m,
             wish_m,
             arrays.r_m,
-            self._u_max_m,
+            steps_of(self._u_max_m, arrays.uav),
             arrays.obstacles,
             arrays.previous_m,
             self._airspace,

@@ -17,14 +17,14 @@ class Straight:
     """Planner that sends every UAV straight to its target at full speed, to stop exactly there."""
 
     def __init__(self, mission: Mission, stopwatch: Stopwatch) -> None:
-        self._u_max_m = mission.u_max_m
+        self._u_max_m = np.array(mission.steps_m)
         self._stopwatch = stopwatch
 
     def plan(self, request: PlanRequest) -> Plan:
         """Return the next waypoints of the UAVs of `request`."""
         started_ns = self._stopwatch()
         scene = checked_arrays(request)
-        waypoint_m = limited_waypoints(scene.position_m, scene.target_m, self._u_max_m)
+        waypoint_m = limited_waypoints(scene.position_m, scene.target_m, self._u_max_m[scene.uav])
         return Plan(
             waypoint_m=[(x, y) for x, y in waypoint_m.tolist()],
             status="no-qp-needed",

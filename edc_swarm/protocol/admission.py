@@ -87,8 +87,10 @@ class Admission:
         yield from self._of_sender(fix.uav, fix.slot, fix.sent_ns)
         yield from self._of_terms(fix.term)
         entry = self._roster[fix.uav]
+        if not fix.course.fits(entry):
+            yield "its course is no place in a route of this UAV"
         flown_m = math.hypot(fix.waypoint_x_m - entry.start_x_m, fix.waypoint_y_m - entry.start_y_m)
-        if flown_m > self._mission.u_max_m * (fix.slot + 1) * (1 + REACH_TOLERANCE) + REACH_TOLERANCE:
+        if flown_m > self._mission.step_m(entry) * (fix.slot + 1) * (1 + REACH_TOLERANCE) + REACH_TOLERANCE:
             yield f"{flown_m:.6g} m from the start in slot {fix.slot}"
 
     def _of_report(self, report: Report) -> Iterator[str]:

@@ -71,5 +71,7 @@ def _check_mission(key: str, mission: MissionMessage) -> None:
         raise MessageError(key, str(error)) from None
     if not (mission.roster and mission.max_slots and mission.tau_s):
         raise MessageError(key, "a mission without roster, max_slots or tau_s")
+    if not all(entry.r_m and entry.body_m and entry.energy_j for entry in mission.roster):
+        raise MessageError(key, "a UAV without r_m, body_m or energy_j")
     if len(mission.claimants) not in {0, len(mission.roster)}:
         raise MessageError(key, "claimants must be none, or one for every UAV of the roster")

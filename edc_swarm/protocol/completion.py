@@ -8,6 +8,7 @@ from collections.abc import Iterator
 from edc_swarm.mission.configuration import Mission, RosterEntry
 from edc_swarm.mission.faults import parse_faults
 from edc_swarm.mission.prospect import prospect_of, settled_slot
+from edc_swarm.mission.routes import headed
 from edc_swarm.protocol.hindrance import Place, hindrances, places_of
 from edc_swarm.protocol.messages import Command, Fix, Report
 
@@ -34,7 +35,7 @@ class MissionMonitor:
         self._ended: set[str] = set()
         faults = parse_faults(mission)
         self._settled_slot, self._side = settled_slot(mission, faults), prospect_of(mission, faults).side
-        self._still_m = NO_STEP_SHARE * mission.u_max_m
+        self._still_m = NO_STEP_SHARE * min(mission.steps_m)
         self._still_plans = 0
         self._planned = (-1, -1)
         self._changed_slot = 0
@@ -105,7 +106,8 @@ class MissionMonitor:
             if fix is None or fix.slot < slot:
                 return False
             if not fix.arrived:
-                away.append((entry, (fix.waypoint_x_m, fix.waypoint_y_m)))
+                here_m = (fix.waypoint_x_m, fix.waypoint_y_m)
+                away.append((headed(entry, fix.course.left(entry)[0]), here_m))
         if not away or len(flying) == len(self._mission.roster):
             return bool(flying) and not away
         places = [place for other in self._mission.roster for place in self._places(other)]

@@ -23,6 +23,7 @@ from edc_swarm.mission.configuration import (
     RosterEntry,
     UavId,
 )
+from edc_swarm.mission.routes import Course
 
 NO_ONE = ""
 EPOCH_NS = 1_700_000_000 * NS_PER_S
@@ -56,7 +57,8 @@ class Fix(Struct, frozen=True, kw_only=True, gc=False):
 
     `x_m y_m` is the noisy position at the start of the slot, `waypoint_*` the centre of the tracked disc after
     the current command, `from_*` that centre before it. `term, head` is the grant; `suspects` is true if
-    the UAV suspects that head; `voter` is false if the promise on disk was lost.
+    the UAV suspects that head; `voter` is false if the promise on disk was lost. `course` is the UAV's goal and its
+    place in it, as its promise has it.
     """
 
     uav: UavId
@@ -86,6 +88,7 @@ class Fix(Struct, frozen=True, kw_only=True, gc=False):
     held_slots: Count = 0
     late_ticks: Count = 0
     cpu_s: NonNegative = 0.0
+    course: Course = Course()
 
 
 class Truth(Struct, frozen=True, kw_only=True, gc=False):

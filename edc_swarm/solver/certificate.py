@@ -68,7 +68,7 @@ def least_gap_m(problem: Problem, waypoint_m: Floats) -> float:
 
 
 def _limited(problem: Problem, step_m: Floats) -> Floats:
-    """Return finite steps no longer than u_max; a NaN step, or one from inside a hull, becomes a hold."""
+    """Return finite steps no longer than each UAV's u_max; a NaN step, or one from inside a hull, becomes a hold."""
     # Lengths overflow far beyond any speed limit: such a step becomes a hold too. NaN fails the comparison.
     small: NDArray[np.bool_] = np.abs(step_m) < 1e150
     usable = small.all(axis=1) & ~problem.frozen
@@ -155,7 +155,7 @@ def _rows_over_m(problem: Problem, step_m: Floats, margin_m: float) -> list[tupl
 
 def _rounding_m(problem: Problem) -> float:
     """Return a bound above all rounding errors of a row: waypoint - position, the normal, and their product."""
-    largest_m = np.abs(problem.position_m).max(initial=0.0) + problem.u_max_m
+    largest_m = np.abs(problem.position_m).max(initial=0.0) + problem.u_max_m.max(initial=0.0)
     return float(8 * np.spacing(largest_m + np.abs(problem.room_m).max(initial=0.0)))
 
 
@@ -214,8 +214,12 @@ def nearest_step_m(wish_m: Floats, normal: Floats, least_m: Floats) -> Floats:
     return trial[best] if away_m[best] < np.inf else np.zeros(2)
 
 
-def limited_waypoints(position_m: Floats, wish_m: Floats, u_max_m: float) -> Floats:
-    """Return the preferred waypoints within one step, else the points one full step towards them."""
+def limited_waypoints(position_m: Floats, wish_m: Floats, u_max_m: Floats | float) -> Floats:
+    """Return the preferred waypoints within one step, else the points one full step towards them.
+
+    `u_max_m` is the longest step of each UAV (n,), or one for all.
+    """
+    u_max_m = np.broadcast_to(np.asarray(u_max_m, dtype=np.float64), (len(position_m),))
     none = np.empty(0, np.int64)
     problem = Problem(
         position_m, wish_m, u_max_m, none, none, np.empty((0, 2)), np.empty(0),
@@ -224,11 +228,11 @@ def limited_waypoints(position_m: Floats, wish_m: Floats, u_max_m: float) -> Flo
     return certify(problem, problem.wish_step_m).waypoint_m
 
 
-def _too_long(step_m: Floats, u_max_m: float) -> NDArray[np.bool_]:
+def _too_long(step_m: Floats, u_max_m: Floats) -> NDArray[np.bool_]:
     """Return a mask of the steps that a UAV would reject as too long; close cases use the UAV's own test."""
     too_long: NDArray[np.bool_] = ~(length_m(step_m) <= u_max_m * (1 - 1e-12))
     for uav in np.flatnonzero(too_long):
-        too_long[uav] = not math.hypot(step_m[uav, 0], step_m[uav, 1]) <= u_max_m
+        too_long[uav] = not math.hypot(step_m[uav, 0], step_m[uav, 1]) <= u_max_m[uav]
     return too_long
 
 

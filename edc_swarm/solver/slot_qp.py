@@ -1,6 +1,6 @@
 """Slot QP: the steps of one slot nearest to the preferred ones that are safe in every execution.
 
-With known disc centres p_k, R_kl = r_k + r_l and preferred steps v_k, |v_k| <= u_max:
+With known disc centres p_k, R_kl = r_k + r_l and preferred steps v_k, |v_k| <= u_k,max:
 
     minimise   sum_k |u_k - v_k|^2
     for every near pair (k, l), with a unit normal n and g = n.(p_k - p_l) - R - delta >= 0:
@@ -102,7 +102,7 @@ class Problem:
     position_m, wish_m
         (n, 2) disc centres now, and preferred waypoints.
     u_max_m
-        Longest step.
+        (n,) longest step of each UAV.
     first, second
         (p,) UAVs of each pair that could touch in this slot; first < second.
     normal
@@ -119,7 +119,7 @@ class Problem:
 
     position_m: Floats
     wish_m: Floats
-    u_max_m: float
+    u_max_m: Floats
     first: Indices
     second: Indices
     normal: Floats
@@ -151,16 +151,17 @@ def slot_problem(
     position_m: Floats,
     wish_m: Floats,
     r_m: Floats,
-    u_max_m: float,
+    u_max_m: Floats | float,
     obstacles: Obstacles | None = None,
     previous_m: Floats | None = None,
     airspace: Airspace | None = None,
 ) -> Problem:
-    """Assemble the QP of one slot.
+    """Assemble the QP of one slot; `u_max_m` is the longest step of each UAV (n,), or one for all.
 
     With `previous_m` (vehicles that finish up to a slot late) each UAV occupies the segment from
     its previous to its present centre, and the room of a pair is that of the worst end points.
     """
+    u_max_m = np.broadcast_to(np.asarray(u_max_m, dtype=np.float64), (len(position_m),))
     if previous_m is None:
         first, second, gap_m = _point_pairs(position_m, r_m, u_max_m)
         normal, room_m = _normals(position_m, position_m, wish_m, r_m, first, second, gap_m)
@@ -186,21 +187,21 @@ def slot_problem(
     )
 
 
-def _point_pairs(position_m: Floats, r_m: Floats, u_max_m: float) -> tuple[Indices, Indices, Floats]:
+def _point_pairs(position_m: Floats, r_m: Floats, u_max_m: Floats) -> tuple[Indices, Indices, Floats]:
     """Return the pairs that could touch, with the vector (p, 2) from second to first."""
-    widest_m = 2 * float(r_m.max(initial=0.0)) + 2 * u_max_m + DELTA_M
+    widest_m = 2 * float(r_m.max(initial=0.0)) + 2 * float(u_max_m.max(initial=0.0)) + DELTA_M
     first, second = near_pairs(position_m, widest_m)
     apart_m = position_m[first] - position_m[second]
-    near = length_m(apart_m) < r_m[first] + r_m[second] + DELTA_M + 2 * u_max_m
+    near = length_m(apart_m) < r_m[first] + r_m[second] + DELTA_M + (u_max_m[first] + u_max_m[second])
     return first[near], second[near], apart_m[near]
 
 
 def _segment_pairs(
-    previous_m: Floats, position_m: Floats, r_m: Floats, u_max_m: float
+    previous_m: Floats, position_m: Floats, r_m: Floats, u_max_m: Floats
 ) -> tuple[Indices, Indices, Floats]:
     """Return the same for UAVs anywhere on their previous step, with the vectors of closest points."""
     longest_m = float(length_m(position_m - previous_m).max(initial=0.0))
-    widest_m = 2 * float(r_m.max(initial=0.0)) + 2 * (u_max_m + longest_m) + DELTA_M
+    widest_m = 2 * float(r_m.max(initial=0.0)) + 2 * (float(u_max_m.max(initial=0.0)) + longest_m) + DELTA_M
     first, second = near_pairs(position_m, widest_m)
     on_first, on_second = closest_points_of_segments(
         previous_m[first], position_m[first], previous_m[second], position_m[second]
@@ -283,7 +284,7 @@ def _least_room_m(normal: Floats, previous_m: Floats, position_m: Floats, first:
 
 
 def _obstacle_rows(
-    position_m: Floats, wish_m: Floats, r_m: Floats, u_max_m: float, obstacles: Obstacles
+    position_m: Floats, wish_m: Floats, r_m: Floats, u_max_m: Floats, obstacles: Obstacles
 ) -> tuple[Indices, Floats, Floats, NDArray[np.bool_]]:
     """Return the rows of the UAVs within reach of a hull, and a mask of the UAVs inside one.
 
@@ -307,7 +308,7 @@ def _obstacle_rows(
     room_m = distance_m - obstacles.radius_m - (r_m[:, None] + obstacles.keep_m)
     inside = (distance_m <= obstacles.radius_m) | (distance_m == 0)
     frozen = inside.any(axis=1)
-    outer, which = np.nonzero(~inside & (room_m >= 0) & (room_m < u_max_m + DELTA_M))
+    outer, which = np.nonzero(~inside & (room_m >= 0) & (room_m < u_max_m[:, None] + DELTA_M))
     inner, near = np.nonzero(~inside & (room_m < 0))
     tangents = _tangent_normals(position_m[inner], obstacles, near)
     centre = apart_m[outer, which] / distance_m[outer, which, None]
@@ -373,7 +374,7 @@ def _tangent_normals(point_m: Floats, obstacles: Obstacles, which: Indices) -> t
 
 
 def _barrier_rows(
-    position_m: Floats, wish_m: Floats, r_m: Floats, u_max_m: float, airspace: Airspace
+    position_m: Floats, wish_m: Floats, r_m: Floats, u_max_m: Floats, airspace: Airspace
 ) -> tuple[Indices, Floats, Floats, NDArray[np.bool_]]:
     """Return the rows of the UAVs within reach of a barrier, and a mask of the UAVs at the centre of a circle.
 
@@ -387,7 +388,7 @@ def _barrier_rows(
     barriers = airspace.barriers
     keep_m = barriers.radius_m[which] + barriers.keeps_disc[which] * r_m[uav]
     away_m = point_segment_distance_m(position_m[uav], barriers.a_m[which], barriers.b_m[which])
-    near = away_m < keep_m + u_max_m + DELTA_M
+    near = away_m < keep_m + u_max_m[uav] + DELTA_M
     uav, which, keep_m = uav[near], which[near], keep_m[near]
     point_m, a_m, b_m = position_m[uav], barriers.a_m[which], barriers.b_m[which]
     side = barriers.side[which]

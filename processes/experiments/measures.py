@@ -124,7 +124,7 @@ def time_forms(mission: Mission) -> dict[str, Any]:
     spent_s, path_m, horizon = [], [], 0
     for eliminate in (False, True):
         begun_s = time.perf_counter()
-        program = horizon_program(start_m, target_m, r_m, whole.u_max_m, eliminate=eliminate)
+        program = horizon_program(start_m, target_m, r_m, np.array(whole.steps_m), eliminate=eliminate)
         solved_m, _ = solve_horizon(program, start_m, target_m)
         spent_s.append(time.perf_counter() - begun_s)
         path_m.append(solved_m)

@@ -2,7 +2,7 @@
 
 These are two files, so that a test or a fault can remove the promise and leave the vehicle in its place.
 The fault model is the death of a process, not of the machine: a completed `pwrite` survives SIGKILL, so
-no fsync is needed (with one, a slow disk would make ticks late). A record is far smaller than a page and
+no fsync is needed (with one, a slow disk would make ticks late). A record is a page and
 one call writes it, so no reader sees half of it.
 """
 
@@ -20,7 +20,7 @@ from edc_swarm.agent.vehicle import Airframe, Promise, first_airframe, first_pro
 from edc_swarm.errors import InputError
 from edc_swarm.mission.configuration import RosterEntry
 
-RECORD_BYTES = 512
+RECORD_BYTES = 4096
 
 Record = TypeVar("Record", bound=Struct)
 

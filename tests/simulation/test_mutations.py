@@ -25,6 +25,8 @@ from edc_swarm.agent.node import Effect, Persist, UavNode
 from edc_swarm.experiments import fuzzing
 from edc_swarm.geometry import Barriers, Floats, point_segment_distance_m
 from edc_swarm.mission.configuration import Mission
+from edc_swarm.mission.roster import complete_mission
+from edc_swarm.mission.routes import Course
 from edc_swarm.mission.validation import mission_from_dict
 from edc_swarm.planner.edc import Edc
 from edc_swarm.planner.guidance import Guidance, Scene
@@ -91,6 +93,11 @@ def grant_forgotten_over_a_restart(patch: Patch) -> None:
 def waypoint_forgotten_over_a_restart(patch: Patch) -> None:
     """The promise on disk loses its waypoint."""
     _at_start(patch, lambda p, e: p and msgspec.structs.replace(p, waypoint_x_m=e.start_x_m, waypoint_y_m=e.start_y_m))
+
+
+def course_forgotten_over_a_restart(patch: Patch) -> None:
+    """The promise on disk loses the goal and the place in the route."""
+    _at_start(patch, lambda p, _: p and msgspec.structs.replace(p, course=Course()))
 
 
 def promise_written_after_the_step_began(patch: Patch) -> None:
@@ -212,6 +219,30 @@ def ball_one_slot_short(patch: Patch) -> None:
     patch.setattr(Knowledge, "hull", mutant)
 
 
+def hull_grown_by_the_speed_of_the_mission(patch: Patch) -> None:
+    """The ball about an unheard UAV grows as if it had no speed of its own."""
+    init = Head.__init__
+
+    def mutant(self: Head, mission: Any, uav: str, barred_term: int, knowledge: Any) -> None:
+        init(self, mission, uav, barred_term, knowledge)
+        self._rules = replace(self._rules, u_max_m=dict.fromkeys(self._roster, mission.u_max_m))
+
+    patch.setattr(Head, "__init__", mutant)
+
+
+def speed_of_a_uav_ignored(patch: Patch) -> None:
+    """Planner and UAV know one speed for all: the UAV accepts a step that is longer than its own longest one."""
+    flown = property(lambda self: self._mission.v_max_mps * (self._mission.dt_s - 2 * self._mission.guard_s))
+    patch.setattr(vehicle.Vehicle, "u_max_m", flown)
+    init = Edc.__init__
+
+    def mutant(self: Edc, mission: Mission, *rest: Any) -> None:
+        roster = [msgspec.structs.replace(entry, v_max_mps=0.0) for entry in mission.roster]
+        init(self, msgspec.structs.replace(mission, roster=roster), *rest)
+
+    patch.setattr(Edc, "__init__", mutant)
+
+
 def report_tells_of_a_slot_too_many(patch: Patch) -> None:
     """A listed hull is taken for good a slot longer than its head can answer for."""
     hear_report = Knowledge.hear_report
@@ -268,9 +299,9 @@ def _with_barriers(patch: Patch, change: Callable[[Barriers], Barriers]) -> None
     rows = slot_qp._barrier_rows
 
     def mutant(
-        position_m: Floats, wish_m: Floats, r_m: Floats, u_max_m: float, airspace: slot_qp.Airspace
+        position_m: Floats, wish_m: Floats, r_m: Floats, u_max_m: Floats, airspace: slot_qp.Airspace
     ) -> tuple[Any, ...]:
-        changed = slot_qp.Airspace.of(change(airspace.barriers), airspace.r_m, 2 * u_max_m)
+        changed = slot_qp.Airspace.of(change(airspace.barriers), airspace.r_m, 2 * float(u_max_m.max(initial=0.0)))
         return rows(position_m, wish_m, r_m, u_max_m, changed)
 
     patch.setattr(slot_qp, "_barrier_rows", mutant)
@@ -296,7 +327,7 @@ def rows_for_the_end_of_the_step_only(patch: Patch) -> None:
     rows = slot_qp._barrier_rows
 
     def mutant(
-        position_m: Floats, wish_m: Floats, r_m: Floats, u_max_m: float, airspace: slot_qp.Airspace
+        position_m: Floats, wish_m: Floats, r_m: Floats, u_max_m: Floats, airspace: slot_qp.Airspace
     ) -> tuple[Any, ...]:
         uav, normal, room_m, frozen = rows(position_m, wish_m, r_m, u_max_m, airspace)
         barriers = airspace.barriers
@@ -358,6 +389,13 @@ def failovers(seed: int) -> Mission:
     return _crowd(seed, faults, uavs=5, standbys=3)
 
 
+def fast_failovers(seed: int) -> Mission:
+    """The same, but every UAV is faster than the mission says."""
+    slow = complete_mission(msgspec.structs.replace(failovers(seed), v_max_mps=1.0))
+    fast = [msgspec.structs.replace(entry, v_max_mps=5.0) for entry in slow.roster]
+    return msgspec.structs.replace(slow, roster=fast)
+
+
 def relapses(seed: int) -> Mission:
     """The same, but the UAV was unheard in the slot before too, and that slot's report lists it."""
     faults = []
@@ -380,6 +418,7 @@ AIMED = [
     (frozen_uav_executes_late, freezes, 20),
     (restarted_head_plans_in_its_term, restarts, 20),
     (ball_one_slot_short, failovers, 20),
+    (hull_grown_by_the_speed_of_the_mission, fast_failovers, 20),
     (report_tells_of_a_slot_too_many, relapses, 20),
 ]
 """Defects that random schedules meet too rarely: found by schedules of one kind, crowded together."""
@@ -405,6 +444,7 @@ DEFECTS: list[tuple[Defect, int, int]] = [
     (term_goes_back, 0, 60),
     (grant_forgotten_over_a_restart, 0, 200),
     (waypoint_forgotten_over_a_restart, 0, 60),
+    (course_forgotten_over_a_restart, 0, 60),
     (promise_written_after_the_step_began, 0, 200),
     (lost_memory_that_grants, 0, 200),
     (late_command_accepted, 0, 200),
@@ -413,6 +453,7 @@ DEFECTS: list[tuple[Defect, int, int]] = [
     (planning_twice_in_a_slot, 0, 200),
     (memory_of_an_older_term_used, 0, 200),
     (never_heard_uav_left_out, 0, 200),
+    (speed_of_a_uav_ignored, 0, 20),
     (hull_reset_by_a_duplicate_fix, 0, 200),
     (joint_row_only, 0, 20),
     (negative_gap_taken, 0, 200),

@@ -18,6 +18,11 @@ from edc_swarm.solver.slot_qp import Obstacles
 TUNING = Tuning(look_ahead=8, greed=1.0, expand=10**6)
 
 
+def guidance_of(seed: int, tuning: Tuning) -> Guidance:
+    """Guidance of up to sixteen UAVs with steps of 2.5 m."""
+    return Guidance(np.full(16, 2.5), np.full((16, 2), 0.5), seed, tuning)
+
+
 def world_of(seed: int, count: int = 9) -> tuple[kernel.World, kernel.Plans]:
     """A crowded slot with random late UAVs and an obstacle."""
     rng = np.random.default_rng(seed)
@@ -26,7 +31,7 @@ def world_of(seed: int, count: int = 9) -> tuple[kernel.World, kernel.Plans]:
     goal_m = position_m[rng.permutation(count)]
     wall = Obstacles(np.array([[11.0, -10.0]]), np.array([[19.0, -7.0]]), np.full(1, 0.4), np.full(1, 0.6))
     scene = Scene(3, np.arange(count), position_m, goal_m, rng.uniform(3, 5, count), wall)
-    guidance = Guidance(2.5, (0.5, 0.5), seed, TUNING)
+    guidance = guidance_of(seed, TUNING)
     guidance._remember(scene, length_m(goal_m - position_m))
     guidance._memory.late[:] = rng.uniform(0, 40, count)
     world = guidance._world(scene, goal_m, walls_of(position_m, scene.r_m, wall))
@@ -77,9 +82,8 @@ def wall_price(world: kernel.World, k: int, step_m: np.ndarray) -> float:
 
 def lattice(world: kernel.World, k: int) -> tuple[float, np.ndarray]:
     """Least f = g + h over the last layer, by dynamic programming layer by layer; and all f."""
-    rules = world.rules
     half, layers = TUNING.side // 2, TUNING.layers
-    spacing = 2 * rules.u_max_m / math.sqrt(20)
+    spacing = 2 * 2.5 / math.sqrt(20)
     goal = np.rint((world.goal_m[k] - world.start_m[k]) / spacing).astype(int)
     axis = np.arange(-half, half + 1)
     best = np.full((len(axis), len(axis)), np.inf)
@@ -88,12 +92,12 @@ def lattice(world: kernel.World, k: int) -> tuple[float, np.ndarray]:
         (a, b) for a in range(-4, 5) for b in range(-4, 5) if a * a + b * b in {0, 4, 5} or 13 <= a * a + b * b <= 20
     ]
     for layer in range(1, layers + 1):
-        best = best_of_layer(best, moves, goal + half, spacing / rules.u_max_m)
+        best = best_of_layer(best, moves, goal + half, spacing / 2.5)
         for a, b in np.argwhere(np.isfinite(best)):
             point = world.start_m[k] + spacing * np.array([axis[a], axis[b]])
             slots = [t for t in range(2 * layer - 1, 2 * layer + 2) if t < len(world.gamma)]
             best[a, b] += 2 / 3 * sum(price(world, k, t, point) for t in slots)
-    ahead = np.hypot(axis[:, None] - goal[0], axis[None] - goal[1]) * spacing / rules.u_max_m
+    ahead = np.hypot(axis[:, None] - goal[0], axis[None] - goal[1]) * spacing / 2.5
     return float((best + ahead).min()), best
 
 
@@ -116,7 +120,7 @@ def best_of_layer(before: np.ndarray, moves: list[tuple[int, int]], goal: np.nda
 def test_search_finds_the_optimum_of_dynamic_programming(seed: int) -> None:
     """With an admissible heuristic and no limit, A* ends in the cheapest node, at its exact cost."""
     world, _ = world_of(seed)
-    guidance = Guidance(2.5, (0.5, 0.5), 0, TUNING)
+    guidance = guidance_of(0, TUNING)
     slot, point_m = np.empty(TUNING.layers, np.int64), np.empty((TUNING.layers, 2))
     spacing = 2 * 2.5 / math.sqrt(20)
     for k in (0, 4):
@@ -137,7 +141,7 @@ def test_search_finds_the_optimum_of_dynamic_programming(seed: int) -> None:
 def test_search_path_costs_what_it_says(seed: int) -> None:
     """Following the returned way points move by move adds up to the returned cost."""
     world, _ = world_of(seed, count=12)
-    guidance = Guidance(2.5, (0.5, 0.5), 0, TUNING)
+    guidance = guidance_of(0, TUNING)
     slot, point_m = np.empty(TUNING.layers, np.int64), np.empty((TUNING.layers, 2))
     spacing = 2 * 2.5 / math.sqrt(20)
     goal = np.rint((world.goal_m[1] - world.start_m[1]) / spacing)
@@ -160,7 +164,7 @@ def test_search_path_costs_what_it_says(seed: int) -> None:
 
 def drafted(world: kernel.World, k: int, slots: np.ndarray, points_m: np.ndarray) -> tuple[kernel.Draft, float]:
     """A draft with these way points, and its cost."""
-    draft = Guidance(2.5, (0.5, 0.5), 0, TUNING)._draft
+    draft = guidance_of(0, TUNING)._draft
     draft.slot[: len(slots)], draft.point_m[: len(slots)] = slots, points_m
     return draft, kernel.begin(world, k, draft, len(slots))
 
@@ -236,7 +240,7 @@ def test_the_slot_to_come_is_nobodys_to_insist_on() -> None:
 def test_who_has_stood_still_for_long_no_longer_insists() -> None:
     """After `stuck` slots of not moving everyone has the right of way in the slot to come; moving ends it."""
     position_m, goal_m = np.array([[0.0, 0.0], [20.0, 0.0]]), np.array([[0.0, 20.0], [20.0, 5.0]])
-    guidance, seen = Guidance(2.5, (0.5, 0.5), 0, TUNING), []
+    guidance, seen = guidance_of(0, TUNING), []
     for slot in range(TUNING.stuck + 2):
         moved_m = np.array([[0.0, float(slot > TUNING.stuck)], [0.0, 0.1 * slot]])
         scene = Scene(slot, np.arange(2), position_m + moved_m, goal_m, np.full(2, 5.0), Obstacles.none())
@@ -249,7 +253,7 @@ def test_who_has_stood_still_for_long_no_longer_insists() -> None:
 def test_who_was_unheard_for_a_while_keeps_its_lateness() -> None:
     """With lost fixes everybody is unheard now and then; who has waited is still late, unless it was away for long."""
     goal_m = np.array([[0.0, 200.0], [20.0, 0.0]])
-    guidance = Guidance(2.5, (0.5, 0.5), 0, TUNING)
+    guidance = guidance_of(0, TUNING)
 
     def late_at(slot: int, *uav: int) -> float:
         position_m = np.array([[0.0, 0.0], [20.0, 0.0]])
@@ -268,7 +272,7 @@ def test_those_with_the_longest_way_go_first_where_it_is_dense() -> None:
     position_m, goal_m = np.array([[0.0, 0.0], [20.0, 0.0]]), np.array([[0.0, 20.0], [20.0, 5.0]])
     scene = Scene(0, np.arange(2), position_m, goal_m, np.full(2, 5.0), Obstacles.none())
     assert coverage(scene) == pytest.approx(2 * math.pi * 25 / 30**2)
-    guidance = Guidance(2.5, (0.5, 0.5), 0, TUNING)
+    guidance = guidance_of(0, TUNING)
     guidance._remember(scene, length_m(goal_m - position_m))
     assert guidance._luck(scene) == pytest.approx(TUNING.far_first * coverage(scene) ** 2 * np.array([8, 2]))
 

@@ -13,8 +13,8 @@ from tests import builders
 from tests.builders import Point, entry, hulls
 
 ROSTER = [entry(uav, (20.0 * k, 0.0)) for k, uav in enumerate("abc")]
-RULES = HullRules(u_max_m=2.0, lag_slots=0)
-LAGGING = HullRules(u_max_m=2.0, lag_slots=1)
+RULES = HullRules(u_max_m=dict.fromkeys("abc", 2.0), lag_slots=0)
+LAGGING = HullRules(u_max_m=dict.fromkeys("abc", 2.0), lag_slots=1)
 MINE = (3, "a")
 
 

@@ -264,9 +264,9 @@ def test_coincident_and_overlapping_uavs_do_not_crash(r_m: float) -> None:
 
 def test_weights_follow_what_is_minimised() -> None:
     """Time alone; a balance; or the power curve, where hovering dearer than cruising means time."""
-    assert weights(Mission(minimise="time")) == (1.0, 0.0)
-    assert weights(Mission(minimise="distance")) == (0.5, 0.5)
-    assert weights(Mission(minimise="energy")) == (1.0, 0.0)
-    wt, wd = weights(Mission(minimise="energy", v_max_mps=30.0))
+    assert weights(Mission(minimise="time"), 5.0) == (1.0, 0.0)
+    assert weights(Mission(minimise="distance"), 5.0) == (0.5, 0.5)
+    assert weights(Mission(minimise="energy"), 5.0) == (1.0, 0.0)
+    wt, wd = weights(Mission(minimise="energy"), 30.0)
     assert 0 < wt < 0.6
     assert wt + wd == pytest.approx(1.0)

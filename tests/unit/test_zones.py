@@ -429,7 +429,7 @@ def test_a_message_with_a_bad_zone_is_rejected(bad: list[list[float]]) -> None:
 def test_the_largest_mission_fits_into_one_message() -> None:
     """Most UAVs, most zones and most corners, each number with as many digits as it can have."""
     digits = -9_999_999.123456789
-    entry = {"start_x_m": digits, "start_y_m": digits, "target_x_m": digits, "target_y_m": digits}
+    entry: dict[str, Any] = {"start_x_m": digits, "start_y_m": digits, "target_x_m": digits, "target_y_m": digits}
     roster = [
         RosterEntry(uav=f"{i:032d}", **entry, r_m=math.e, body_m=math.e / 10, energy_j=98765.4321012345)
         for i in range(MAX_UAVS)

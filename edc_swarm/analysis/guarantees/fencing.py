@@ -116,8 +116,9 @@ def _invalid(evidence: Evidence, uav: str, command: Command) -> Iterator[Violati
         text = f"{uav} is at {(x_m, y_m)} and executes a step from {start_m}"
         yield Violation("other-start", text, slot, [uav], value_m=math.dist(start_m, (x_m, y_m)))
     length_m = math.dist(start_m, (command.target_x_m, command.target_y_m))
-    if length_m > mission.u_max_m + LENGTH_TOLERANCE_M:
-        text = f"{uav} executes a step of {length_m:.3f} m, more than {mission.u_max_m:.3f} m"
+    longest_m = mission.step_m(mission.roster[evidence.index[uav]])
+    if length_m > longest_m + LENGTH_TOLERANCE_M:
+        text = f"{uav} executes a step of {length_m:.3f} m, more than {longest_m:.3f} m"
         yield Violation("too-long", text, slot, [uav], value_m=length_m)
     late_s = (command.sent_ns - _latest_ns(evidence, slot)) / NS_PER_S
     if late_s > 0:

@@ -1,4 +1,7 @@
-"""G7: every living UAV is at its target within a limit after the last fault.
+"""G7: every living UAV is at its target within a limit after the last fault, and after the last new goal.
+
+In a lifelong mission a UAV has always another goal: there, within each limit after the last fault, every living UAV
+reaches one. A new goal begins where its UAV was, and its way counts from there.
 
 `edc_swarm.mission.prospect` defines the limit, and the UAVs for which G7 promises progress after a fault without an
 end. A mission that stopped because nothing could change any more (`prospect.STALLED`) is judged at that slot, since
@@ -14,19 +17,24 @@ time.
 from __future__ import annotations
 
 import math
-from collections.abc import Collection
+from collections.abc import Collection, Mapping
+from itertools import pairwise
 
+import msgspec
 import numpy as np
 from numpy.typing import NDArray
 
 from edc_swarm.analysis.guarantees.evidence import Evidence
 from edc_swarm.analysis.guarantees.verdict import GuaranteeResult, Violation, not_applicable, not_judged, verdict
 from edc_swarm.analysis.living import living_at_end
-from edc_swarm.mission.configuration import ARRIVED_M, OPERATOR
+from edc_swarm.analysis.voyages import Voyages, forgotten, voyages_of
+from edc_swarm.mission.configuration import ARRIVED_M, OPERATOR, Mission
 from edc_swarm.mission.faults import Fault, parse_faults, read_fault
-from edc_swarm.mission.prospect import STALLED, default_max_slots, prospect_of, settled_slot
+from edc_swarm.mission.prospect import STALLED, Prospect, default_max_slots, prospect_of, settled_slot
+from edc_swarm.mission.routes import Course
 from edc_swarm.protocol.events import EventKind
 from edc_swarm.protocol.hindrance import Hindrance, hindrances, places_of, point
+from edc_swarm.protocol.messages import Fix
 
 PROGRESS = "G7"
 _G7 = (PROGRESS, "Progress")
@@ -37,8 +45,10 @@ def check_progress(evidence: Evidence) -> GuaranteeResult:
     tracks, mission = evidence.tracks, evidence.mission
     if not tracks.heard.any():
         return not_judged(*_G7, "the record has no fixes")
-    faults = _faults(evidence)
-    prospect = prospect_of(mission, [fault for fault in faults if fault.at_s < tracks.slots * mission.dt_s])
+    if astray := [_forgotten(fix, course) for fix, course in forgotten(evidence.recording)]:
+        return verdict(*_G7, astray)
+    faults, voyages = _faults(evidence), voyages_of(evidence.recording, tracks)
+    prospect = prospect_of(_as_flown(mission, voyages), [f for f in faults if f.at_s < tracks.slots * mission.dt_s])
     inside = np.array([uav in prospect.side for uav in tracks.uavs])
     drained, living = _drained(evidence), living_at_end(evidence.recording, tracks)
     bound = inside & living
@@ -46,23 +56,79 @@ def check_progress(evidence: Evidence) -> GuaranteeResult:
     if due.sum() < mission.quorum:
         where = "" if inside.all() else " on the larger side of a partition that never heals"
         return not_applicable(*_G7, f"{due.sum()} UAVs live at the end{where}, {mission.quorum} are a quorum")
-    excuses = _excuses(evidence, _away(evidence, due), bound)
+    settled = _settled_slot(evidence, faults)
+    if mission.goals == "lifelong":
+        return _lifelong(evidence, voyages, prospect, settled, bound)
+    excuses = _excuses(evidence, voyages, _away(evidence, voyages, due), bound)
     excuses |= dict.fromkeys(
-        _away(evidence, living & ~inside), "a partition that never heals cuts it off from the quorum"
+        _away(evidence, voyages, living & ~inside), "a partition that never heals cuts it off from the quorum"
     )
+    begun = max((voyage.since_slot for voyage in voyages.each), default=0)
+    lasting = due & ((drained < 0) | (drained >= max(settled, begun) + prospect.limit_slots))
+    return _judged(evidence, voyages, prospect, max(settled, begun), excuses, due, lasting)
+
+
+def _judged(
+    evidence: Evidence,
+    voyages: Voyages,
+    prospect: Prospect,
+    settled: int,
+    excuses: Mapping[int, str],
+    due: NDArray[np.bool_],
+    lasting: NDArray[np.bool_],
+) -> GuaranteeResult:
+    """Return the verdict on the UAVs that are away: `excuses` has why each need not arrive, "" if it must."""
+    tracks, needed = evidence.tracks, settled + prospect.limit_slots
     notes = [f"{tracks.uavs[k]} need not arrive: {why}" for k, why in excuses.items() if why]
     astray = [k for k, why in excuses.items() if not why]
     if astray and prospect.obstacle:
         return not_applicable(*_G7, prospect.obstacle)
-    needed = _settled_slot(evidence, faults) + prospect.limit_slots
-    lasting = due & ((drained < 0) | (drained >= needed))
-    missing = [k for k in astray if lasting[k]] if lasting.sum() >= mission.quorum else []
+    missing = [k for k in astray if lasting[k]] if lasting.sum() >= evidence.mission.quorum else []
     if missing and tracks.slots < needed and not _stalled(evidence):
         return not_judged(*_G7, f"stopped after {tracks.slots} slots{_given(evidence)}, before slot {needed}", notes)
     if astray and not missing:
         names = ", ".join(tracks.uavs[k] for k in np.flatnonzero(due & ~lasting).tolist())
         return not_judged(*_G7, f"empty batteries before slot {needed}: {names}", notes)
-    return verdict(*_G7, [_missing(evidence, k) for k in missing], notes)
+    return verdict(*_G7, [_missing(evidence, voyages, k) for k in missing], notes)
+
+
+def _forgotten(fix: Fix, course: Course) -> Violation:
+    """Return the violation of a UAV whose goal, or place in it, went back."""
+    text = (
+        f"{fix.uav} is at point {fix.course.leg} of goal {fix.course.goal}, after point {course.leg} of {course.goal}"
+    )
+    return Violation("course-forgotten", text, fix.slot, [fix.uav])
+
+
+def _as_flown(mission: Mission, voyages: Voyages) -> Mission:
+    """Return the mission with the newest goal of each UAV as its route, from where the UAV began it."""
+    if mission.goals == "lifelong":
+        return mission
+    return msgspec.structs.replace(mission, roster=[voyage.now for voyage in voyages.each])
+
+
+def _lifelong(
+    evidence: Evidence, voyages: Voyages, prospect: Prospect, settled: int, bound: NDArray[np.bool_]
+) -> GuaranteeResult:
+    """Return the verdict on a lifelong mission: every UAV reaches a goal within each limit after the last fault."""
+    if prospect.obstacle:
+        return not_applicable(*_G7, prospect.obstacle)
+    tracks, limit = evidence.tracks, prospect.limit_slots
+    standing: list[int] = np.flatnonzero(bound).tolist()
+    excuses = _excuses(evidence, voyages, standing, bound)
+    notes = [f"{tracks.uavs[k]} need not arrive: {why}" for k, why in excuses.items() if why]
+    idle = []
+    for k in (k for k in standing if not excuses[k]):
+        slots = [settled, *(slot for slot in voyages.each[k].reached_slots if slot > settled), tracks.slots]
+        idle += [(k, begin) for begin, end in pairwise(slots) if end - begin > limit]
+    if not idle and tracks.slots < settled + limit:
+        return not_judged(*_G7, f"stopped after {tracks.slots} slots, before slot {settled + limit}", notes)
+    return verdict(*_G7, [_idle(evidence, k, begin, limit) for k, begin in idle], notes)
+
+
+def _idle(evidence: Evidence, k: int, begin: int, limit: int) -> Violation:
+    uav = evidence.tracks.uavs[k]
+    return Violation("no-goal", f"{uav} reaches no goal in the {limit} slots from slot {begin}", begin, [uav])
 
 
 def _drained(evidence: Evidence) -> NDArray[np.int64]:
@@ -75,24 +141,24 @@ def _drained(evidence: Evidence) -> NDArray[np.int64]:
     return slots
 
 
-def _away(evidence: Evidence, among: NDArray[np.bool_]) -> list[int]:
-    return [k for k in np.flatnonzero(among).tolist() if _away_m(evidence, k) > ARRIVED_M]
+def _away(evidence: Evidence, voyages: Voyages, among: NDArray[np.bool_]) -> list[int]:
+    return [
+        k for k in np.flatnonzero(among).tolist() if voyages.pending[-1, k] or _away_m(evidence, voyages, k) > ARRIVED_M
+    ]
 
 
-def _away_m(evidence: Evidence, k: int) -> float:
-    entry = evidence.mission.roster[k]
-    x_m, y_m = evidence.tracks.centre_m[-1, k].tolist()
-    return math.hypot(entry.target_x_m - x_m, entry.target_y_m - y_m)
+def _away_m(evidence: Evidence, voyages: Voyages, k: int) -> float:
+    return math.dist(voyages.each[k].left[-1], point(evidence.tracks.centre_m[-1, k]))
 
 
-def _excuses(evidence: Evidence, away: list[int], bound: NDArray[np.bool_]) -> dict[int, str]:
+def _excuses(evidence: Evidence, voyages: Voyages, away: list[int], bound: NDArray[np.bool_]) -> dict[int, str]:
     """Why each UAV of `away` need not arrive: where the UAVs that no longer fly are, or may be. "" if it must."""
     roster, centre_m = evidence.mission.roster, evidence.tracks.centre_m[-1]
     plan = max(evidence.plans, key=lambda report: (report.term, report.slot), default=None)
     places = [
         place for k in np.flatnonzero(~bound).tolist() for place in places_of(roster[k], point(centre_m[k]), plan)
     ]
-    found = hindrances([(roster[k], point(centre_m[k])) for k in away], places)
+    found = hindrances([(voyages.each[k].present, point(centre_m[k])) for k in away], places)
     living = {roster[k].uav for k in np.flatnonzero(bound).tolist()}
     return {k: _excuse(found[roster[k].uav], living) if roster[k].uav in found else "" for k in away}
 
@@ -110,8 +176,8 @@ def _excuse(found: Hindrance, living: Collection[str]) -> str:
             return f"there is no way to its target round {who}"
 
 
-def _missing(evidence: Evidence, k: int) -> Violation:
-    uav, away_m = evidence.tracks.uavs[k], _away_m(evidence, k)
+def _missing(evidence: Evidence, voyages: Voyages, k: int) -> Violation:
+    uav, away_m = evidence.tracks.uavs[k], _away_m(evidence, voyages, k)
     slot = evidence.tracks.slots - 1
     return Violation("not-arrived", f"{uav} is {away_m:.2f} m from its target", slot, [uav], None, away_m)
 

@@ -42,8 +42,8 @@ def only_holds(mission: Mission) -> bool:
 
 def starves(mission: Mission, share: float, limit_slots: int) -> bool:
     """Return True if this share of commands in time is too small to fly the longest way in `limit_slots`."""
-    longest_m = max(entry.straight_m for entry in complete_mission(mission).roster)
-    return share * limit_slots < longest_m / mission.u_max_m
+    whole = complete_mission(mission)
+    return share * limit_slots < max(entry.straight_m / whole.step_m(entry) for entry in whole.roster)
 
 
 def in_time_share(mission: Mission) -> float:
