@@ -1,9 +1,10 @@
 """An example of a user's planner in one file: a UAV turns right before others; the slot QP keeps it safe.
 
     cd examples
-    edc-swarm sim --planner own_planner:TurnRight
+    edc-swarm sim --planner own_planner:TurnRight --fence none
 
-Its discs never overlap, but it is not a good planner: in dense missions UAVs circle without end.
+Its discs never overlap, but it is not a good planner: in dense missions UAVs circle without end, and a UAV whose way
+to the right ends at a fence waits there.
 """
 
 from __future__ import annotations

@@ -105,7 +105,7 @@ def _straight_slots(mission: Mission) -> float:
         longest_m, slowest_mps = math.dist(*rectangle_m(mission.roster)), min(mission.speeds_mps)
         return 20 * longest_m / (slowest_mps * mission.dt_s)
     ways = (
-        20 * entry.straight_m / (mission.speed_mps(entry) * mission.dt_s) + 20 * hover_time_s(entry) / mission.dt_s
+        20 * entry.straight_m / mission.speed_mps(entry) / mission.dt_s + 20 * hover_time_s(entry) / mission.dt_s
         for entry in mission.roster
     )
     return max(ways, default=0.0)

@@ -23,7 +23,7 @@ GoalNumber = Annotated[int, Meta(ge=0, lt=1 << 40)]
 
 PASS_SHARE = 0.9
 """Share of `accept_m` within which an aim beyond a point passes it: the slot QP may shift the step a little."""
-HALVINGS = 20
+AIM_HALVINGS = 20
 
 
 class Course(Struct, frozen=True, kw_only=True, omit_defaults=True):
@@ -122,7 +122,7 @@ def aim_m(here_m: Point, left: Sequence[Point], accept_m: float, u_max_m: float)
     low, high = 0.0, min(spare_m / leg_m, 1.0)
     if _passes(here_m, _between(present_m, left[1], high), present_m, accept_m):
         return _between(present_m, left[1], high)
-    for _ in range(HALVINGS):
+    for _ in range(AIM_HALVINGS):
         middle = 0.5 * (low + high)
         if _passes(here_m, _between(present_m, left[1], middle), present_m, accept_m):
             low = middle

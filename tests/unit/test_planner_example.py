@@ -25,9 +25,9 @@ def test_example_flies_everyone_to_the_target(capsys: pytest.CaptureFixture[str]
 
 
 def test_own_planner_brings_everyone_home_apart(monkeypatch: pytest.MonkeyPatch) -> None:
-    """The example flies the default mission to its end, with detours and without an overlap."""
+    """The example flies the default mission to its end, without a fence, with detours and without an overlap."""
     monkeypatch.syspath_prepend(EXAMPLES)
-    recording, _ = simulate(Mission(planner="own_planner:TurnRight"))
+    recording, _ = simulate(Mission(planner="own_planner:TurnRight", fence="none"))
     found = compute_metrics(recording)
     assert (found.completed, found.potential_collisions) == (True, 0)
     assert found.extra_distance_pct is not None

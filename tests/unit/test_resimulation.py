@@ -53,11 +53,11 @@ def simulated(mission: Mission = MISSION) -> Recording:
 
 
 def test_the_same_mission_says_the_same_bytes() -> None:
-    """All seven guarantees are judged, in order; the callback follows the second run slot by slot."""
+    """All eight guarantees are judged, in order; the callback follows the second run slot by slot."""
     recording = simulated()
     watched: list[tuple[int, int]] = []
     results = judge(recording, "", lambda done, of: watched.append((done, of)))
-    assert [result.guarantee for result in results] == [f"G{i}" for i in range(1, 8)]
+    assert [result.guarantee for result in results] == [f"G{i}" for i in range(1, 9)]
     assert (results[5].status, results[5].notes) == (
         "held",
         [f"simulated again: {recording.message_count} messages are equal to the byte"],
@@ -179,7 +179,7 @@ def test_a_record_that_claims_endless_slots_is_not_simulated() -> None:
     assert "beyond" in check_same_bytes(recording).notes[0]
 
 
-def test_sim_and_check_judge_all_seven(
+def test_sim_and_check_judge_all_guarantees(
     restless: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
     """The commands return 0 for the default planner, and 1 for one that remembers, and name G6."""
@@ -193,7 +193,7 @@ def test_sim_and_check_judge_all_seven(
         return {result["guarantee"]: result["status"] for result in results}
 
     good = verdicts(0, "sim", *flown, "--out", "good.mcap")
-    assert good == verdicts(0, "check", "good.mcap", "--json") == {f"G{i}": "held" for i in range(1, 8)}
+    assert good == verdicts(0, "check", "good.mcap", "--json") == {f"G{i}": "held" for i in range(1, 9)}
     bad = verdicts(1, "sim", *flown, "--planner", restless, "--out", "bad.mcap")
     again = "check", "bad.mcap", "--load-planner", "--json"
     assert (bad["G6"], verdicts(1, *again)["G6"]) == ("broken", "broken")
