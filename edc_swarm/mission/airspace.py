@@ -41,8 +41,10 @@ A passage with less room on either side is legal, but the planner may not enter 
 """
 MAX_OVERLAPS = 200_000
 """Most pairs of overlapping grown barriers for which ways are checked."""
-MAX_CROSSINGS = 400_000_000
-"""Most tests of a ray against a ring's edge in one mission."""
+MAX_WORK = 200_000_000
+"""Most tests of a ray against an edge of a ring in one mission."""
+GRAPH_WORK = 20
+"""Such tests that take as long as one edge of the graph, which is made anew for every radius of a UAV."""
 CHUNK = 4_000_000
 """Elements of the largest temporary array."""
 MOST_NAMED = 4
@@ -98,9 +100,10 @@ def zones_refusal(zones: Sequence[Zone], r_m: float, points: Sequence[Point]) ->
     lack_m = airspace.lack_m(points_m, np.full(len(points_m), r_m))
     for index, said in _misplaced(airspace, points_m, lack_m, np.full(len(points_m), r_m)):
         return f"point {index} ({points_m[index, 0]:g}, {points_m[index, 1]:g}) must be {said}"
-    rings = _rings(airspace, r_m, 0.0, _overlaps(airspace, r_m))
-    if rings is None:
+    overlaps = _overlaps(airspace, r_m)
+    if overlaps is None:
         return ""
+    rings = _rings(airspace, r_m, 0.0, overlaps)
     apart = rings.apart(points_m[:-1], points_m[1:])
     if not len(apart):
         return ""
@@ -152,12 +155,11 @@ class _Legs:
 
     def field(self, index: int) -> str:
         """Return the field of the mission file that states a point."""
-        entry, uav = self.mission.roster[self.uav[index]], self.uav[index]
+        uav = self.uav[index]
         if self.place[index] == 0:
             return f"roster[{uav}].start_x_m, start_y_m"
         if index + 1 < len(self.uav) and self.uav[index + 1] == uav:
             return f"roster[{uav}].route[{self.place[index] - 1}]"
-        assert entry.r_m == self.r_m[index]
         return f"roster[{uav}].target_x_m, target_y_m"
 
 
@@ -182,17 +184,17 @@ def _check_ways(airspace: Airspace, legs: _Legs) -> list[str]:
     from_leg = np.flatnonzero(legs.uav[:-1] == legs.uav[1:])
     # A place that lies itself within the margin says nothing about the passages on the way.
     roomy: Bools = np.all(airspace.lack_m(legs.points_m, legs.r_m) <= -PLANNER_MARGIN_M, axis=1)
-    open_uavs, tight, left = set[int](), dict[int, str](), MAX_CROSSINGS
+    open_uavs, tight, left = set[int](), dict[int, str](), MAX_WORK
     for r_m in np.unique(legs.r_m).tolist():
         mine = from_leg[legs.r_m[from_leg] == r_m]
         for margin_m in (0.0, PLANNER_MARGIN_M):
             if margin_m:
                 mine = mine[roomy[mine] & roomy[mine + 1]]
-            rings = _rings(airspace, r_m, margin_m, overlaps)
-            left -= 0 if rings is None else 2 * len(rings.first) * len(mine)
-            if rings is None or left < 0:
+            left -= 0 if overlaps is None else len(overlaps.first) * (2 * len(mine) + GRAPH_WORK)
+            if overlaps is None or left < 0:
                 open_uavs |= set(legs.uav[mine].tolist())
                 continue
+            rings = _rings(airspace, r_m, margin_m, overlaps)
             for leg in mine[rings.apart(legs.points_m[mine], legs.points_m[mine + 1])].tolist():
                 said = rings.closed_by(legs.points_m[leg], legs.points_m[leg + 1])
                 if margin_m == 0:
@@ -302,10 +304,8 @@ def _overlaps(airspace: Airspace, r_m: float) -> _Overlaps | None:
     return _Overlaps(first, second, on_first_m, on_second_m, length_m(on_first_m - on_second_m))
 
 
-def _rings(airspace: Airspace, r_m: float, margin_m: float, overlaps: _Overlaps | None) -> _Rings | None:
-    """Return the rings of barriers grown for `r_m` and a margin; None if there are too many overlaps."""
-    if overlaps is None:
-        return None
+def _rings(airspace: Airspace, r_m: float, margin_m: float, overlaps: _Overlaps) -> _Rings:
+    """Return the rings of barriers grown for `r_m` and a margin."""
     keep_m = airspace.keep_m(r_m) + margin_m
     first_m, second_m = keep_m[overlaps.first], keep_m[overlaps.second]
     chosen = overlaps.apart_m < np.maximum(first_m + second_m - KEPT_M, KEPT_M)

@@ -61,12 +61,14 @@ def test_a_faultless_mission_holds_every_guarantee(messages: list[Message]) -> N
     """A faultless mission has no violation."""
     found = {guarantee: result.status for guarantee, result in results(messages).items()}
     assert found == {**dict.fromkeys(ALL, "held"), "G8": "not-applicable"}
-    assert all(not result.notes for result in results(messages).values())
+    assert all(not result.notes for result in results(messages).values() if result.guarantee != "G8")
 
 
 def test_an_empty_record_proves_nothing() -> None:
     """An empty record gives no verdict and no violation."""
-    assert {result.status for result in results(flight(parallel())[:1]).values()} == {"not-judged"}
+    zone = {"kind": "exclusion", "centre": [99, 99], "radius_m": 1.0}
+    found = results(flight(parallel())[:1]) | {"G8": results(zoned(**zone)[:1])["G8"]}
+    assert {result.status for result in found.values()} == {"not-judged"}
 
 
 # --- G1 --------------------------------------------------------------------------------------
@@ -961,7 +963,7 @@ def zoned(**fields: object) -> list[Message]:
         ({"kind": "exclusion", "polygon": [[11, 4.9], [13, 4.9], [13, 5.1], [11, 5.1]], "keep": "centre"}, ["u1"], 3,
          None, 0.1),
         # Circles count as circles.
-        ({"kind": "exclusion", "centre": [18, 8], "radius_m": 1.5}, ["u1", "u2"], 4, None, 0.5),
+        ({"kind": "exclusion", "centre": [18, 8], "radius_m": 1.5}, ["u1", "u2"], 3, None, 0.5),
         ({"kind": "inclusion", "centre": [12, 8], "radius_m": 14.0}, ["u0", "u2"], 0, 0.0, math.hypot(12, 8) - 14),
         # The disc keeps to a fence if the zone says so.
         ({"kind": "inclusion", "polygon": [[-4, -9], [30, -9], [30, 30], [-4, 30]], "keep": "disc"}, ["u0"], 0, 0.0, 1),

@@ -317,7 +317,7 @@ def test_a_question_beyond_the_limits_is_a_warning(monkeypatch: pytest.MonkeyPat
     closed = mission(FENCE, box("wall", 45, -9, 55, 109))
     with pytest.raises(MissionError):
         check_zones(closed)
-    for limit in ("MAX_OVERLAPS", "MAX_CROSSINGS"):
+    for limit in ("MAX_OVERLAPS", "MAX_WORK"):
         with monkeypatch.context() as changed:
             changed.setattr(airspace, limit, 3)
             (said,) = check_zones(closed)
