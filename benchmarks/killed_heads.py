@@ -92,7 +92,9 @@ def fly(seed: int, heads: int, links: str) -> Flight:
     plans = [report for report in recording.reports if report.has_quorum]
     plan = max(plans, key=lambda report: (report.term, report.slot), default=None)
     away = dict(_away(message, tracks.centre_m[-1], living, plan))
-    return Flight(seed, heads, links, end.slots, int((~living).sum()), away, overlaps(message, end.motions))
+    return Flight(
+        seed, heads, links, end.slots, int((~living).sum()), away, overlaps(message, end.motions, end.stepped_slot)
+    )
 
 
 def _away(

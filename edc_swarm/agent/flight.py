@@ -62,7 +62,10 @@ class Flight:
         if not self._voter:
             return None
         x_m, y_m = self._vehicle.waypoint_m
-        return Promise(slot=slot, term=grant[0], head=grant[1], waypoint_x_m=x_m, waypoint_y_m=y_m)
+        stepped_slot = self._vehicle.stepped_slot
+        return Promise(
+            slot=slot, term=grant[0], head=grant[1], waypoint_x_m=x_m, waypoint_y_m=y_m, stepped_slot=stepped_slot
+        )
 
     def _situation(self, slot: int, command: Command, grant: Grant, late: bool) -> Situation:
         length_m = math.dist((command.start_x_m, command.start_y_m), (command.target_x_m, command.target_y_m))
@@ -74,4 +77,5 @@ class Flight:
             late_tick=late,
             energy_j=self._vehicle.energy_j,
             step_energy_j=self._vehicle.step_energy_j(length_m),
+            landing_slot=self._vehicle.landing_slot,
         )

@@ -180,11 +180,11 @@ class UavNode:
         self._flight.begin_slot(slot, slots, self.grant, self._clock.is_late(slot, now_ns))
         self._knowledge.begin_slot(slot)
         self._election.begin_slot(slot)
-        exhausted = self._vehicle.energy_j <= 0.0
-        again = self._lacks_command() and not exhausted
-        self._again_ns = self._clock.start_ns(slot) + self._clock.tau_ns // 2 if again else None
-        if exhausted:
-            self._end()
+        self._again_ns = self._clock.start_ns(slot) + self._clock.tau_ns // 2 if self._lacks_command() else None
+        if self._vehicle.energy_j <= 0.0:
+            self._end(EventKind.BATTERY_EMPTY)
+        elif self._vehicle.must_land(slot):
+            self._end(EventKind.LANDED, f"no accepted step since slot {self._vehicle.stepped_slot}")
         else:
             self._say(now_ns, with_truth=True)
         return True
@@ -194,12 +194,12 @@ class UavNode:
         known = self._said is not None and self._said[0] == self.grant
         return known and self.grant[0] > 0 and self._flight.flown is None
 
-    def _end(self) -> None:
-        """End with an empty battery: the UAV lands at its waypoint and stays an obstacle."""
-        self.ended = True
+    def _end(self, kind: EventKind, detail: str = "") -> None:
+        """End with an empty battery, or by the failsafe: the UAV lands at its waypoint and never flies again."""
+        self.ended, self._again_ns = True, None
         self._persist()
         self._publish(self._outgoing.truth(self.slot, self._vehicle))
-        self._out.append(self.event(EventKind.BATTERY_EMPTY))
+        self._out.append(self.event(kind, detail))
         self._out.append(Land())
 
     # --- messages ----------------------------------------------------------------------------

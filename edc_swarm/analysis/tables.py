@@ -12,11 +12,13 @@ MAX_NAMED = 10
 def metric_rows(m: Metrics) -> list[tuple[str, str]]:
     """Return the rows (name, value) of a run's metrics."""
     heads = ", ".join(f"{h.head} (term {h.term}, slots {h.first_slot}-{h.last_slot})" for h in m.heads[:MAX_HEADS])
-    away = f"; not living: {', '.join(m.not_living)}" if m.not_living else ""
+    away = f"; beside their targets, which stay covered: {', '.join(m.beside)}" if m.beside else ""
+    away += f"; not living: {', '.join(m.not_living)}" if m.not_living else ""
     undone = [("faults not done", "; ".join(m.faults_undone))] if m.faults_undone else []
     return [
         ("arrived", f"{m.arrived} of {m.uavs}{away}"),
         *_not_home(m),
+        *_landed(m),
         ("slots", f"{m.slots} ({m.duration_s:g} s), {_count(m.slots_missed)} without commands"),
         ("heads", (heads + (", ..." if len(m.heads) > MAX_HEADS else "")) or "none recorded"),
         ("collisions", f"{_count(m.potential_collisions)} potential, {_count(m.true_collisions)} true"),
@@ -40,6 +42,13 @@ def _not_home(m: Metrics) -> list[tuple[str, str]]:
     named = [str(who) for who in m.not_home[:MAX_NAMED]]
     named += [f"and {len(m.not_home) - MAX_NAMED} more"] * (len(m.not_home) > MAX_NAMED)
     return [("not home", "; ".join(named))] if named else []
+
+
+def _landed(m: Metrics) -> list[tuple[str, str]]:
+    """Return a row with the UAVs that the failsafe has made land; no row if there are none."""
+    named = [str(landing) for landing in m.landed[:MAX_NAMED]]
+    named += [f"and {len(m.landed) - MAX_NAMED} more"] * (len(m.landed) > MAX_NAMED)
+    return [("landed", "; ".join(named))] if named else []
 
 
 def _makespan(m: Metrics) -> str:

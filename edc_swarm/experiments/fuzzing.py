@@ -8,7 +8,7 @@ between two effects, and a planner that steers UAVs at each other, since safety 
 
 from __future__ import annotations
 
-from collections.abc import Collection, Sequence
+from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass
 from random import Random
 from typing import Any
@@ -20,6 +20,7 @@ from edc_swarm.analysis.guarantees.check import check
 from edc_swarm.errors import PlacementError
 from edc_swarm.geometry import DISC_TOLERANCE_M, Floats, length_m, segment_distance_m
 from edc_swarm.mission.configuration import Mission
+from edc_swarm.mission.failsafe import failsafe_of
 from edc_swarm.mission.roster import complete_mission
 from edc_swarm.mission.validation import mission_from_dict
 from edc_swarm.planner.edc import Edc
@@ -117,7 +118,7 @@ def fly(mission: Mission) -> list[str]:
         end = simulation.run()
     except AssertionError as error:
         return [f"assertion: {error}"]
-    return [*overlaps(message, end.motions), *_broken(Recording.from_messages(said), _asked(mission))]
+    return [*overlaps(message, end.motions, end.stepped_slot), *_broken(Recording.from_messages(said), _asked(mission))]
 
 
 def search(seed: int, kept: Collection[int] | None = None) -> Counterexample | None:
@@ -142,14 +143,16 @@ def smallest(finding: Counterexample) -> Counterexample:
     return finding
 
 
-def overlaps(mission: MissionMessage, motions: Sequence[Motion]) -> list[str]:
+def overlaps(mission: MissionMessage, motions: Sequence[Motion], stepped_slot: Mapping[str, int]) -> list[str]:
     """Return one line for each pair whose discs could overlap while flying `motions`, at any pace within each slot.
 
     The check compares the two segments flown in a slot as sets of points. The segment of the previous slot counts
     too with `lag_slots` 1, or if the UAV began it too late to finish it in time. A UAV that dies or freezes stays at
-    the end of its last step.
+    the end of its last step, until the failsafe has taken it out of the airspace: `stepped_slot` has the slot of each
+    UAV's last accepted step.
     """
     first, last = _paths(mission, motions)
+    _take_away(mission, stepped_slot, first, last)
     before_first, before_last = first.copy(), last.copy()
     still = _still_flying(mission, motions, len(first))
     before_first[1:][still[:-1]], before_last[1:][still[:-1]] = first[:-1][still[:-1]], last[:-1][still[:-1]]
@@ -168,6 +171,16 @@ def overlaps(mission: MissionMessage, motions: Sequence[Motion]) -> list[str]:
         f"G3: {ids[i[pair]]} and {ids[j[pair]]} can come within {gap_m[slot, pair]:.6f} m in slot {slot}"
         for slot, pair in bad[:10]
     ]
+
+
+def _take_away(mission: MissionMessage, stepped_slot: Mapping[str, int], *ways_m: Floats) -> None:
+    """Set the places of every UAV to NaN, which is near nothing, from the slot in which its airspace is free."""
+    failsafe = failsafe_of(mission)
+    if failsafe is None:
+        return
+    for k, entry in enumerate(mission.roster):
+        for way_m in ways_m:
+            way_m[failsafe.free_slot(stepped_slot[entry.uav]) :, k] = np.nan
 
 
 def _gaps(a: Floats, b: Floats, c: Floats, d: Floats, i: Any, j: Any) -> Floats:

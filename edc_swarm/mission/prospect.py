@@ -3,7 +3,8 @@
 A mission is *settled* when its last fault is over: from then on only the swarm
 itself changes anything. G7 promises that `limit_slots` later every living UAV is at its target, if a quorum lives. The
 limit is 20 times the longest straight flight, and 200 slots. A mission lasts that long unless its file
-says otherwise (`max_slots`), so every mission that is not cut short can be judged.
+says otherwise (`max_slots`), so every mission that is not cut short can be judged. With the failsafe the limit is
+longer by the time after which a UAV that accepts no step has left the airspace.
 
 Faults that never end are no reason not to judge. What is promised then:
 
@@ -29,6 +30,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from edc_swarm.mission.configuration import FOR_GOOD_S, MOST_SLOTS, ROUTER, Link, Mission, default_tau_s
+from edc_swarm.mission.failsafe import failsafe_of
 from edc_swarm.mission.faults import (
     ChangeClock,
     ChangeLink,
@@ -63,11 +65,14 @@ class Prospect:
         The UAVs that the promise is about: the whole roster unless a partition lasts.
     obstacle
         Reason why nothing is promised; "" if something is.
+    lossy
+        True if links lose or delay messages for good: a UAV may accept no step for long, by chance.
     """
 
     limit_slots: int
     side: frozenset[str]
     obstacle: str
+    lossy: bool = False
 
 
 def default_max_slots(mission: Mission) -> int:
@@ -96,7 +101,9 @@ def prospect_of(mission: Mission, faults: Sequence[Fault]) -> Prospect:
     if 20 * longest_m >= step_m * (MOST_SLOTS - 200):
         return Prospect(MOST_SLOTS, side, obstacle)
     slots = (math.ceil(20 * longest_m / step_m) + 200) / _share_in_time(missed)
-    return Prospect(min(math.ceil(slots), MOST_SLOTS), side, obstacle)
+    failsafe = failsafe_of(mission)
+    slots += failsafe.slots if failsafe is not None else 0
+    return Prospect(min(math.ceil(slots), MOST_SLOTS), side, obstacle, lossy=missed > 0)
 
 
 def _end_s(fault: Fault, faults: Sequence[Fault]) -> float:

@@ -6,6 +6,7 @@ import math
 from collections.abc import Iterator
 
 from edc_swarm.mission.configuration import Mission, RosterEntry
+from edc_swarm.mission.failsafe import failsafe_of
 from edc_swarm.mission.faults import parse_faults
 from edc_swarm.mission.prospect import prospect_of, settled_slot
 from edc_swarm.protocol.hindrance import Place, hindrances, places_of
@@ -24,7 +25,8 @@ class MissionMonitor:
     """Monitor of fixes, commands and reports that decides when a mission is over.
 
     It is over when every UAV that still flies is at its target, or kept from it by UAVs that move no more
-    (`complete`, see `protocol.hindrance`), or when nothing can change any more (`stalled`).
+    (`complete`, see `protocol.hindrance`), or when nothing can change any more (`stalled`). With the failsafe a UAV
+    that moves no more leaves the airspace, so it keeps no other from its target for good.
     """
 
     def __init__(self, mission: Mission) -> None:
@@ -34,6 +36,8 @@ class MissionMonitor:
         self._ended: set[str] = set()
         faults = parse_faults(mission)
         self._settled_slot, self._side = settled_slot(mission, faults), prospect_of(mission, faults).side
+        self._failsafe = failsafe_of(mission)
+        self._patience_slots = STALL_SLOTS + (self._failsafe.slots if self._failsafe is not None else 0)
         self._still_m = NO_STEP_SHARE * mission.u_max_m
         self._still_plans = 0
         self._planned = (-1, -1)
@@ -119,12 +123,13 @@ class MissionMonitor:
         - a head has made `STALL_SLOTS` consecutive plans of one term without a move, while no UAV moved; or
         - for `STALL_SLOTS` slots too few UAVs were left for a quorum (on one side, if a partition lasts).
 
+        With the failsafe both numbers are larger by the slots until a UAV that flies no more has left the airspace.
         Slots without a plan prove nothing: a planner may be slow, or a network may have no head for long. A plan with
         a move is no standstill, even if its commands come late.
         """
         if sum(not self._grounded(uav) for uav in self._side) < self._mission.quorum:
-            return slot - max(self._changed_slot, self._settled_slot) >= STALL_SLOTS
-        return self._still_plans >= STALL_SLOTS
+            return slot - max(self._changed_slot, self._settled_slot) >= self._patience_slots
+        return self._still_plans >= self._patience_slots
 
     def _is_step(self, from_m: tuple[float, float], to_m: tuple[float, float]) -> bool:
         return math.dist(from_m, to_m) > self._still_m
@@ -140,8 +145,8 @@ class MissionMonitor:
         return uav in self._ended or (fix is not None and not fix.voter)
 
     def _places(self, other: RosterEntry) -> Iterator[Place]:
-        """Yield where a UAV is or can be, if it moves no more."""
-        if not self._grounded(other.uav):
+        """Yield where a UAV is or can be for good, if it moves no more."""
+        if self._failsafe is not None or not self._grounded(other.uav):
             return
         fix = self._newest.get(other.uav)
         centre_m = (other.start_x_m, other.start_y_m) if fix is None else (fix.waypoint_x_m, fix.waypoint_y_m)

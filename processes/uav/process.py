@@ -35,6 +35,7 @@ from edc_swarm.agent.node import (
     UavNode,
     WantPlanner,
 )
+from edc_swarm.agent.vehicle import Airframe, comes_too_late
 from edc_swarm.emulation.links import LinkEmulator, have_range, mission_s
 from edc_swarm.errors import InputError, SwarmError
 from edc_swarm.mission.configuration import NS_PER_S
@@ -266,6 +267,8 @@ class UavProcess:
         for effect in effects:
             match effect:
                 case Persist(promise, airframe):
+                    if self._comes_too_late(airframe):
+                        break
                     self._state.write(promise, airframe)
                 case Publish(message):
                     self._publisher.publish(message)
@@ -279,6 +282,16 @@ class UavProcess:
                 case Land():
                     self._leaving = True
         self._outbox.flush()
+
+    def _comes_too_late(self, airframe: Airframe) -> bool:
+        """Leave, and return True, if the vehicle has landed and so does not accept the step to be written."""
+        flight = self._flight
+        assert flight is not None
+        if not comes_too_late(airframe, self._state.airframe, flight.mission, self._clock.now_ns()):
+            return False
+        flight.node.ended = self._leaving = True
+        self._publisher.publish(flight.node.event(EventKind.LANDED, "the vehicle landed before the step began").message)
+        return True
 
     def _take_planner(self, faults: LocalFaults, planner: Planner) -> None:
         faults.planner = SlowPlanner(planner)

@@ -9,6 +9,10 @@ last plan's hulls, may cover it; or no step leads away from where it may be; or 
 `edc_swarm.protocol.hindrance`). An empty battery is no excuse but no proof either: it counts as "not judged" if it was
 empty within the limit, since a swarm that does nothing until all batteries are empty must not pass for one that had no
 time.
+
+With the failsafe a UAV that no longer flies keeps nobody away once it has left the airspace. A UAV that has landed need
+not arrive, if a fault can be the cause: its last accepted step is before the last fault was over, or links lose
+messages for good. Any other landing is a swarm's failure to command a UAV that it could hear, and breaks G7.
 """
 
 from __future__ import annotations
@@ -21,10 +25,11 @@ from numpy.typing import NDArray
 
 from edc_swarm.analysis.guarantees.evidence import Evidence
 from edc_swarm.analysis.guarantees.verdict import GuaranteeResult, Violation, not_applicable, not_judged, verdict
+from edc_swarm.analysis.landing import landings
 from edc_swarm.analysis.living import living_at_end
 from edc_swarm.mission.configuration import ARRIVED_M, OPERATOR
 from edc_swarm.mission.faults import Fault, parse_faults, read_fault
-from edc_swarm.mission.prospect import STALLED, default_max_slots, prospect_of, settled_slot
+from edc_swarm.mission.prospect import STALLED, Prospect, default_max_slots, prospect_of, settled_slot
 from edc_swarm.protocol.events import EventKind
 from edc_swarm.protocol.hindrance import Hindrance, hindrances, places_of, point
 
@@ -41,7 +46,7 @@ def check_progress(evidence: Evidence) -> GuaranteeResult:
     inside = np.array([uav in prospect.side for uav in tracks.uavs])
     drained, living = _drained(evidence), living_at_end(evidence.recording, tracks)
     bound = inside & living
-    due = bound | (inside & (drained >= 0))
+    due = bound | (inside & ((drained >= 0) | _landed_unasked(evidence, _settled_slot(evidence, faults), prospect)))
     if due.sum() < mission.quorum:
         where = "" if inside.all() else " on the larger side of a partition that never heals"
         return not_applicable(*_G7, f"{due.sum()} UAVs live at the end{where}, {mission.quorum} are a quorum")
@@ -62,6 +67,13 @@ def check_progress(evidence: Evidence) -> GuaranteeResult:
         names = ", ".join(tracks.uavs[k] for k in np.flatnonzero(due & ~lasting).tolist())
         return not_judged(*_G7, f"empty batteries before slot {needed}: {names}", notes)
     return verdict(*_G7, [_missing(evidence, k) for k in missing], notes)
+
+
+def _landed_unasked(evidence: Evidence, settled_slot: int, prospect: Prospect) -> NDArray[np.bool_]:
+    """Return (K,) flags of the UAVs that say that they have landed although no fault kept commands from them."""
+    found = landings(evidence.recording, evidence.tracks)
+    unasked = [landing.uav for landing in found if landing.told and landing.stepped_slot >= settled_slot]
+    return np.isin(evidence.tracks.uavs, [] if prospect.lossy else unasked)
 
 
 def _drained(evidence: Evidence) -> NDArray[np.int64]:
@@ -88,9 +100,8 @@ def _excuses(evidence: Evidence, away: list[int], bound: NDArray[np.bool_]) -> d
     """Why each UAV of `away` need not arrive: where the UAVs that no longer fly are, or may be. "" if it must."""
     roster, centre_m = evidence.mission.roster, evidence.tracks.centre_m[-1]
     plan = max(evidence.plans, key=lambda report: (report.term, report.slot), default=None)
-    places = [
-        place for k in np.flatnonzero(~bound).tolist() for place in places_of(roster[k], point(centre_m[k]), plan)
-    ]
+    there = np.flatnonzero(~bound & ~evidence.tracks.grounded[-1]).tolist()
+    places = [place for k in there for place in places_of(roster[k], point(centre_m[k]), plan)]
     found = hindrances([(roster[k], point(centre_m[k])) for k in away], places)
     living = {roster[k].uav for k in np.flatnonzero(bound).tolist()}
     return {k: _excuse(found[roster[k].uav], living) if roster[k].uav in found else "" for k in away}
