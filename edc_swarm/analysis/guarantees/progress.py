@@ -27,6 +27,7 @@ from edc_swarm.analysis.guarantees.evidence import Evidence
 from edc_swarm.analysis.guarantees.verdict import GuaranteeResult, Violation, not_applicable, not_judged, verdict
 from edc_swarm.analysis.landing import landings
 from edc_swarm.analysis.living import living_at_end
+from edc_swarm.emulation.energy import step_energy_j
 from edc_swarm.mission.configuration import ARRIVED_M, OPERATOR
 from edc_swarm.mission.faults import Fault, parse_faults, read_fault
 from edc_swarm.mission.prospect import STALLED, Prospect, default_max_slots, prospect_of, settled_slot
@@ -77,12 +78,20 @@ def _landed_unasked(evidence: Evidence, settled_slot: int, prospect: Prospect) -
 
 
 def _drained(evidence: Evidence) -> NDArray[np.int64]:
-    """Return (K,) slots in which the battery of each UAV that can be commanded became empty, -1 for never."""
+    """Return (K,) slots in which the battery of each UAV that can be commanded became empty, -1 for never.
+
+    A UAV also counts that has landed since its battery did not cover a step.
+    """
+    step_j = step_energy_j(evidence.mission, evidence.mission.u_max_m)
+    least_j = np.fmin.reduce(evidence.tracks.energy_j, axis=0, initial=np.inf)
     slots = np.full(len(evidence.tracks.uavs), -1)
     forgetful = {fix.uav for fix in evidence.recording.fixes if not fix.voter}
     for event in evidence.recording.events:
-        if event.kind == EventKind.BATTERY_EMPTY and event.source in evidence.index.keys() - forgetful:
-            slots[evidence.index[event.source]] = event.slot
+        if event.source not in evidence.index.keys() - forgetful:
+            continue
+        k = evidence.index[event.source]
+        if event.kind == EventKind.BATTERY_EMPTY or (event.kind == EventKind.LANDED and least_j[k] < step_j):
+            slots[k] = event.slot
     return slots
 
 
