@@ -20,6 +20,7 @@ from edc_swarm.analysis.living import SILENT_SLOTS, living_at_end
 from edc_swarm.analysis.tracks import Tracks, tracks_of
 from edc_swarm.mission.configuration import ARRIVED_M, OPERATOR
 from edc_swarm.mission.faults import Freeze, Kill, read_fault
+from edc_swarm.protocol.completion import STILL_SLOTS
 from edc_swarm.protocol.events import EventKind
 from edc_swarm.protocol.hindrance import Place, hindrances, places_of, point
 from edc_swarm.protocol.messages import Event, Report
@@ -30,8 +31,6 @@ Bools = NDArray[np.bool_]
 
 STUCK_SLOTS = 20
 """A UAV is stuck if it has come no nearer to its target for this many slots."""
-STILL_SLOTS = 10
-"""A UAV that has not moved for this many slots waits."""
 ENDS = {
     "completed": "the mission was ended before it had arrived",
     "max_slots": "ran out of slots",
@@ -265,7 +264,7 @@ class _Judge:
         """Return that the target of UAV `k` is covered, and that `k` is beside it if it waits near what covers it."""
         centre_m, r_m = self.tracks.centre_m[:, k], self.recording.mission.roster[k].r_m
         here_m, text = point(centre_m[-1]), f"target covered by {by[0]}"
-        still = len(centre_m) > STILL_SLOTS and math.dist(here_m, point(centre_m[-1 - STILL_SLOTS])) <= ARRIVED_M
+        still = len(centre_m) > STILL_SLOTS and math.dist(here_m, point(centre_m[-STILL_SLOTS])) <= ARRIVED_M
         gaps_m = [place.gap_m(here_m, r_m) for place in by]
         if still and 0 <= min(gaps_m) <= 2 * r_m:
             return self._not_home(k, "beside", f"waits beside its target: {text}", by=by[0].uav)

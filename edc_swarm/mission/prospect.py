@@ -2,9 +2,9 @@
 
 A mission is *settled* when its last fault is over: from then on only the swarm
 itself changes anything. G7 promises that `limit_slots` later every living UAV is at its target, if a quorum lives. The
-limit is 20 times the longest straight flight, and 200 slots. A mission lasts that long unless its file
-says otherwise (`max_slots`), so every mission that is not cut short can be judged. With the failsafe the limit is
-longer by the time after which a UAV that accepts no step has left the airspace.
+limit is 20 times the longest straight flight, and 200 slots, of which at least 150 are left when a UAV that accepts no
+step has left the airspace (the failsafe). A mission lasts that long unless its file
+says otherwise (`max_slots`), so every mission that is not cut short can be judged.
 
 Faults that never end are no reason not to judge. What is promised then:
 
@@ -45,6 +45,8 @@ from edc_swarm.mission.faults import (
     resolve,
 )
 
+LEAST_WAIT_SLOTS = 200
+"""Slots of the limit beside those for the way: for fail-overs, for waiting, for hulls that vanish."""
 MOST_LOSS = 0.5
 """Share of lost or late messages up to which progress is promised."""
 FAULT_SLACK_SLOTS = 20
@@ -98,11 +100,11 @@ def prospect_of(mission: Mission, faults: Sequence[Fault]) -> Prospect:
     obstacle = _router_gone(faults) or _clock_wrong(mission, faults) or cut or link
     longest_m = max((entry.straight_m for entry in mission.roster), default=0.0)
     step_m = mission.v_max_mps * mission.dt_s
-    if 20 * longest_m >= step_m * (MOST_SLOTS - 200):
+    if 20 * longest_m >= step_m * (MOST_SLOTS - LEAST_WAIT_SLOTS):
         return Prospect(MOST_SLOTS, side, obstacle)
-    slots = (math.ceil(20 * longest_m / step_m) + 200) / _share_in_time(missed)
     failsafe = failsafe_of(mission)
-    slots += failsafe.slots if failsafe is not None else 0
+    waits = LEAST_WAIT_SLOTS if failsafe is None else max(LEAST_WAIT_SLOTS, LEAST_WAIT_SLOTS - 50 + failsafe.slots)
+    slots = (math.ceil(20 * longest_m / step_m) + waits) / _share_in_time(missed)
     return Prospect(min(math.ceil(slots), MOST_SLOTS), side, obstacle, lossy=missed > 0)
 
 

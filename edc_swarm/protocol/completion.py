@@ -17,6 +17,8 @@ STALL_SLOTS = 100
 
 Guidance has its own rules for UAVs that stand still, the longest of 32 slots.
 """
+STILL_SLOTS = 20
+"""A UAV whose target is covered waits beside it if it has not moved for this many slots."""
 NO_STEP_SHARE = 1e-4
 """Share of the longest step below which a step counts as none: in a jam steps may get shorter without end."""
 
@@ -33,11 +35,11 @@ class MissionMonitor:
         self._mission = mission
         self._roster = frozenset(entry.uav for entry in mission.roster)
         self._newest: dict[str, Fix] = {}
+        self._moved_slot: dict[str, int] = {}
         self._ended: set[str] = set()
         faults = parse_faults(mission)
         self._settled_slot, self._side = settled_slot(mission, faults), prospect_of(mission, faults).side
         self._failsafe = failsafe_of(mission)
-        self._patience_slots = STALL_SLOTS + (self._failsafe.slots if self._failsafe is not None else 0)
         self._still_m = NO_STEP_SHARE * mission.u_max_m
         self._still_plans = 0
         self._planned = (-1, -1)
@@ -50,6 +52,7 @@ class MissionMonitor:
         if known is None or fix.slot >= known.slot:
             self._newest[fix.uav] = fix
         if self._is_step((fix.from_x_m, fix.from_y_m), (fix.waypoint_x_m, fix.waypoint_y_m)) and fix.executing:
+            self._moved_slot[fix.uav] = max(fix.slot, self._moved_slot.get(fix.uav, -1))
             self._change()
 
     def hear_command(self, command: Command) -> None:
@@ -64,6 +67,8 @@ class MissionMonitor:
             return
         if report.has_quorum and (known is None or (report.term, report.slot) >= (known.term, known.slot)):
             self.report = report
+        if self._failsafe is not None and not set(report.unheard) <= set(report.landed):
+            return
         if report.has_quorum and report.slot >= self._settled_slot and (report.term, report.slot) > self._planned:
             self._still_plans = self._still_plans + 1 if report.term == self._planned[0] else 1
             self._planned = (report.term, report.slot)
@@ -101,7 +106,10 @@ class MissionMonitor:
         return sum(fix.arrived for fix in self._newest.values())
 
     def complete(self, slot: int) -> bool:
-        """Return True if the fixes of `slot` show every flying UAV at its target, or at a target that is covered."""
+        """Return True if the fixes of `slot` show every flying UAV at its target, or unable to get there.
+
+        A UAV whose target is covered for good flies to the nearest free place first, and waits there.
+        """
         flying = [entry for entry in self._mission.roster if not self._grounded(entry.uav)]
         away = []
         for entry in flying:
@@ -113,7 +121,11 @@ class MissionMonitor:
         if not away or len(flying) == len(self._mission.roster):
             return bool(flying) and not away
         places = [place for other in self._mission.roster for place in self._places(other)]
-        return len(hindrances(away, places)) == len(away)
+        found = hindrances(away, places)
+        return len(found) == len(away) and all(
+            found[entry.uav].kind != "covered" or slot - self._moved_slot.get(entry.uav, -STILL_SLOTS) >= STILL_SLOTS
+            for entry, _ in away
+        )
 
     def stalled(self, slot: int) -> bool:
         """Return True if the fixes, commands and reports until `slot` show that nothing can change any more.
@@ -123,13 +135,13 @@ class MissionMonitor:
         - a head has made `STALL_SLOTS` consecutive plans of one term without a move, while no UAV moved; or
         - for `STALL_SLOTS` slots too few UAVs were left for a quorum (on one side, if a partition lasts).
 
-        With the failsafe both numbers are larger by the slots until a UAV that flies no more has left the airspace.
+        With the failsafe a plan proves nothing either while a UAV is unheard that has not landed: its hull will go.
         Slots without a plan prove nothing: a planner may be slow, or a network may have no head for long. A plan with
         a move is no standstill, even if its commands come late.
         """
         if sum(not self._grounded(uav) for uav in self._side) < self._mission.quorum:
-            return slot - max(self._changed_slot, self._settled_slot) >= self._patience_slots
-        return self._still_plans >= self._patience_slots
+            return slot - max(self._changed_slot, self._settled_slot) >= STALL_SLOTS
+        return self._still_plans >= STALL_SLOTS
 
     def _is_step(self, from_m: tuple[float, float], to_m: tuple[float, float]) -> bool:
         return math.dist(from_m, to_m) > self._still_m

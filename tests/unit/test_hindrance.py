@@ -146,7 +146,7 @@ ROSTER = [
 
 def monitor(scale: int = 1) -> MissionMonitor:
     """A monitor that has heard in slot 9 that e is at its target, and the others `scale` times as far out as above."""
-    judge = MissionMonitor(Mission(uavs=5, roster=ROSTER))
+    judge = MissionMonitor(Mission(uavs=5, roster=ROSTER, failsafe="hold"))
     for entry in ROSTER:
         x_m, y_m = scale * entry.start_x_m, scale * entry.start_y_m
         place = {"x_m": x_m, "y_m": y_m, "waypoint_x_m": x_m, "waypoint_y_m": y_m}
