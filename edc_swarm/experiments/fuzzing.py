@@ -94,6 +94,7 @@ def scenario(seed: int, kept: Collection[int] | None = None) -> Mission:
         "handover_margin": rng.choice([0.0, 0.1]),
         "planner": rng.choice([RECKLESS, RECKLESS, RECKLESS, "edc"]),
         "link": _links(rng),
+        **_failsafe(Random(f"fuzz/{seed}/failsafe")),
     }
     if fields["planner"] == RECKLESS:
         fields["max_slots"] = RECKLESS_SLOTS
@@ -103,6 +104,7 @@ def scenario(seed: int, kept: Collection[int] | None = None) -> Mission:
     faults = _schedule(rng, mission)
     if fields["planner"] != RECKLESS:
         faults += _for_good(Random(f"fuzz/{seed}/for-good"), mission)
+    faults += _about_landings(Random(f"fuzz/{seed}/landings"), mission)
     chosen = faults if kept is None else [fault for index, fault in enumerate(faults) if index in kept]
     return mission_from_dict({**fields, "area_m2": mission.area_m2, "fault": chosen})
 
@@ -250,6 +252,33 @@ def _links(rng: Random) -> list[dict[str, Any]]:
     if rng.random() < 0.5:
         link |= {"duplicate": 0.2, "reorder": 0.2}
     return [link]
+
+
+def _failsafe(rng: Random) -> dict[str, Any]:
+    """Draw the failsafe: none, the default one, or one so short that UAVs land and hulls go within the mission."""
+    limits = {"land_after_s": rng.choice([0.5, 3.0, 4.0]), "landing_s": rng.choice([0.0, 0.5, 2.0])}
+    return rng.choice([{"failsafe": "hold"}, {}, limits, limits])
+
+
+def _about_landings(rng: Random, mission: Mission) -> list[str]:
+    """Draw, in every other mission with a short failsafe, a UAV that is gone until it lands, or a little longer."""
+    failsafe = failsafe_of(mission)
+    if failsafe is None or failsafe.slots > LAST_FAULT_SLOT or rng.random() < 0.5:
+        return []
+    uav, at_s = _id(rng, mission), rng.randint(3, 25) * mission.dt_s + rng.choice([-0.002, 0.001, 0.01, 0.3, 0.45])
+    away_s = mission.dt_s * (
+        failsafe.wait_slots + rng.choice([0, 1, 2, failsafe.descent_slots, failsafe.descent_slots + 5])
+    )
+    mid_step = rng.choice(["", " mid-step"])
+    return rng.choice(
+        [
+            [f"kill {uav}{mid_step} @{at_s:.3f}s"],
+            [f"kill {uav}{mid_step} @{at_s:.3f}s", f"restart {uav} @{at_s + away_s:.3f}s"],
+            [f"freeze {uav}{mid_step} @{at_s:.3f}s for {away_s:.3f}s"],
+            [f"partition {uav}|rest @{at_s:.3f}s for {away_s:.3f}s"],
+            [f"partition {uav}>rest @{at_s:.3f}s for {away_s:.3f}s"],
+        ]
+    )
 
 
 def _schedule(rng: Random, mission: Mission) -> list[str]:

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterator
-from itertools import pairwise
 
 import numpy as np
 
@@ -34,7 +33,7 @@ def check_fencing(evidence: Evidence) -> GuaranteeResult:
 
 
 def _risen(evidence: Evidence) -> Iterator[Violation]:
-    """Yield a violation for each UAV that executes a step after its failsafe has made it land.
+    """Yield a violation for each UAV that executes a step, or still publishes fixes, after it had to land.
 
     A slot with a command and without a fix may have had an accepted step.
     """
@@ -47,12 +46,16 @@ def _risen(evidence: Evidence) -> Iterator[Violation]:
         if k >= 0 and 0 <= slot < tracks.slots:
             maybe[slot, k] |= not tracks.heard[slot, k]
     for k, uav in enumerate(tracks.uavs):
-        slots = [-1, *np.flatnonzero(maybe[:, k]).tolist()]
-        for stepped_slot, slot in pairwise(slots if uav not in evidence.fixes_lost() else ()):
-            landing_slot = failsafe.landing_slot(stepped_slot)
-            if slot > landing_slot and tracks.executed[slot, k]:
-                text = f"{uav} executes a step although it had to land in slot {landing_slot}"
-                yield Violation("after-landing", text, slot, [uav])
+        if uav in evidence.fixes_lost():
+            continue
+        stepped = [-1, *np.flatnonzero(maybe[:, k]).tolist(), tracks.slots + failsafe.wait_slots]
+        for landing_slot, slot in zip(map(failsafe.landing_slot, stepped), stepped[1:], strict=False):
+            late = slot > landing_slot and slot < tracks.slots and tracks.executed[slot, k]
+            fixes = np.flatnonzero(tracks.heard[landing_slot:slot, k])
+            if late or len(fixes):
+                first, what = (landing_slot + int(fixes[0]), "still flies") if len(fixes) else (slot, "executes a step")
+                text = f"{uav} {what} although it had to land in slot {landing_slot}"
+                yield Violation("after-landing", text, first, [uav])
 
 
 def _absent(evidence: Evidence) -> dict[str, set[int]]:
