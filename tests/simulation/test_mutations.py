@@ -24,6 +24,7 @@ from edc_swarm.agent.node import Effect, Persist, UavNode
 from edc_swarm.experiments import fuzzing
 from edc_swarm.geometry import Floats
 from edc_swarm.mission.configuration import Mission
+from edc_swarm.mission.roster import complete_mission
 from edc_swarm.mission.validation import mission_from_dict
 from edc_swarm.planner.edc import Edc
 from edc_swarm.planner.guidance import Guidance, Scene
@@ -366,16 +367,10 @@ def deaths(seed: int) -> Mission:
 
 
 def deaf_candidates(seed: int) -> Mission:
-    """A head that dies, and standbys that have not heard one UAV for long, which the head commanded all the time."""
-    faults = []
-    for k in range(3):
-        deaf_s = (4 + 16 * k) * 0.5
-        faults += [
-            f"partition u00{1 + (seed + k) % 7}>u00{1 + j} @{deaf_s:.3f}s for 6.2"
-            for j in range(7)
-            if j != (seed + k) % 7
-        ]
-        faults.append(f"restart head @{deaf_s + 5.51:.3f}s")
+    """A head that dies, when nobody else has heard one UAV for long, which the head commanded all the time."""
+    roster = complete_mission(_crowd(seed, [], uavs=7, standbys=3, **SHORT)).roster
+    head, *others, uav = [entry.uav for entry in sorted(roster, key=lambda entry: -entry.energy_j)]
+    faults = [f"partition {uav}>{','.join(others)} @2s for 30", f"restart {head} @{8.01 + seed % 3:.2f}s"]
     return _crowd(seed, faults, uavs=7, standbys=3, **SHORT)
 
 
