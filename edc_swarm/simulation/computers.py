@@ -321,11 +321,9 @@ class Computer:
         if process.stop_mid_step is not None and len(effects) > 1:
             self._break_off(process, process.stop_mid_step, effects)
             return
-        for effect in effects:
+        for done, effect in enumerate(effects):
             if isinstance(effect, Persist) and self._comes_too_late(effect):
-                process.node.ended = True
-                self._carry_out_one(process.node.event(EventKind.LANDED, "the vehicle landed before the step began"))
-                self._carry_out_one(Land())
+                self._carry_out(process, process.node.ground(effects[done:]))
                 return
             self._carry_out_one(effect)
 

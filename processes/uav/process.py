@@ -264,11 +264,13 @@ class UavProcess:
             self._carry_out(self._flight.node.step(event, self._clock.now_ns()))
 
     def _carry_out(self, effects: Sequence[Effect]) -> None:
-        for effect in effects:
+        for done, effect in enumerate(effects):
             match effect:
                 case Persist(promise, airframe):
                     if self._comes_too_late(airframe):
-                        break
+                        assert self._flight is not None
+                        self._carry_out(self._flight.node.ground(effects[done:]))
+                        return
                     self._state.write(promise, airframe)
                 case Publish(message):
                     self._publisher.publish(message)
@@ -284,14 +286,9 @@ class UavProcess:
         self._outbox.flush()
 
     def _comes_too_late(self, airframe: Airframe) -> bool:
-        """Leave, and return True, if the vehicle has landed and so does not accept the step to be written."""
-        flight = self._flight
-        assert flight is not None
-        if not comes_too_late(airframe, self._state.airframe, flight.mission, self._clock.now_ns()):
-            return False
-        flight.node.ended = self._leaving = True
-        self._publisher.publish(flight.node.event(EventKind.LANDED, "the vehicle landed before the step began").message)
-        return True
+        """Return True if the vehicle has begun to land and so does not accept the step to be written."""
+        assert self._flight is not None
+        return comes_too_late(airframe, self._state.airframe, self._flight.mission, self._clock.now_ns())
 
     def _take_planner(self, faults: LocalFaults, planner: Planner) -> None:
         faults.planner = SlowPlanner(planner)

@@ -299,11 +299,12 @@ def hull_dropped_by_the_fix_alone(patch: Patch) -> None:
 
 def landed_uav_that_flies(patch: Patch) -> None:
     """The vehicle never lands, and accepts a step after any time."""
-    patch.setattr(vehicle.Vehicle, "landing_slot", None)
+    patch.setattr(vehicle, "failsafe_of", lambda _: None)
 
 
 def limit_forgotten_over_a_restart(patch: Patch) -> None:
-    """The time without an accepted step begins anew with each process."""
+    """The time without an accepted step begins anew with each process, also for its vehicle."""
+    patch.setattr(computers, "comes_too_late", lambda *_: False)
     begin = UavNode._begin_slots
 
     def mutant(self: UavNode, now_ns: int) -> bool:
@@ -312,11 +313,6 @@ def limit_forgotten_over_a_restart(patch: Patch) -> None:
         return begin(self, now_ns)
 
     patch.setattr(UavNode, "_begin_slots", mutant)
-
-
-def late_write_accepted(patch: Patch) -> None:
-    """A vehicle that has landed accepts the step of a process that froze before it wrote."""
-    patch.setattr(computers, "comes_too_late", lambda *_: False)
 
 
 def freezes(seed: int) -> Mission:
