@@ -75,7 +75,7 @@ class WantPlanner:
 
 @dataclass(frozen=True, slots=True)
 class Land:
-    """End of this UAV: it lands at its waypoint and stays as an obstacle."""
+    """End of this UAV: it lands at its waypoint and never flies again."""
 
 
 Effect = Persist | Publish | Listen | WantPlanner | Land

@@ -59,7 +59,13 @@ class Flight:
             return None
         x_m, y_m = self._vehicle.waypoint_m
         return Promise(
-            slot=slot, term=grant[0], head=grant[1], waypoint_x_m=x_m, waypoint_y_m=y_m, course=self._vehicle.course
+            slot=slot,
+            term=grant[0],
+            head=grant[1],
+            waypoint_x_m=x_m,
+            waypoint_y_m=y_m,
+            stepped_slot=self._vehicle.stepped_slot,
+            course=self._vehicle.course,
         )
 
     def _situation(self, slot: int, command: Command, grant: Grant, late: bool) -> Situation:
@@ -72,4 +78,5 @@ class Flight:
             late_tick=late,
             energy_j=self._vehicle.energy_j,
             step_energy_j=self._vehicle.step_energy_j(length_m),
+            landing_slot=self._vehicle.landing_slot,
         )

@@ -5,7 +5,8 @@ Rules kept here (named as in ARCHITECTURE.md):
 - *quorum*: the head counts it anew in every slot, among the UAVs heard in that slot and itself;
 - *heard*: the head commands for slot t + 1 only UAVs heard in slot t;
 - *once*: the head makes one plan per (term, slot); a restarted process never plans in a term on its disk;
-- *hull*: the plan keeps clear of every place where an unheard UAV can be; the head remembers hulls per term.
+- *hull*: the plan keeps clear of every place where an unheard UAV can be; the head remembers hulls per term;
+- *landed*: an unheard UAV that the failsafe has taken out of the airspace has no hull.
 """
 
 from __future__ import annotations
@@ -16,6 +17,7 @@ from dataclasses import dataclass, field
 
 from edc_swarm.agent.knowledge import Grant, HullRules, Knowledge
 from edc_swarm.mission.configuration import Mission
+from edc_swarm.mission.failsafe import failsafe_of
 from edc_swarm.planner.interface import Hull, Plan, Planner, PlanRequest
 from edc_swarm.protocol.messages import Command, Fix, Report
 
@@ -64,6 +66,7 @@ class Head:
         self._knowledge = knowledge
         self._quorum = mission.quorum
         self._rules = HullRules({entry.uav: mission.step_m(entry) for entry in mission.roster}, mission.lag_slots)
+        self._failsafe = failsafe_of(mission)
         self._roster = {entry.uav: entry for entry in mission.roster}
         self._index = {entry.uav: index for index, entry in enumerate(mission.roster)}
         self.office = Office((0, ""))
@@ -111,9 +114,19 @@ class Head:
         return Outcome(commands, self._report(slot, fixes, hulls, plan), plan.problem)
 
     def hulls(self, slot: int) -> dict[str, Hull]:
-        """Return the hull of every UAV not heard in `slot`, in roster order."""
+        """Return the hull of every UAV not heard in `slot`, in roster order, but of those that have landed."""
         heard = set(self.heard(slot))
-        return {uav: self._hull(uav) for uav in self._roster if uav not in heard}
+        return {
+            uav: self._hull(uav) for uav in self._roster if uav not in heard and not self._has_landed(uav, slot + 1)
+        }
+
+    def _has_landed(self, uav: str, slot: int) -> bool:
+        """Return True if the failsafe has taken an unheard UAV out of the airspace before `slot` begins."""
+        if self._failsafe is None:
+            return False
+        office = self.office
+        stepped_slot = self._knowledge.last_step(uav, office.grant, office.t0, office.sent)
+        return self._knowledge.has_landed(uav, slot, self._failsafe.free_slot(stepped_slot))
 
     def _hull(self, uav: str) -> Hull:
         office = self.office
@@ -181,6 +194,7 @@ class Head:
 
     def _report(self, slot: int, fixes: Sequence[Fix], hulls: dict[str, Hull], plan: Plan) -> Report:
         heard = [fix.uav for fix in fixes]
+        unheard = [uav for uav in self._roster if uav not in set(heard)]
         listed = {**hulls, self._uav: self._hull(self._uav)}
         return Report(
             head=self._uav,
@@ -189,7 +203,7 @@ class Head:
             planner=self._mission.planner,
             status=plan.status,
             heard=heard,
-            unheard=list(hulls),
+            unheard=unheard,
             grants=heard,
             quorum=self._quorum,
             plan_ms=plan.guidance_ms + plan.assemble_ms + plan.solve_ms,
@@ -204,6 +218,7 @@ class Head:
             hull_bx_m=[hull.bx_m for hull in listed.values()],
             hull_by_m=[hull.by_m for hull in listed.values()],
             hull_r_m=[hull.radius_m for hull in listed.values()],
+            landed=[uav for uav in unheard if uav not in hulls],
         )
 
 

@@ -6,6 +6,7 @@ Rules kept here (named as in ARCHITECTURE.md):
 - *newest*: fixes are ordered by (slot, term), so late, duplicated or reordered ones change nothing;
 - *no fix from the future*: a fix of a slot that has not begun here waits until the slot begins;
 - *hull*: all places where an unheard UAV can be, for the head of one term that plans one slot;
+- *landed*: a UAV whose failsafe has taken it out of the airspace has no hull;
 - *lost memory*: the fix of a UAV that lost its promise does not tell its position.
 """
 
@@ -35,6 +36,7 @@ class Knowledge:
         self._granting: Counter[tuple[int, int, str]] = Counter()
         self._early: dict[str, Fix] = {}
         self._relayed: dict[str, tuple[int, int, Hull]] = {}
+        self._free_from: dict[str, int] = {}
 
     def hear_fix(self, fix: Fix, slot: int) -> None:
         """Keep a fix if it is the newest of its UAV; `slot` is the receiver's current slot."""
@@ -57,7 +59,12 @@ class Knowledge:
                 del self._granting[key]
 
     def hear_report(self, report: Report) -> None:
-        """Keep the hulls of a report: of the UAVs that its head did not hear, and of the head itself."""
+        """Keep the hulls of a report: of the UAVs that its head did not hear, and of the head itself.
+
+        A UAV that the report gives as landed has left the airspace for good: what proves it holds in every term.
+        """
+        for uav in report.landed:
+            self._free_from[uav] = min(report.slot + 1, self._free_from.get(uav, report.slot + 1))
         age = report.slot, report.term
         for uav, *shape in zip(report.hull_uav, *report.hull_columns, strict=False):
             known = self._relayed.get(uav)
@@ -121,6 +128,26 @@ class Knowledge:
             (_grown(place, rules.u_max_m[uav] * max(0, t0 + 1 - slot)) for slot, place in seen),
             key=lambda hull: hull.radius_m,
         )
+
+    def last_step(self, uav: str, grant: Grant, t0: int, sent: Mapping[str, Command]) -> int:
+        """Return a slot after which unheard `uav` has accepted no step in the slots that `grant` and older terms plan.
+
+        (a) Its newest fix carries `grant`: the slot of the command sent for the slot after that fix, else of the fix.
+        (b) Otherwise: the slot of the fix, or t0 + 1 if that is later and the fix carries an older term.
+        """
+        fix = self.newest.get(uav)
+        if fix is None:
+            return t0 + 1
+        if (fix.term, fix.head) == grant:
+            command = sent.get(uav)
+            return max(fix.slot, command.slot if command is not None else -1)
+        return max(fix.slot, t0 + 1)
+
+    def has_landed(self, uav: str, slot: int, free_slot: int) -> bool:
+        """Return True if `uav` is out of the airspace before `slot` begins; the own evidence says: from `free_slot`."""
+        if slot >= free_slot:
+            self._free_from.setdefault(uav, free_slot)
+        return slot >= self._free_from.get(uav, free_slot)
 
     def _seen(self, uav: str, term: int, rules: HullRules) -> Iterator[tuple[int, Hull]]:
         """Yield (slot, place): known places of `uav` at ends of slots, by its fix, by a head's report, else the roster.

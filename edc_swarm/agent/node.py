@@ -18,7 +18,7 @@ A slot, from inside (the rules are named in ARCHITECTURE.md):
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 
 from edc_swarm.agent.effects import (
     Effect,
@@ -180,26 +180,29 @@ class UavNode:
         self._flight.begin_slot(slot, slots, self.grant, self._clock.is_late(slot, now_ns))
         self._knowledge.begin_slot(slot)
         self._election.begin_slot(slot)
-        exhausted = self._vehicle.energy_j <= 0.0
-        again = self._lacks_command() and not exhausted
-        self._again_ns = self._clock.start_ns(slot) + self._clock.tau_ns // 2 if again else None
-        if exhausted:
-            self._end()
+        known = self._said is not None and self._said[0] == self.grant
+        lacks_command = known and self.grant[0] > 0 and self._flight.flown is None
+        self._again_ns = self._clock.start_ns(slot) + self._clock.tau_ns // 2 if lacks_command else None
+        if self._vehicle.energy_j <= 0.0:
+            self._end(EventKind.BATTERY_EMPTY)
+        elif self._vehicle.must_land(slot):
+            self._end(EventKind.LANDED, f"no accepted step since slot {self._vehicle.stepped_slot}")
         else:
             self._say(now_ns, with_truth=True)
         return True
 
-    def _lacks_command(self) -> bool:
-        """Return True if the head granted was known before this slot and this UAV has no command of it to fly."""
-        known = self._said is not None and self._said[0] == self.grant
-        return known and self.grant[0] > 0 and self._flight.flown is None
-
-    def _end(self) -> None:
-        """End with an empty battery: the UAV lands at its waypoint and stays an obstacle."""
+    def ground(self, unsaid: Sequence[Effect]) -> list[Effect]:
+        """End, since the vehicle landed before it could accept a step; `unsaid` are the effects that never happen."""
         self.ended = True
+        self._outgoing.take_back([effect.message for effect in unsaid if isinstance(effect, Publish)])
+        return [self.event(EventKind.LANDED, "a step came too late"), Land()]
+
+    def _end(self, kind: EventKind, detail: str = "") -> None:
+        """End with an empty battery, or by the failsafe: the UAV lands at its waypoint and never flies again."""
+        self.ended, self._again_ns = True, None
         self._persist()
         self._publish(self._outgoing.truth(self.slot, self._vehicle))
-        self._out.append(self.event(EventKind.BATTERY_EMPTY))
+        self._out.append(self.event(kind, detail))
         self._out.append(Land())
 
     # --- messages ----------------------------------------------------------------------------

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from typing import TypeVar
 
 import msgspec
@@ -45,6 +45,12 @@ class Outgoing:
         seq = self.seqs.get(key, -1) + 1
         self.seqs[key] = seq
         return msgspec.structs.replace(message, instance=self._instance, seq=seq)
+
+    def take_back(self, unsaid: Sequence[Message]) -> None:
+        """Give the numbers of stamped messages that are never published to the next ones on their keys."""
+        for message in unsaid:
+            key = self._keys.of(message)
+            self.seqs[key] = min(self.seqs[key], message.seq - 1)
 
     def event(self, slot: int, kind: EventKind, detail: str) -> Event:
         """Return an event, not yet stamped."""

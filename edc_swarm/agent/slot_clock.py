@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from edc_swarm.agent.vehicle import LATE_FRACTION
+from edc_swarm.mission.failsafe import LATE_FRACTION
 from edc_swarm.protocol.messages import Fix, MissionMessage
 
 

@@ -5,7 +5,9 @@ Rules kept here (named as in ARCHITECTURE.md):
 - *promise*: the UAV persists (slot, term, head, waypoint, course) before any other effect; slot and term
   never decrease, and within a term the head never changes;
 - *validity*: `refusal` has all reasons for which a UAV rejects a command;
-- *flight*: the vehicle completes an accepted step within its slot, even if the process dies.
+- *flight*: the vehicle completes an accepted step within its slot, even if the process dies;
+- *failsafe*: the vehicle lands a fixed time after its last accepted step, even if the process dies, and never flies
+  again. The promise and the airframe keep the slot of that step, and `refusal` compares it with the limit.
 """
 
 from __future__ import annotations
@@ -19,21 +21,24 @@ from edc_swarm.agent.knowledge import Grant
 from edc_swarm.emulation.energy import step_energy_j
 from edc_swarm.emulation.gps import GpsReceiver
 from edc_swarm.mission.configuration import GpsModel, Mission, RosterEntry
+from edc_swarm.mission.failsafe import LATE_FRACTION, failsafe_of
 from edc_swarm.mission.routes import Course
-from edc_swarm.protocol.messages import NO_ONE, Command
-
-LATE_FRACTION = 0.2
-"""A tick later than this fraction of the slot is late: the UAV holds and counts it."""
+from edc_swarm.protocol.messages import NO_ONE, Command, MissionMessage
 
 
 class Promise(Struct, frozen=True, kw_only=True):
-    """Promise that a UAV keeps on disk, with its course. Slot, term and goal only grow, and a term has one head."""
+    """Promise that a UAV keeps on disk, with its course. Slot, term and goal only grow, and a term has one head.
+
+    `stepped_slot` is the slot of the last accepted step, -1 for none. With the mission's limits it is the promise when
+    the UAV lands, which is on the disk before the step is flown.
+    """
 
     slot: int = -1
     term: int = 0
     head: str = NO_ONE
     waypoint_x_m: float
     waypoint_y_m: float
+    stepped_slot: int = -1
     course: Course = Course()
 
     @property
@@ -43,11 +48,12 @@ class Promise(Struct, frozen=True, kw_only=True):
 
 
 class Airframe(Struct, frozen=True, kw_only=True):
-    """Emulated body, which outlives the process: the centre of the tracked disc, and the battery."""
+    """Emulated body, which outlives the process: the centre of the tracked disc, the battery, the last step's slot."""
 
     x_m: float
     y_m: float
     energy_j: float
+    stepped_slot: int = -1
 
 
 def first_promise(entry: RosterEntry) -> Promise:
@@ -60,9 +66,24 @@ def first_airframe(entry: RosterEntry) -> Airframe:
     return Airframe(x_m=entry.start_x_m, y_m=entry.start_y_m, energy_j=entry.energy_j)
 
 
+def comes_too_late(after: Airframe, before: Airframe, mission: MissionMessage, now_ns: int) -> bool:
+    """Return True if the vehicle does not accept the step that leads to `after`, since it has begun to land.
+
+    A process that freezes between its decision and its write would else accept a step after any time.
+    """
+    failsafe = failsafe_of(mission)
+    if failsafe is None or after.stepped_slot == before.stepped_slot:
+        return False
+    began_ns = (failsafe.landing_slot(before.stepped_slot) + LATE_FRACTION) * mission.slot_ns
+    return now_ns - mission.epoch_ns > began_ns
+
+
 @dataclass(frozen=True, slots=True)
 class Situation:
-    """State of a UAV at the tick of `slot`, which decides whether it may fly a command."""
+    """State of a UAV at the tick of `slot`, which decides whether it may fly a command.
+
+    `landing_slot` is the last slot in which it may accept a step, None without a failsafe.
+    """
 
     slot: int
     grant: Grant
@@ -71,6 +92,7 @@ class Situation:
     late_tick: bool
     energy_j: float
     step_energy_j: float
+    landing_slot: int | None = None
 
 
 def refusal(command: Command, now: Situation) -> str | None:
@@ -87,6 +109,7 @@ def refusal(command: Command, now: Situation) -> str | None:
         (length_m > now.u_max_m, "longer than a slot allows"),
         (now.late_tick, "the tick was late"),
         (now.energy_j < now.step_energy_j, "the battery does not cover it"),
+        (now.landing_slot is not None and now.slot > now.landing_slot, "the vehicle has landed"),
     )
     return next((reason for broken, reason in reasons if broken), None)
 
@@ -109,11 +132,23 @@ class Vehicle:
         self.from_m = self.waypoint_m
         self.energy_j = airframe.energy_j
         self.position_m = self.waypoint_m
+        self.stepped_slot = max(airframe.stepped_slot, promise.stepped_slot if promise is not None else -1)
+        self._failsafe = failsafe_of(mission)
 
     @property
     def airframe(self) -> Airframe:
         """The body to persist."""
-        return Airframe(x_m=self.waypoint_m[0], y_m=self.waypoint_m[1], energy_j=self.energy_j)
+        x_m, y_m = self.waypoint_m
+        return Airframe(x_m=x_m, y_m=y_m, energy_j=self.energy_j, stepped_slot=self.stepped_slot)
+
+    @property
+    def landing_slot(self) -> int | None:
+        """Last slot in which the vehicle may accept a step, None without a failsafe."""
+        return None if self._failsafe is None else self._failsafe.landing_slot(self.stepped_slot)
+
+    def must_land(self, slot: int) -> bool:
+        """Return True if the failsafe lands the vehicle in `slot`, whose step it has accepted by now if at all."""
+        return self.landing_slot is not None and slot >= self.landing_slot
 
     @property
     def r_m(self) -> float:
@@ -145,6 +180,7 @@ class Vehicle:
         self.from_m = self.waypoint_m
         if command is not None:
             self.waypoint_m = (command.target_x_m, command.target_y_m)
+            self.stepped_slot = command.slot
         self.course = self.course.after_step(self._entry, self.from_m, self.waypoint_m, slots, self._mission.dt_s)
         length_m = math.hypot(self.waypoint_m[0] - self.from_m[0], self.waypoint_m[1] - self.from_m[1])
         hovered_j = self.step_energy_j(0.0) * (slots - 1)

@@ -42,9 +42,10 @@ class Columns:
         (S + 1, K) distance of each centre from its UAV's target.
     true_from_m, true_to_m
         (S, K, 2) true motion, NaN where unknown.
-    executed, lost, alive
-        (S, K) True where the UAV executed a command; where the recording lacks the motion; where the UAV flies
-        (a UAV that does not live at the end flies until its last known slot).
+    executed, lost, grounded, alive
+        (S, K) True where the UAV executed a command; where the recording lacks the motion; where the failsafe has
+        taken the UAV out of the airspace; where the UAV flies (a UAV that does not live at the end flies until its last
+        known slot).
     energy_j
         (S, K) battery, NaN in a slot without a fix.
     plan_slot, plan_ms
@@ -62,6 +63,7 @@ class Columns:
     true_to_m: Floats
     executed: NDArray[np.bool_]
     lost: NDArray[np.bool_]
+    grounded: NDArray[np.bool_]
     alive: NDArray[np.bool_]
     energy_j: Floats
     plan_slot: NDArray[np.int64]
@@ -94,6 +96,7 @@ def columns_from(recording: Recording, tracks: Tracks, living: NDArray[np.bool_]
         true_to_m=tracks.true_to_m,
         executed=tracks.executed,
         lost=tracks.lost,
+        grounded=tracks.grounded,
         alive=alive_in(tracks, living),
         energy_j=tracks.energy_j,
         plan_slot=np.array([plan.slot for plan in planned], np.int64),

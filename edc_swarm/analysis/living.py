@@ -46,7 +46,7 @@ def _stopped(recording: Recording) -> list[tuple[str, int]]:
     """Return (UAV, slot) of every event that ends, or may end, a UAV's flight."""
     stopped = []
     for event in recording.events:
-        if event.kind == EventKind.BATTERY_EMPTY:
+        if event.kind in {EventKind.BATTERY_EMPTY, EventKind.LANDED}:
             stopped.append((event.source, event.slot))
         elif event.kind == EventKind.FAULT:
             fault = read_fault(event.detail, recording.mission.dt_s)

@@ -19,6 +19,7 @@ from numpy.typing import NDArray
 from edc_swarm.analysis.columns import Columns, Floats, columns_from
 from edc_swarm.analysis.guarantees.completeness import unproved
 from edc_swarm.analysis.guarantees.evidence import Evidence, gather
+from edc_swarm.analysis.landing import Landing, landings
 from edc_swarm.analysis.living import living_at_end
 from edc_swarm.analysis.outcome import NotHome, home_at_end, not_home
 from edc_swarm.analysis.separation import encounters, least_gap_m
@@ -78,6 +79,8 @@ class Metrics(Struct, frozen=True, kw_only=True):
     arrived: int
     not_living: list[str]
     not_home: list[NotHome]
+    landed: list[Landing]
+    beside: list[str]
     potential_collisions: int | None
     true_collisions: int | None
     min_disc_gap_m: float | None
@@ -124,7 +127,7 @@ def compute_metrics(recording: Recording, timings: Sequence[Timing] = ()) -> Met
     first = min(commanded, default=None)
     last = int(arrival[living].max()) if settled else tracks.slots - 1
     makespan_s = _makespan_s(mission, arrival[living], first) if settled and known.motion else None
-    heads = _heads(recording)
+    heads, astray = _heads(recording), not_home(recording, tracks, living)
     separation = _separation(mission, tracks, known)
     path_m, straight_m = columns.step_m.sum(axis=0), np.array([voyage.straight_m for voyage in voyages.each])
     ended_m = _ended_m(voyages, columns.centre_m[-1])
@@ -137,7 +140,9 @@ def compute_metrics(recording: Recording, timings: Sequence[Timing] = ()) -> Met
         completed=_completed(recording, home, known),
         arrived=int(home.sum()),
         not_living=[uav for uav, alive in zip(tracks.uavs, living, strict=True) if not alive],
-        not_home=not_home(recording, tracks, living),
+        not_home=astray,
+        landed=landings(recording, tracks),
+        beside=[who.uav for who in astray if who.cause == "beside"],
         potential_collisions=separation.potential_collisions,
         true_collisions=separation.true_collisions,
         min_disc_gap_m=separation.min_disc_gap_m,
@@ -306,7 +311,7 @@ def _separation(mission: Mission, tracks: Tracks, known: _Known) -> _Separation:
     radius_m = np.array([entry.r_m for entry in mission.roster])
     body_m = np.array([entry.body_m for entry in mission.roster])
     from_m, to_m = tracks.seen_m
-    true_m = (tracks.true_from_m, tracks.true_to_m)
+    true_m = tracks.bodies_m
     return _Separation(
         _pairs(from_m, to_m, radius_m, -DISC_TOLERANCE_M) or (0 if known.fixes else None),
         _pairs(*true_m, body_m, -BODY_TOLERANCE_M) or (0 if known.fixes and known.truths else None),

@@ -7,6 +7,7 @@ guessed.
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterator
 from dataclasses import dataclass
 from typing import Literal
@@ -20,6 +21,7 @@ from edc_swarm.analysis.tracks import Tracks, tracks_of
 from edc_swarm.analysis.voyages import Voyages, voyages_of
 from edc_swarm.mission.configuration import ARRIVED_M, OPERATOR
 from edc_swarm.mission.faults import Freeze, Kill, read_fault
+from edc_swarm.protocol.completion import STILL_SLOTS
 from edc_swarm.protocol.events import EventKind
 from edc_swarm.protocol.hindrance import Place, hindrances, places_of, point
 from edc_swarm.protocol.messages import Event, Report
@@ -45,11 +47,13 @@ Cause = Literal[
     "frozen",
     "process-gone",
     "battery-empty",
+    "landed",
     "memory-lost",
     "never-heard",
     "record-incomplete",
     "silent",
     "target-covered",
+    "beside",
     "not-commanded",
     "commands-not-flown",
     "held",
@@ -59,8 +63,8 @@ Cause = Literal[
 ]
 
 
-CAUSES: dict[str, Cause] = {"covered": "target-covered", "held": "held", "closed in": "closed-in"}
-"""Cause by what hinders a UAV."""
+CAUSES: dict[str, Cause] = {"held": "held", "closed in": "closed-in"}
+"""Cause by what hinders a UAV from its target, which is free."""
 
 
 class NotHome(Struct, frozen=True):
@@ -196,8 +200,12 @@ class _Judge:
     def _ended_by(self, event: Event, uav: str) -> tuple[Cause, str] | None:
         """Return cause and reason if `event` ended the flight of `uav`, else None."""
         since = f"since slot {event.slot}"
-        if event.kind == EventKind.BATTERY_EMPTY and event.source == uav:
-            return "battery-empty", f"battery empty {since}"
+        if event.source == uav:
+            own: dict[str, tuple[Cause, str]] = {
+                EventKind.BATTERY_EMPTY: ("battery-empty", f"battery empty {since}"),
+                EventKind.LANDED: ("landed", f"landed in slot {event.slot}, cut off ({event.detail})"),
+            }
+            return own.get(event.kind)
         if event.source != OPERATOR:
             return None
         if event.kind == EventKind.EXITED and event.detail.startswith(f"{uav} "):
@@ -234,14 +242,13 @@ class _Judge:
         entry = self.voyages.each[k].present
         target_m = (entry.target_x_m, entry.target_y_m)
         obstacles = list(self._obstacles(k))
-        for obstacle in obstacles:
-            if obstacle.gap_m(target_m, entry.r_m) < 0:
-                return self._not_home(k, "target-covered", f"target covered by {obstacle}", by=obstacle.uav)
+        if covering := [obstacle for obstacle in obstacles if obstacle.gap_m(target_m, entry.r_m) < 0]:
+            return self._covered(k, covering)
         return self._left_alone(k) or self._hindered(k) or self._blocked(k, obstacles) or self._on_its_way(k)
 
     def _obstacles(self, k: int) -> Iterator[Place]:
-        """Yield the disc of every other UAV that is not home, and its hull if it does not live."""
-        for other in np.flatnonzero(~self.home).tolist():
+        """Yield the disc of every other UAV that is in the air and not home, and its hull if it does not live."""
+        for other in np.flatnonzero(~self.home & ~self.tracks.grounded[-1]).tolist():
             if other != k:
                 plan = None if self.living[other] else self.plan
                 yield from places_of(self.recording.mission.roster[other], point(self.tracks.centre_m[-1, other]), plan)
@@ -249,16 +256,27 @@ class _Judge:
     def _hindered(self, k: int) -> NotHome | None:
         """UAVs that do not live leave it no step, or no way to its target."""
         roster, centre_m = self.recording.mission.roster, self.tracks.centre_m[-1]
-        gone, away = np.flatnonzero(~self.living).tolist(), np.flatnonzero(self.living & ~self.home).tolist()
+        gone = np.flatnonzero(~self.living & ~self.tracks.grounded[-1]).tolist()
+        away = np.flatnonzero(self.living & ~self.home).tolist()
         places = [place for i in gone for place in places_of(roster[i], point(centre_m[i]), self.plan)]
         found = hindrances([(self.voyages.each[i].present, point(centre_m[i])) for i in away], places).get(
             roster[k].uav
         )
         if found is None:
             return None
-        cause = CAUSES[found.kind]
-        text = f"target {found}" if cause == "target-covered" else str(found)
-        return self._not_home(k, cause, text, by=found.uavs[0])
+        if found.kind == "covered":
+            return self._covered(k, found.by)
+        return self._not_home(k, CAUSES[found.kind], str(found), by=found.uavs[0])
+
+    def _covered(self, k: int, by: list[Place]) -> NotHome:
+        """Return that the target of UAV `k` is covered, and that `k` is beside it if it waits near what covers it."""
+        centre_m, r_m = self.tracks.centre_m[:, k], self.recording.mission.roster[k].r_m
+        here_m, text = point(centre_m[-1]), f"target covered by {by[0]}"
+        still = len(centre_m) > STILL_SLOTS and math.dist(here_m, point(centre_m[-STILL_SLOTS])) <= ARRIVED_M
+        gaps_m = [place.gap_m(here_m, r_m) for place in by]
+        if still and 0 <= min(gaps_m) <= 2 * r_m:
+            return self._not_home(k, "beside", f"waits beside its target: {text}", by=by[0].uav)
+        return self._not_home(k, "target-covered", text, by=by[0].uav)
 
     def _left_alone(self, k: int) -> NotHome | None:
         """Return that UAV `k` got no command, or flew none, for many slots up to the end, else None."""

@@ -56,13 +56,13 @@ def least_gap_m(from_m: Floats, to_m: Floats, radius_m: Floats) -> float:
 
 
 def least_gaps_m(from_m: Floats, to_m: Floats, radius_m: Floats) -> Floats:
-    """Return (S,) least gaps of any two discs in each slot; NaN for fewer than two UAVs."""
+    """Return (S,) least gaps of any two discs in each slot; NaN for fewer than two UAVs with known (not NaN) places."""
     first, second = np.triu_indices(len(radius_m), 1)
     least_m = np.full(len(from_m), np.nan)
     if len(first):
         sum_m = radius_m[first] + radius_m[second]
         for slot, (a_m, b_m) in enumerate(zip(from_m, to_m, strict=True)):
-            least_m[slot] = np.min(closest_approach_m(a_m[first], b_m[first], a_m[second], b_m[second]) - sum_m)
+            least_m[slot] = np.fmin.reduce(closest_approach_m(a_m[first], b_m[first], a_m[second], b_m[second]) - sum_m)
     return least_m
 
 

@@ -12,7 +12,8 @@ MAX_NAMED = 10
 def metric_rows(m: Metrics) -> list[tuple[str, str]]:
     """Return the rows (name, value) of a run's metrics."""
     heads = ", ".join(f"{h.head} (term {h.term}, slots {h.first_slot}-{h.last_slot})" for h in m.heads[:MAX_HEADS])
-    away = f"; not living: {', '.join(m.not_living)}" if m.not_living else ""
+    away = f"; beside their targets, which stay covered: {', '.join(m.beside)}" if m.beside else ""
+    away += f"; not living: {', '.join(m.not_living)}" if m.not_living else ""
     zones = [(m.inclusion_zones, "inclusion"), (m.exclusion_zones, "exclusion")]
     zones_said = ", ".join(f"{count} {kind}" for count, kind in zones if count)
     undone = [("faults not done", "; ".join(m.faults_undone))] if m.faults_undone else []
@@ -20,6 +21,7 @@ def metric_rows(m: Metrics) -> list[tuple[str, str]]:
         ("arrived", f"{m.arrived} of {m.uavs}{away}"),
         *_not_home(m),
         *([("zones", zones_said)] if zones_said else []),
+        *_landed(m),
         *_goals(m),
         *_deadlines(m),
         ("slots", f"{m.slots} ({m.duration_s:g} s), {_count(m.slots_missed)} without commands"),
@@ -71,6 +73,13 @@ def _finished(d: Deadline) -> str:
     if d.finished_s is None:
         return f"not there, by {d.finish_by_s:g} s"
     return f"{d.finished_s - d.finish_by_s:.2f} s late"
+
+
+def _landed(m: Metrics) -> list[tuple[str, str]]:
+    """Return a row with the UAVs that the failsafe has made land; no row if there are none."""
+    named = [str(landing) for landing in m.landed[:MAX_NAMED]]
+    named += [f"and {len(m.landed) - MAX_NAMED} more"] * (len(m.landed) > MAX_NAMED)
+    return [("landed", "; ".join(named))] if named else []
 
 
 def _makespan(m: Metrics) -> str:

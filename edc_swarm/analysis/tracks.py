@@ -19,6 +19,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from edc_swarm.errors import RecordingError
+from edc_swarm.mission.failsafe import failsafe_of
 from edc_swarm.protocol.messages import Command, Fix, Truth, roster_index
 from edc_swarm.recording.model import Recording
 
@@ -68,6 +69,8 @@ class Tracks:
         Steps that no fix reports.
     lost
         (S, K): True where the fix of the slot is missing from the recording and the motion is unknown.
+    grounded
+        (S, K): True where the failsafe has taken the UAV out of the airspace.
     """
 
     uavs: list[str]
@@ -79,6 +82,7 @@ class Tracks:
     energy_j: Floats
     silent: list[Step]
     lost: Bools
+    grounded: Bools
 
     @property
     def slots(self) -> int:
@@ -87,11 +91,19 @@ class Tracks:
 
     @property
     def seen_m(self) -> tuple[Floats, Floats]:
-        """(S, K, 2) centres at the start and at the end of every slot, NaN in lost slots, for use in verdicts."""
-        if not self.lost.any():
-            return self.centre_m[:-1], self.centre_m[1:]
-        known = ~self.lost[..., None]
-        return np.where(known, self.centre_m[:-1], np.nan), np.where(known, self.centre_m[1:], np.nan)
+        """(S, K, 2) centres at both ends of every slot, for use in verdicts: NaN where lost, or out of the airspace."""
+        return self._where(~self.lost & ~self.grounded, self.centre_m[:-1], self.centre_m[1:])
+
+    @property
+    def bodies_m(self) -> tuple[Floats, Floats]:
+        """(S, K, 2) true positions at both ends of every slot: NaN where unknown, or out of the airspace."""
+        return self._where(~self.grounded, self.true_from_m, self.true_to_m)
+
+    @staticmethod
+    def _where(known: Bools, from_m: Floats, to_m: Floats) -> tuple[Floats, Floats]:
+        if known.all():
+            return from_m, to_m
+        return np.where(known[..., None], from_m, np.nan), np.where(known[..., None], to_m, np.nan)
 
 
 def tracks_of(recording: Recording) -> Tracks:
@@ -134,7 +146,37 @@ def tracks_of(recording: Recording) -> Tracks:
     true_from_m[untold] = true_to_m[untold] = np.nan
     for t, k in _flown_before_birth(executed, truths, index):
         true_from_m[t, k] = true_to_m[t, k] - (centre_m[t + 1, k] - centre_m[t, k])
-    return Tracks(list(index), centre_m, true_from_m, true_to_m, heard, executed, energy_j, silent, lost)
+    grounded = _grounded(recording, executed, heard)
+    return Tracks(list(index), centre_m, true_from_m, true_to_m, heard, executed, energy_j, silent, lost, grounded)
+
+
+def last_slots(flags: Bools) -> Ints:
+    """Return (K,) the last slot of (S, K) flags that is true, -1 for none."""
+    slots = np.arange(len(flags))[:, None]
+    last: Ints = np.max(np.where(flags, slots, -1), axis=0, initial=-1)
+    return last
+
+
+def stepped_slots(recording: Recording, executed: Bools, heard: Bools) -> Ints:
+    """Return (K,) the slot of each UAV's last accepted step, -1 for none.
+
+    A UAV that is silent may have accepted a command for the slot after its newest fix, which then counts.
+    """
+    index, stepped, newest = roster_index(recording.mission.roster), last_slots(executed), last_slots(heard)
+    for command in recording.commands:
+        k = index.get(command.uav, -1)
+        if k >= 0 and command.slot == newest[k] + 1:
+            stepped[k] = max(stepped[k], command.slot)
+    return stepped
+
+
+def _grounded(recording: Recording, executed: Bools, heard: Bools) -> Bools:
+    failsafe = failsafe_of(recording.mission)
+    if failsafe is None or not len(executed):
+        return np.zeros_like(executed)
+    free = np.array([failsafe.free_slot(slot) for slot in stepped_slots(recording, executed, heard).tolist()])
+    grounded: Bools = np.arange(len(executed))[:, None] >= free
+    return grounded
 
 
 def _column(messages: Sequence[Any], name: str) -> Floats:

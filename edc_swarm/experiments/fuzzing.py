@@ -9,7 +9,7 @@ between two effects, and a planner that steers UAVs at each other, since safety 
 from __future__ import annotations
 
 import math
-from collections.abc import Collection, Sequence
+from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass
 from random import Random
 from typing import Any
@@ -26,6 +26,7 @@ from edc_swarm.errors import PlacementError
 from edc_swarm.experiments.random_zones import random_zones
 from edc_swarm.geometry import DISC_TOLERANCE_M, Floats, length_m, segment_distance_m
 from edc_swarm.mission.configuration import Mission
+from edc_swarm.mission.failsafe import failsafe_of
 from edc_swarm.mission.roster import complete_mission
 from edc_swarm.mission.validation import mission_from_dict
 from edc_swarm.planner.edc import Edc
@@ -101,6 +102,7 @@ def scenario(seed: int, kept: Collection[int] | None = None) -> Mission:
         "handover_margin": rng.choice([0.0, 0.1]),
         "planner": rng.choice([RECKLESS, RECKLESS, RECKLESS, "edc"]),
         "link": _links(rng),
+        **_failsafe(Random(f"fuzz/{seed}/failsafe")),
     }
     if fields["planner"] == RECKLESS:
         fields["max_slots"] = RECKLESS_SLOTS
@@ -115,6 +117,7 @@ def scenario(seed: int, kept: Collection[int] | None = None) -> Mission:
     faults = _schedule(rng, mission)
     if fields["planner"] != RECKLESS:
         faults += _for_good(Random(f"fuzz/{seed}/for-good"), mission)
+    faults += _about_landings(Random(f"fuzz/{seed}/landings"), mission)
     chosen = faults if kept is None else [fault for index, fault in enumerate(faults) if index in kept]
     return mission_from_dict({**fields, "area_m2": mission.area_m2, "fault": chosen, "zone": zones})
 
@@ -130,7 +133,7 @@ def fly(mission: Mission) -> list[str]:
         end = simulation.run()
     except AssertionError as error:
         return [f"assertion: {error}"]
-    seen = [*overlaps(message, end.motions), *trespasses(message, end.motions)]
+    seen = [*overlaps(message, end.motions, end.stepped_slot), *trespasses(message, end.motions)]
     return [*seen, *_broken(Recording.from_messages(said), _asked(mission))]
 
 
@@ -156,14 +159,16 @@ def smallest(finding: Counterexample) -> Counterexample:
     return finding
 
 
-def overlaps(mission: MissionMessage, motions: Sequence[Motion]) -> list[str]:
+def overlaps(mission: MissionMessage, motions: Sequence[Motion], stepped_slot: Mapping[str, int]) -> list[str]:
     """Return one line for each pair whose discs could overlap while flying `motions`, at any pace within each slot.
 
     The check compares the two segments flown in a slot as sets of points. The segment of the previous slot counts
     too with `lag_slots` 1, or if the UAV began it too late to finish it in time. A UAV that dies or freezes stays at
-    the end of its last step.
+    the end of its last step, until the failsafe has taken it out of the airspace: `stepped_slot` has the slot of each
+    UAV's last accepted step.
     """
     first, last = _paths(mission, motions)
+    _take_away(mission, stepped_slot, first, last)
     before_first, before_last = first.copy(), last.copy()
     still = _still_flying(mission, motions, len(first))
     before_first[1:][still[:-1]], before_last[1:][still[:-1]] = first[:-1][still[:-1]], last[:-1][still[:-1]]
@@ -198,6 +203,16 @@ def trespasses(mission: MissionMessage, motions: Sequence[Motion]) -> list[str]:
             uav, slot = motions[row].uav, motions[row].slot
             said.setdefault((zone.name, uav), f"G8: {uav} breaks {zone.name} by {breach_m[row]:.6f} m in slot {slot}")
     return list(said.values())[:10]
+
+
+def _take_away(mission: MissionMessage, stepped_slot: Mapping[str, int], *ways_m: Floats) -> None:
+    """Set the places of every UAV to NaN, which is near nothing, from the slot in which its airspace is free."""
+    failsafe = failsafe_of(mission)
+    if failsafe is None:
+        return
+    for k, entry in enumerate(mission.roster):
+        for way_m in ways_m:
+            way_m[failsafe.free_slot(stepped_slot[entry.uav]) :, k] = np.nan
 
 
 def _gaps(a: Floats, b: Floats, c: Floats, d: Floats, i: Any, j: Any) -> Floats:
@@ -289,6 +304,33 @@ def _links(rng: Random) -> list[dict[str, Any]]:
     if rng.random() < 0.5:
         link |= {"duplicate": 0.2, "reorder": 0.2}
     return [link]
+
+
+def _failsafe(rng: Random) -> dict[str, Any]:
+    """Draw the failsafe: none, the default one, or one so short that UAVs land and hulls go within the mission."""
+    limits = {"land_after_s": rng.choice([0.5, 3.0, 4.0]), "landing_s": rng.choice([0.0, 0.5, 2.0])}
+    return rng.choice([{"failsafe": "hold"}, {}, limits, limits])
+
+
+def _about_landings(rng: Random, mission: Mission) -> list[str]:
+    """Draw, in every other mission with a short failsafe, a UAV that is gone until it lands, or a little longer."""
+    failsafe = failsafe_of(mission)
+    if failsafe is None or failsafe.slots > LAST_FAULT_SLOT or rng.random() < 0.5:
+        return []
+    uav, at_s = _id(rng, mission), rng.randint(3, 25) * mission.dt_s + rng.choice([-0.002, 0.001, 0.01, 0.3, 0.45])
+    away_s = mission.dt_s * (
+        failsafe.wait_slots + rng.choice([0, 1, 2, failsafe.descent_slots, failsafe.descent_slots + 5])
+    )
+    mid_step = rng.choice(["", " mid-step"])
+    return rng.choice(
+        [
+            [f"kill {uav}{mid_step} @{at_s:.3f}s"],
+            [f"kill {uav}{mid_step} @{at_s:.3f}s", f"restart {uav} @{at_s + away_s:.3f}s"],
+            [f"freeze {uav}{mid_step} @{at_s:.3f}s for {away_s:.3f}s"],
+            [f"partition {uav}|rest @{at_s:.3f}s for {away_s:.3f}s"],
+            [f"partition {uav}>rest @{at_s:.3f}s for {away_s:.3f}s"],
+        ]
+    )
 
 
 def _schedule(rng: Random, mission: Mission) -> list[str]:

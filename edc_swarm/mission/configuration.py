@@ -47,6 +47,7 @@ Distribution = Literal["constant", "uniform", "normal", "lognormal"]
 ZoneKind = Literal["inclusion", "exclusion"]
 ZoneRule = Literal["", "disc", "centre"]
 Fence = Literal["area", "none"]
+FailsafeAction = Literal["hold", "land"]
 
 UavId = Annotated[str, Meta(pattern=r"^[A-Za-z0-9_-]{1,32}$(?!\n)")]
 MissionId = Annotated[str, Meta(pattern=r"^[A-Za-z0-9_-]{1,64}$(?!\n)")]
@@ -474,6 +475,27 @@ class Mission(Struct, frozen=True, kw_only=True):
 
     `none`: no error. `bias`: one error for the whole flight. `white`: at each fix a new error, uniform in the disc, as
     in the paper (section II). `gauss-markov`: an error correlated over 30 s.
+    """
+    failsafe: Annotated[FailsafeAction, Option("failsafe")] = "land"
+    """What a UAV does that has accepted no step for `land_after_s`: land where it is, or hold there for ever.
+
+    The vehicle itself lands, although its process is dead, frozen or cut off. It leaves the airspace and never flies
+    again in the mission, and heads soon plan as if it were not there. With `hold` it stays an obstacle.
+    """
+    land_after_s: Annotated[float, Meta(gt=0, le=1e6), Option("land-after")] = 10.0
+    """Time without an accepted step after which a UAV lands.
+
+    It counts in whole slots, and never fewer than `lease_slots` + 4, since a fail-over must not make anybody land.
+
+    Source: the data link loss time of the autopilot PX4 (COM_DL_LOSS_T), whose default is 10 s. With the default slot
+    it is ten times a fail-over.
+    """
+    landing_s: Annotated[float, Meta(ge=0, le=1e6)] = 10.0
+    """Longest time that a UAV takes from the decision to land until it is on the ground.
+
+    A head takes a UAV for landed when `land_after_s`, this time and a guard for clocks are over.
+
+    Source: this project; 7 m of height at 0.7 m/s.
     """
     standbys: Annotated[int, Meta(ge=0, le=100)] = 3
     """Number of standbys that the head names, best first.

@@ -2,8 +2,9 @@
 
 A mission is *settled* when its last fault is over: from then on only the swarm itself changes anything. G7 promises
 that `limit_slots` later every living UAV is at its target, if a quorum lives. The limit is 20 times the longest
-straight flight (of a route: along it, with the time to hover), and 200 slots. A mission lasts that long unless its
-file says otherwise (`max_slots`), so every mission that is not cut short can be judged.
+straight flight (of a route: along it, with the time to hover), and 200 slots, of which at least 150 are left when a UAV
+that accepts no step has left the airspace (the failsafe). A mission lasts that long unless its file says otherwise
+(`max_slots`), so every mission that is not cut short can be judged.
 
 Faults that never end are no reason not to judge. What is promised then:
 
@@ -29,6 +30,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from edc_swarm.mission.configuration import FOR_GOOD_S, MOST_SLOTS, ROUTER, Link, Mission, default_tau_s
+from edc_swarm.mission.failsafe import failsafe_of
 from edc_swarm.mission.faults import (
     ChangeClock,
     ChangeLink,
@@ -44,6 +46,8 @@ from edc_swarm.mission.faults import (
 )
 from edc_swarm.mission.routes import hover_time_s, rectangle_m
 
+LEAST_WAIT_SLOTS = 200
+"""Slots of the limit beside those for the way: for fail-overs, for waiting, for hulls that vanish."""
 MOST_LOSS = 0.5
 """Share of lost or late messages up to which progress is promised."""
 FAULT_SLACK_SLOTS = 20
@@ -64,11 +68,14 @@ class Prospect:
         The UAVs that the promise is about: the whole roster unless a partition lasts.
     obstacle
         Reason why nothing is promised; "" if something is.
+    lossy
+        True if links lose or delay messages for good: a UAV may accept no step for long, by chance.
     """
 
     limit_slots: int
     side: frozenset[str]
     obstacle: str
+    lossy: bool = False
 
 
 def default_max_slots(mission: Mission) -> int:
@@ -93,10 +100,12 @@ def prospect_of(mission: Mission, faults: Sequence[Fault]) -> Prospect:
     missed, link = _missed(mission, [fault for fault in lasting if isinstance(fault, ChangeLink)], _slowest(faults))
     obstacle = _router_gone(faults) or _clock_wrong(mission, faults) or cut or link
     straight_slots = _straight_slots(mission)
-    if straight_slots >= MOST_SLOTS - 200:
+    if straight_slots >= MOST_SLOTS - LEAST_WAIT_SLOTS:
         return Prospect(MOST_SLOTS, side, obstacle)
-    slots = (math.ceil(straight_slots) + 200) / _share_in_time(missed)
-    return Prospect(min(math.ceil(slots), MOST_SLOTS), side, obstacle)
+    failsafe = failsafe_of(mission)
+    waits = LEAST_WAIT_SLOTS if failsafe is None else max(LEAST_WAIT_SLOTS, LEAST_WAIT_SLOTS - 50 + failsafe.slots)
+    slots = (math.ceil(straight_slots) + waits) / _share_in_time(missed)
+    return Prospect(min(math.ceil(slots), MOST_SLOTS), side, obstacle, lossy=missed > 0)
 
 
 def _straight_slots(mission: Mission) -> float:

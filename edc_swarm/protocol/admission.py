@@ -96,7 +96,7 @@ class Admission:
     def _of_report(self, report: Report) -> Iterator[str]:
         yield from self._of_sender(report.head, report.slot, report.sent_ns)
         yield from self._of_terms(report.term, report.next_term)
-        for uavs in (report.heard, report.unheard, report.grants, report.standby, report.hull_uav):
+        for uavs in (report.heard, report.unheard, report.grants, report.standby, report.hull_uav, report.landed):
             yield from self._unknown(uavs)
             if len(set(uavs)) < len(uavs):
                 yield "a UAV is named twice"

@@ -6,6 +6,7 @@ import math
 from collections.abc import Iterator
 
 from edc_swarm.mission.configuration import Mission, RosterEntry
+from edc_swarm.mission.failsafe import failsafe_of
 from edc_swarm.mission.faults import parse_faults
 from edc_swarm.mission.prospect import prospect_of, settled_slot
 from edc_swarm.mission.routes import headed
@@ -17,6 +18,8 @@ STALL_SLOTS = 100
 
 Guidance has its own rules for UAVs that stand still, the longest of 32 slots.
 """
+STILL_SLOTS = 20
+"""A UAV whose target is covered waits beside it if it has not moved for this many slots."""
 NO_STEP_SHARE = 1e-4
 """Share of the longest step below which a step counts as none: in a jam steps may get shorter without end."""
 
@@ -25,16 +28,19 @@ class MissionMonitor:
     """Monitor of fixes, commands and reports that decides when a mission is over.
 
     It is over when every UAV that still flies is at its target, or kept from it by UAVs that move no more
-    (`complete`, see `protocol.hindrance`), or when nothing can change any more (`stalled`).
+    (`complete`, see `protocol.hindrance`), or when nothing can change any more (`stalled`). With the failsafe a UAV
+    that moves no more leaves the airspace, so it keeps no other from its target for good.
     """
 
     def __init__(self, mission: Mission) -> None:
         self._mission = mission
         self._roster = frozenset(entry.uav for entry in mission.roster)
         self._newest: dict[str, Fix] = {}
+        self._moved_slot: dict[str, int] = {}
         self._ended: set[str] = set()
         faults = parse_faults(mission)
         self._settled_slot, self._side = settled_slot(mission, faults), prospect_of(mission, faults).side
+        self._failsafe = failsafe_of(mission)
         self._still_m = NO_STEP_SHARE * min(mission.steps_m)
         self._still_plans = 0
         self._planned = (-1, -1)
@@ -47,6 +53,7 @@ class MissionMonitor:
         if known is None or fix.slot >= known.slot:
             self._newest[fix.uav] = fix
         if self._is_step((fix.from_x_m, fix.from_y_m), (fix.waypoint_x_m, fix.waypoint_y_m)) and fix.executing:
+            self._moved_slot[fix.uav] = max(fix.slot, self._moved_slot.get(fix.uav, -1))
             self._change()
 
     def hear_command(self, command: Command) -> None:
@@ -61,6 +68,8 @@ class MissionMonitor:
             return
         if report.has_quorum and (known is None or (report.term, report.slot) >= (known.term, known.slot)):
             self.report = report
+        if self._failsafe is not None and not set(report.unheard) <= set(report.landed):
+            return
         if report.has_quorum and report.slot >= self._settled_slot and (report.term, report.slot) > self._planned:
             self._still_plans = self._still_plans + 1 if report.term == self._planned[0] else 1
             self._planned = (report.term, report.slot)
@@ -98,7 +107,10 @@ class MissionMonitor:
         return sum(fix.arrived for fix in self._newest.values())
 
     def complete(self, slot: int) -> bool:
-        """Return True if the fixes of `slot` show every flying UAV at its target, or at a target that is covered."""
+        """Return True if the fixes of `slot` show every flying UAV at its target, or unable to get there.
+
+        A UAV whose target is covered for good flies to the nearest free place first, and waits there.
+        """
         flying = [entry for entry in self._mission.roster if not self._grounded(entry.uav)]
         away = []
         for entry in flying:
@@ -111,7 +123,11 @@ class MissionMonitor:
         if not away or len(flying) == len(self._mission.roster):
             return bool(flying) and not away
         places = [place for other in self._mission.roster for place in self._places(other)]
-        return len(hindrances(away, places)) == len(away)
+        found = hindrances(away, places)
+        return len(found) == len(away) and all(
+            found[entry.uav].kind != "covered" or slot - self._moved_slot.get(entry.uav, -STILL_SLOTS) >= STILL_SLOTS
+            for entry, _ in away
+        )
 
     def stalled(self, slot: int) -> bool:
         """Return True if the fixes, commands and reports until `slot` show that nothing can change any more.
@@ -121,6 +137,7 @@ class MissionMonitor:
         - a head has made `STALL_SLOTS` consecutive plans of one term without a move, while no UAV moved; or
         - for `STALL_SLOTS` slots too few UAVs were left for a quorum (on one side, if a partition lasts).
 
+        With the failsafe a plan proves nothing either while a UAV is unheard that has not landed: its hull will go.
         Slots without a plan prove nothing: a planner may be slow, or a network may have no head for long. A plan with
         a move is no standstill, even if its commands come late.
         """
@@ -142,8 +159,8 @@ class MissionMonitor:
         return uav in self._ended or (fix is not None and not fix.voter)
 
     def _places(self, other: RosterEntry) -> Iterator[Place]:
-        """Yield where a UAV is or can be, if it moves no more."""
-        if not self._grounded(other.uav):
+        """Yield where a UAV is or can be for good, if it moves no more."""
+        if self._failsafe is not None or not self._grounded(other.uav):
             return
         fix = self._newest.get(other.uav)
         centre_m = (other.start_x_m, other.start_y_m) if fix is None else (fix.waypoint_x_m, fix.waypoint_y_m)

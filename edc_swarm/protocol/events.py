@@ -21,6 +21,7 @@ class EventKind(StrEnum):
     TAKES_OFFICE = "takes-office"
     PLANNER_FAILED = "planner-failed"
     BATTERY_EMPTY = "battery-empty"
+    LANDED = "landed"
     CLOCK_OFFSET = "clock-offset"
     CLOCK_JUMP = "clock-jump"
     DELAY_ERROR = "delay-error"
@@ -48,6 +49,7 @@ EVENT_FORMS: dict[EventKind, EventForm] = {
     EventKind.TAKES_OFFICE: EventForm("UAV", "the term that it begins to lead in"),
     EventKind.PLANNER_FAILED: EventForm("UAV", "the error of a user's planner, and its line"),
     EventKind.BATTERY_EMPTY: EventForm("UAV", "nothing"),
+    EventKind.LANDED: EventForm("UAV", "why it lands: since when it has accepted no step", warning=True),
     EventKind.CLOCK_OFFSET: EventForm("UAV", "the UAV whose clock is ahead, and by how much at least"),
     EventKind.CLOCK_JUMP: EventForm("every publisher", "by how much its wall clock jumped"),
     EventKind.DELAY_ERROR: EventForm("UAV", "JSON: how late its emulated links handed messages over"),

@@ -16,6 +16,7 @@ from edc_swarm.mission.configuration import (
     MAX_UAVS,
     MOST,
     NS_PER_S,
+    FailsafeAction,
     Metres,
     Mission,
     NonNegative,
@@ -136,9 +137,9 @@ class Report(Struct, frozen=True, kw_only=True, gc=False):
     """The head's report of slot `slot` (its commands carry slot + 1).
 
     `hull_*` are parallel lists over the unheard UAVs and, last, the head itself: each UAV stays within
-    the radius of the segment a-b through slot + 1. `min_gap_m` is the least planned centre
-    distance minus R. `status` "claim" is a standby's claim of a new term; `grants` then has the UAVs
-    that suspect the old head.
+    the radius of the segment a-b through slot + 1. `landed` has the unheard UAVs without a hull: the failsafe has
+    taken them out of the airspace before slot + 1 begins. `min_gap_m` is the least planned centre distance minus R.
+    `status` "claim" is a standby's claim of a new term; `grants` then has the UAVs that suspect the old head.
     """
 
     head: UavId
@@ -168,6 +169,7 @@ class Report(Struct, frozen=True, kw_only=True, gc=False):
     hull_bx_m: Coordinates = []
     hull_by_m: Coordinates = []
     hull_r_m: Radii = []
+    landed: UavIds = []
 
     @property
     def has_quorum(self) -> bool:
@@ -203,9 +205,11 @@ class MissionMessage(Mission, frozen=True, kw_only=True):
     """The mission as run: the mission file's fields with the roster filled in, plus the epoch.
 
     `claimants` has, in roster order, the claimant that may fly each UAV ("": the launcher of the mission);
-    a process of another claimant leaves. It is empty if the launcher flies all UAVs.
+    a process of another claimant leaves. It is empty if the launcher flies all UAVs. A message without `failsafe` is
+    of a version whose UAVs held.
     """
 
+    failsafe: FailsafeAction = "hold"
     epoch_ns: Ns
     claimants: Claimants = ()
     instance: Instance = ""

@@ -75,7 +75,11 @@ class Area(Struct, frozen=True):
 
 
 class Page(Struct, frozen=True, kw_only=True):
-    """The data of one mission. `centres` is float32 (F, K, 2), `heard` uint8 (F, K), `leader` an index or -1 (F)."""
+    """The data of one mission.
+
+    `centres` is float32 (F, K, 2), `leader` an index or -1 (F), `heard` uint8 (F, K): 1 for heard, 0 for silent, 2 for
+    a UAV that has landed.
+    """
 
     name: str
     uavs: list[str]
@@ -100,7 +104,7 @@ class Page(Struct, frozen=True, kw_only=True):
         mission, columns = recording.mission, columns_of(recording, timings)
         slots, count = columns.step_m.shape
         every = max(1, -(-slots * count // MAX_ANIMATED))
-        heard = ~np.isnan(columns.energy_j[::every])
+        heard = np.where(columns.grounded, 2, ~np.isnan(columns.energy_j))[::every]
         leader = _leader(recording, columns)[::every]
         return cls(
             name=shown(mission.name),
@@ -160,7 +164,9 @@ def _faults(recording: Recording) -> list[FaultMark]:
 def _plots(mission: MissionMessage, columns: Columns) -> list[Plot]:
     slots_s = columns.time_s
     r_m = np.array([entry.r_m for entry in mission.roster])
-    gap_m = least_gaps_m(columns.centre_m[:-1], columns.centre_m[1:], r_m)
+    there = ~columns.grounded[..., None]
+    from_m, to_m = (np.where(there, points_m, np.nan) for points_m in (columns.centre_m[:-1], columns.centre_m[1:]))
+    gap_m = least_gaps_m(from_m, to_m, r_m)
     gap_m[columns.lost.any(axis=1)] = np.nan
     order = np.argsort(columns.plan_slot, kind="stable")
     limit_ms = 1e3 * (mission.dt_s - mission.tau_s) / mission.time_scale

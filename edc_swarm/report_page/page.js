@@ -23,9 +23,10 @@
     const a = 2 * (i * K + k), b = 2 * ((i + 1) * K + k);
     return [centres[a] + share * (centres[b] - centres[a]), centres[a + 1] + share * (centres[b + 1] - centres[a + 1])];
   };
-  const overlapping = (at) => {
+  const overlapping = (at, i) => {
     const hit = new Set();
     for (let k = 0; k < K; k++) for (let l = 0; l < k; l++) {
+      if (landed(k, i) || landed(l, i)) continue;
       if (Math.hypot(at[k][0] - at[l][0], at[k][1] - at[l][1]) < page.r_m[k] + page.r_m[l] - 1e-4) hit.add(k).add(l);
     }
     return hit;
@@ -52,19 +53,21 @@
     drawGrid(g, v);
     for (const zone of page.zones) drawZone(g, v, zone);
     const at = page.uavs.map((_, k) => centre(k, timeS));
-    const hit = overlapping(at), i = frameAt(timeS);
+    const i = frameAt(timeS), hit = overlapping(at, i);
     for (let k = 0; k < K; k++) drawTarget(g, v, k, at[k]);
     for (let k = 0; k < K; k++) drawTrail(g, v, k);
     for (let k = 0; k < K; k++) drawDisc(g, v, k, at[k], stateOf(k, at[k], hit, i), page.leader[i] === k);
     for (let k = 0; k < K; k++) drawLabel(g, v, k, at[k], page.leader[i] === k);
   };
   const stateOf = (k, at, hit, i) => {
+    if (landed(k, i)) return "landed";
     if (hit.has(k)) return "overlap";
     if (!heard[i * K + k]) return "silent";
     return isThere(k, at) ? "arrived" : "flying";
   };
   const isThere = (k, at) => Math.hypot(at[0] - page.target_m[k][0], at[1] - page.target_m[k][1]) <= ARRIVED_M;
-  const colourOf = { overlap: "--vermillion", silent: "--grey", arrived: "--green", flying: "--blue" };
+  const landed = (k, i) => heard[i * K + k] === 2;
+  const colourOf = { overlap: "--vermillion", silent: "--grey", landed: "--grey", arrived: "--green", flying: "--blue" };
   const drawGrid = (g, v) => {
     const [left, low, right, high] = page.extent_m;
     const step = niceStep(Math.max(right - left, high - low), 6);
@@ -117,7 +120,7 @@
     g.globalAlpha = 1;
   };
   const drawDisc = (g, v, k, at, state, leads) => {
-    const [x, y, r] = [v.x(at[0]), v.y(at[1]), Math.max(2, v.scale * page.r_m[k])];
+    const [x, y, r] = [v.x(at[0]), v.y(at[1]), state === "landed" ? 2 : Math.max(2, v.scale * page.r_m[k])];
     g.strokeStyle = g.fillStyle = colours[colourOf[state]];
     g.beginPath(); g.arc(x, y, r, 0, 2 * Math.PI);
     g.globalAlpha = state === "overlap" ? 0.5 : state === "arrived" ? 0.28 : 0.13; g.fill();

@@ -26,9 +26,10 @@ from edc_swarm.agent.node import (
     UavNode,
     WantPlanner,
 )
-from edc_swarm.agent.vehicle import LATE_FRACTION, Airframe, Promise, first_airframe, first_promise
+from edc_swarm.agent.vehicle import Airframe, Promise, comes_too_late, first_airframe, first_promise
 from edc_swarm.emulation.links import NS_PER_MS, LinkEmulator
 from edc_swarm.mission.configuration import RosterEntry
+from edc_swarm.mission.failsafe import LATE_FRACTION
 from edc_swarm.mission.faults import Freeze, Kill, SlowSolver
 from edc_swarm.planner.interface import Planner
 from edc_swarm.protocol.events import EventKind
@@ -329,8 +330,15 @@ class Computer:
         if process.stop_mid_step is not None and len(effects) > 1:
             self._break_off(process, process.stop_mid_step, effects)
             return
-        for effect in effects:
+        for done, effect in enumerate(effects):
+            if isinstance(effect, Persist) and self._comes_too_late(effect):
+                self._carry_out(process, process.node.ground(effects[done:]))
+                return
             self._carry_out_one(effect)
+
+    def _comes_too_late(self, effect: Persist) -> bool:
+        now_ns = self.clock.read(self._schedule.now_ns)
+        return comes_too_late(effect.airframe, self.disk.airframe, self._world.mission, now_ns)
 
     def _break_off(self, process: Process, fault: Kill | Freeze, effects: list[Effect]) -> None:
         """Die or freeze between two effects of one step, drawn at random."""

@@ -33,12 +33,16 @@ from edc_swarm.simulation.schedule import Schedule
 
 @dataclass(frozen=True, slots=True)
 class SimulationEnd:
-    """The end of a simulated mission, and its reason (one of `edc_swarm.mission.prospect`)."""
+    """The end of a simulated mission, and its reason (one of `edc_swarm.mission.prospect`).
+
+    `stepped_slot` has the slot of each UAV's last accepted step, -1 for none, which no recording tells for certain.
+    """
 
     completed: bool
     reason: str
     slots: int
     motions: list[Motion]
+    stepped_slot: dict[str, int]
 
 
 class Simulation:
@@ -103,7 +107,8 @@ class Simulation:
         self._network.publish_event(EventKind.END, reason)
         self._network.publish_event(EventKind.CLOSED, msgspec.json.encode(self._network.last_seqs).decode())
         self._schedule.clear()
-        return SimulationEnd(reason == COMPLETED, reason, self.slot + 1, self._world.motions)
+        stepped_slot = {uav: computer.disk.airframe.stepped_slot for uav, computer in self._computers.items()}
+        return SimulationEnd(reason == COMPLETED, reason, self.slot + 1, self._world.motions, stepped_slot)
 
     def _reason(self, slot: int) -> str:
         """Return the reason why the mission ends with `slot`: `GIVEN_UP` if it need not."""

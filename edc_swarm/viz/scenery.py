@@ -172,8 +172,18 @@ class Scenery:
         return [*shown, *_locations(self._uavs.values(), now_ns)] if self._ticks % SLOW_TICKS == 0 else shown
 
     def _discs(self, centres: dict[str, Point], now_ns: int) -> list[SceneEntity]:
-        overlapping = self._gaps(centres).overlapping
-        return [self._disc(uav, centres[name], name in overlapping, now_ns) for name, uav in self._uavs.items()]
+        overlapping, landed = self._gaps(centres).overlapping, self._landed
+        return [
+            _on_the_ground(uav.entry, centres[name], now_ns)
+            if name in landed
+            else self._disc(uav, centres[name], name in overlapping, now_ns)
+            for name, uav in self._uavs.items()
+        ]
+
+    @property
+    def _landed(self) -> list[str]:
+        """UAVs that the head knows to be out of the airspace."""
+        return [] if self._report is None else self._report.landed
 
     def _disc(self, uav: _Uav, centre: Point, overlaps: bool, now_ns: int) -> SceneEntity:
         entry, colour = uav.entry, RED if overlaps else colour_of(uav.index)
@@ -269,7 +279,9 @@ class Scenery:
         return x_m, truth.from_y_m + share * (truth.to_y_m - truth.from_y_m)
 
     def _gaps(self, centres: dict[str, Point]) -> Gaps:
-        return gaps([(centres[name], uav.entry.r_m, name) for name, uav in self._uavs.items()])
+        landed = self._landed
+        flying = ((name, uav) for name, uav in self._uavs.items() if name not in landed)
+        return gaps([(centres[name], uav.entry.r_m, name) for name, uav in flying])
 
     def _status(self, report: Report, now_ns: int) -> Status:
         assert self._mission is not None
@@ -340,6 +352,14 @@ def _trails(uavs: Iterable[_Uav], now_ns: int) -> list[SceneEntity]:
 def _locations(uavs: Iterable[_Uav], now_ns: int) -> list[Shown]:
     fixes = [uav.fix for uav in uavs if uav.fix is not None]
     return [Shown(f"{ROOT}{channels.LOCATION}/{fix.uav}", now_ns, _location(fix, now_ns)) for fix in fixes]
+
+
+def _on_the_ground(entry: RosterEntry, centre: Point, now_ns: int) -> SceneEntity:
+    """Return the mark of a UAV that has landed: where it is, without a disc that anybody keeps clear of."""
+    made = entity(entry.uav, now_ns)
+    made.cylinders.append(disc(centre, max(entry.body_m, 0.15), GREY, 0.9))
+    made.texts.append(text((centre[0], centre[1] + 1.0), f"{entry.uav} landed", GREY))
+    return made
 
 
 def _location(fix: Fix, now_ns: int) -> bytes:

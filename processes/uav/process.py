@@ -35,6 +35,7 @@ from edc_swarm.agent.node import (
     UavNode,
     WantPlanner,
 )
+from edc_swarm.agent.vehicle import Airframe, comes_too_late
 from edc_swarm.emulation.links import LinkEmulator, have_range, mission_s
 from edc_swarm.errors import InputError, SwarmError
 from edc_swarm.mission.configuration import NS_PER_S
@@ -263,9 +264,13 @@ class UavProcess:
             self._carry_out(self._flight.node.step(event, self._clock.now_ns()))
 
     def _carry_out(self, effects: Sequence[Effect]) -> None:
-        for effect in effects:
+        for done, effect in enumerate(effects):
             match effect:
                 case Persist(promise, airframe):
+                    if self._comes_too_late(airframe):
+                        assert self._flight is not None
+                        self._carry_out(self._flight.node.ground(effects[done:]))
+                        return
                     self._state.write(promise, airframe)
                 case Publish(message):
                     self._publisher.publish(message)
@@ -279,6 +284,11 @@ class UavProcess:
                 case Land():
                     self._leaving = True
         self._outbox.flush()
+
+    def _comes_too_late(self, airframe: Airframe) -> bool:
+        """Return True if the vehicle has begun to land and so does not accept the step to be written."""
+        assert self._flight is not None
+        return comes_too_late(airframe, self._state.airframe, self._flight.mission, self._clock.now_ns())
 
     def _take_planner(self, faults: LocalFaults, planner: Planner) -> None:
         faults.planner = SlowPlanner(planner)

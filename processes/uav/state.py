@@ -69,6 +69,7 @@ class UavState:
         if promise is not None and self._promise is not None:
             self._promise.write(promise)
         self._airframe.write(airframe)
+        self.airframe = airframe
 
 
 def create_state(folder: Path, entry: RosterEntry) -> None:

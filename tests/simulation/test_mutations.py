@@ -32,6 +32,7 @@ from edc_swarm.planner.edc import Edc
 from edc_swarm.planner.guidance import Guidance, Scene
 from edc_swarm.planner.request import Arrays
 from edc_swarm.protocol.messages import Command, Fix, Report
+from edc_swarm.simulation import computers
 from edc_swarm.solver import certificate, slot_qp, solution
 
 Patch = pytest.MonkeyPatch
@@ -365,6 +366,35 @@ def guidance_that_ignores_one_uav(patch: Patch) -> None:
     patch.setattr(Guidance, "wishes", mutant)
 
 
+def hull_dropped_one_slot_too_early(patch: Patch) -> None:
+    """A head takes a UAV for landed one slot before its airspace is free."""
+    has_landed = Head._has_landed
+    patch.setattr(Head, "_has_landed", lambda self, uav, slot: has_landed(self, uav, slot + 1))
+
+
+def hull_dropped_by_the_fix_alone(patch: Patch) -> None:
+    """A head forgets that the head before it may have commanded a UAV after the newest fix that it heard itself."""
+    patch.setattr(Knowledge, "last_step", lambda self, uav, _grant, _t0, _sent: self.last_slot(uav))
+
+
+def landed_uav_that_flies(patch: Patch) -> None:
+    """The vehicle never lands, and accepts a step after any time."""
+    patch.setattr(vehicle, "failsafe_of", lambda _: None)
+
+
+def limit_forgotten_over_a_restart(patch: Patch) -> None:
+    """The time without an accepted step begins anew with each process, also for its vehicle."""
+    patch.setattr(computers, "comes_too_late", lambda *_: False)
+    begin = UavNode._begin_slots
+
+    def mutant(self: UavNode, now_ns: int) -> bool:
+        if self._said is None:
+            self._vehicle.stepped_slot = max(self._vehicle.stepped_slot, self._clock.slot_at(now_ns) - 1)
+        return begin(self, now_ns)
+
+    patch.setattr(UavNode, "_begin_slots", mutant)
+
+
 def freezes(seed: int) -> Mission:
     """UAVs that stop just before a tick and go on so early in the slot that the head still hears them."""
     faults = [f"freeze u00{1 + slot % 4} @{slot * 0.5 - 0.01:.3f}s for 0.17s" for slot in range(3, 65)]
@@ -409,8 +439,35 @@ def relapses(seed: int) -> Mission:
     return _crowd(seed, faults, uavs=5, standbys=3)
 
 
-def _crowd(seed: int, faults: list[str], uavs: int = 4, standbys: int = 0) -> Mission:
-    crowd = {"area_m2": 300.0 * uavs, "planner": fuzzing.RECKLESS, "max_slots": 70}
+SHORT = {"failsafe": "land", "land_after_s": 3.0, "landing_s": 0.5}
+"""A failsafe of six slots, and two until the airspace is free."""
+
+
+def deaths(seed: int) -> Mission:
+    """UAVs that die when they have accepted a step and told nobody."""
+    faults = [f"kill u00{1 + k} mid-step @{(5 + 7 * k + seed % 3) * 0.5 - 0.01:.3f}s" for k in range(3)]
+    return _crowd(seed, faults, uavs=7, standbys=3, **SHORT)
+
+
+def deaf_candidates(seed: int) -> Mission:
+    """A head that dies, when nobody else has heard one UAV for long, which the head commanded all the time."""
+    roster = complete_mission(_crowd(seed, [], uavs=7, standbys=3, **SHORT)).roster
+    head, *others, uav = [entry.uav for entry in sorted(roster, key=lambda entry: -entry.energy_j)]
+    faults = [f"partition {uav}>{','.join(others)} @2s for 30", f"restart {head} @{8.01 + seed % 3:.2f}s"]
+    return _crowd(seed, faults, uavs=7, standbys=3, **SHORT)
+
+
+def returns(seed: int) -> Mission:
+    """UAVs that come back after their landing, when nobody keeps clear of them any more."""
+    faults = []
+    for k in range(3):
+        at_s, uav = (4 + 4 * k) * 0.5 + 0.01, f"u00{1 + (seed + k) % 7}"
+        faults += [f"kill {uav} @{at_s:.3f}s", f"restart {uav} @{at_s + 0.5 * (9 + seed % 6):.3f}s"]
+    return _crowd(seed, faults, uavs=7, standbys=3, **SHORT)
+
+
+def _crowd(seed: int, faults: list[str], uavs: int = 4, standbys: int = 0, **more: Any) -> Mission:
+    crowd = {"area_m2": 300.0 * uavs, "planner": fuzzing.RECKLESS, "max_slots": 70, **more}
     return mission_from_dict({**crowd, "uavs": uavs, "standbys": standbys, "seed": seed, "fault": faults})
 
 
@@ -420,6 +477,10 @@ AIMED = [
     (ball_one_slot_short, failovers, 20),
     (hull_grown_by_the_speed_of_the_mission, fast_failovers, 20),
     (report_tells_of_a_slot_too_many, relapses, 20),
+    (hull_dropped_one_slot_too_early, deaths, 20),
+    (hull_dropped_by_the_fix_alone, deaf_candidates, 20),
+    (landed_uav_that_flies, returns, 5),
+    (limit_forgotten_over_a_restart, returns, 5),
 ]
 """Defects that random schedules meet too rarely: found by schedules of one kind, crowded together."""
 
@@ -463,6 +524,9 @@ DEFECTS: list[tuple[Defect, int, int]] = [
     (zones_neither_solved_nor_checked, 0, 20),
     (planner_that_gives_up_after_a_fault, 0, 60),
     (guidance_that_ignores_one_uav, 0, 60),
+    (landed_uav_that_flies, 0, 20),
+    (limit_forgotten_over_a_restart, 0, 60),
+    (hull_dropped_one_slot_too_early, 0, 200),
 ]
 
 

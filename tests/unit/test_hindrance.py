@@ -145,7 +145,7 @@ ROSTER = [
 
 def monitor(scale: int = 1) -> MissionMonitor:
     """A monitor that has heard in slot 9 that e is at its target, and the others `scale` times as far out as above."""
-    judge = MissionMonitor(mission(ROSTER))
+    judge = MissionMonitor(mission(ROSTER, failsafe="hold"))
     for one in ROSTER:
         place_m = (scale * one.start_x_m, scale * one.start_y_m)
         judge.hear_fix(fix(one.uav, 9, place_m, r_m=R_M, arrived=one.uav == "e"))

@@ -1,4 +1,4 @@
-"""G2: every executed step is one recorded command, valid at the tick of its slot."""
+"""G2: every executed step is one recorded command, valid at the tick of its slot, and no UAV flies that has landed."""
 
 from __future__ import annotations
 
@@ -11,6 +11,7 @@ from edc_swarm.analysis.guarantees.evidence import Evidence
 from edc_swarm.analysis.guarantees.verdict import GuaranteeResult, Violation, not_judged, verdict
 from edc_swarm.analysis.tracks import TRUTH_TOLERANCE_M, Step
 from edc_swarm.mission.configuration import NS_PER_S
+from edc_swarm.mission.failsafe import failsafe_of
 from edc_swarm.protocol.messages import Command, Fix
 
 LENGTH_TOLERANCE_M = 1e-9
@@ -21,7 +22,7 @@ def check_fencing(evidence: Evidence) -> GuaranteeResult:
     silent: dict[int, list[Step]] = {}
     for step in evidence.tracks.silent:
         silent.setdefault(step.uav, []).append(step)
-    found = [*_astray(evidence)]
+    found = [*_astray(evidence), *_risen(evidence)]
     for uav, fixes in evidence.fixes.items():
         found += _executions(evidence, uav, fixes)
         found += _silent_executions(evidence, uav, silent.get(evidence.index[uav], []))
@@ -29,6 +30,32 @@ def check_fencing(evidence: Evidence) -> GuaranteeResult:
         why = f"{absent} executed steps name commands that may be missing from the record"
         return not_judged("G2", "Fencing", why, evidence.gap_notes())
     return verdict("G2", "Fencing", found, evidence.gap_notes())
+
+
+def _risen(evidence: Evidence) -> Iterator[Violation]:
+    """Yield a violation for each UAV that executes a step, or still publishes fixes, after it had to land.
+
+    A slot with a command and without a fix may have had an accepted step.
+    """
+    failsafe, tracks = failsafe_of(evidence.mission), evidence.tracks
+    if failsafe is None:
+        return
+    maybe = tracks.executed | tracks.lost
+    for uav, slot in evidence.commands:
+        k = evidence.index.get(uav, -1)
+        if k >= 0 and 0 <= slot < tracks.slots:
+            maybe[slot, k] |= not tracks.heard[slot, k]
+    for k, uav in enumerate(tracks.uavs):
+        if uav in evidence.fixes_lost():
+            continue
+        stepped = [-1, *np.flatnonzero(maybe[:, k]).tolist(), tracks.slots + failsafe.wait_slots]
+        for landing_slot, slot in zip(map(failsafe.landing_slot, stepped), stepped[1:], strict=False):
+            late = slot > landing_slot and slot < tracks.slots and tracks.executed[slot, k]
+            fixes = np.flatnonzero(tracks.heard[landing_slot:slot, k])
+            if late or len(fixes):
+                first, what = (landing_slot + int(fixes[0]), "still flies") if len(fixes) else (slot, "executes a step")
+                text = f"{uav} {what} although it had to land in slot {landing_slot}"
+                yield Violation("after-landing", text, first, [uav])
 
 
 def _absent(evidence: Evidence) -> dict[str, set[int]]:

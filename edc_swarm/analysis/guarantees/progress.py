@@ -12,6 +12,10 @@ last plan's hulls, may cover it; or no step leads away from where it may be; or 
 `edc_swarm.protocol.hindrance`). An empty battery is no excuse but no proof either: it counts as "not judged" if it was
 empty within the limit, since a swarm that does nothing until all batteries are empty must not pass for one that had no
 time.
+
+With the failsafe a UAV that no longer flies keeps nobody away once it has left the airspace. A UAV that has landed need
+not arrive, if a fault can be the cause: its last accepted step is before the last fault was over, or links lose
+messages for good. Any other landing is a swarm's failure to command a UAV that it could hear, and breaks G7.
 """
 
 from __future__ import annotations
@@ -26,8 +30,10 @@ from numpy.typing import NDArray
 
 from edc_swarm.analysis.guarantees.evidence import Evidence
 from edc_swarm.analysis.guarantees.verdict import GuaranteeResult, Violation, not_applicable, not_judged, verdict
+from edc_swarm.analysis.landing import landings
 from edc_swarm.analysis.living import living_at_end
 from edc_swarm.analysis.voyages import Voyages, forgotten, voyages_of
+from edc_swarm.emulation.energy import step_energy_j
 from edc_swarm.mission.configuration import ARRIVED_M, OPERATOR, Mission
 from edc_swarm.mission.faults import Fault, parse_faults, read_fault
 from edc_swarm.mission.prospect import STALLED, Prospect, default_max_slots, prospect_of, settled_slot
@@ -52,7 +58,7 @@ def check_progress(evidence: Evidence) -> GuaranteeResult:
     inside = np.array([uav in prospect.side for uav in tracks.uavs])
     drained, living = _drained(evidence), living_at_end(evidence.recording, tracks)
     bound = inside & living
-    due = bound | (inside & (drained >= 0))
+    due = bound | (inside & ((drained >= 0) | _landed_unasked(evidence, _settled_slot(evidence, faults), prospect)))
     if due.sum() < mission.quorum:
         where = "" if inside.all() else " on the larger side of a partition that never heals"
         return not_applicable(*_G7, f"{due.sum()} UAVs live at the end{where}, {mission.quorum} are a quorum")
@@ -131,13 +137,28 @@ def _idle(evidence: Evidence, k: int, begin: int, limit: int) -> Violation:
     return Violation("no-goal", f"{uav} reaches no goal in the {limit} slots from slot {begin}", begin, [uav])
 
 
+def _landed_unasked(evidence: Evidence, settled_slot: int, prospect: Prospect) -> NDArray[np.bool_]:
+    """Return (K,) flags of the UAVs that say that they have landed although no fault kept commands from them."""
+    found = landings(evidence.recording, evidence.tracks)
+    unasked = [landing.uav for landing in found if landing.told and landing.stepped_slot >= settled_slot]
+    return np.isin(evidence.tracks.uavs, [] if prospect.lossy else unasked)
+
+
 def _drained(evidence: Evidence) -> NDArray[np.int64]:
-    """Return (K,) slots in which the battery of each UAV that can be commanded became empty, -1 for never."""
+    """Return (K,) slots in which the battery of each UAV that can be commanded became empty, -1 for never.
+
+    A UAV also counts that has landed since its battery did not cover a step.
+    """
+    steps_j = [step_energy_j(evidence.mission, step_m) for step_m in evidence.mission.steps_m]
+    least_j = np.fmin.reduce(evidence.tracks.energy_j, axis=0, initial=np.inf)
     slots = np.full(len(evidence.tracks.uavs), -1)
     forgetful = {fix.uav for fix in evidence.recording.fixes if not fix.voter}
     for event in evidence.recording.events:
-        if event.kind == EventKind.BATTERY_EMPTY and event.source in evidence.index.keys() - forgetful:
-            slots[evidence.index[event.source]] = event.slot
+        if event.source not in evidence.index.keys() - forgetful:
+            continue
+        k = evidence.index[event.source]
+        if event.kind == EventKind.BATTERY_EMPTY or (event.kind == EventKind.LANDED and least_j[k] < steps_j[k]):
+            slots[k] = event.slot
     return slots
 
 
@@ -155,9 +176,8 @@ def _excuses(evidence: Evidence, voyages: Voyages, away: list[int], bound: NDArr
     """Why each UAV of `away` need not arrive: where the UAVs that no longer fly are, or may be. "" if it must."""
     roster, centre_m = evidence.mission.roster, evidence.tracks.centre_m[-1]
     plan = max(evidence.plans, key=lambda report: (report.term, report.slot), default=None)
-    places = [
-        place for k in np.flatnonzero(~bound).tolist() for place in places_of(roster[k], point(centre_m[k]), plan)
-    ]
+    there = np.flatnonzero(~bound & ~evidence.tracks.grounded[-1]).tolist()
+    places = [place for k in there for place in places_of(roster[k], point(centre_m[k]), plan)]
     found = hindrances([(voyages.each[k].present, point(centre_m[k])) for k in away], places)
     living = {roster[k].uav for k in np.flatnonzero(bound).tolist()}
     return {k: _excuse(found[roster[k].uav], living) if roster[k].uav in found else "" for k in away}

@@ -19,7 +19,7 @@ UNEVEN_PLANNER = "edc"
 
 
 def check_separation(evidence: Evidence) -> GuaranteeResult:
-    """Return the verdict on G3. Dead UAVs count too, at their last place."""
+    """Return the verdict on G3. Dead UAVs count too, at their last place, until the failsafe has made them land."""
     overlaps = _overlaps(evidence)
     found = [*overlaps, *_touching(evidence), *_outside(evidence)]
     if evidence.mission.planner == UNEVEN_PLANNER:
@@ -37,7 +37,7 @@ def _overlaps(evidence: Evidence) -> list[Violation]:
 
 def _touching(evidence: Evidence) -> list[Violation]:
     """Return the pairs whose bodies touch."""
-    ends_m = (evidence.tracks.true_from_m, evidence.tracks.true_to_m)
+    ends_m = evidence.tracks.bodies_m
     body_m = np.array([entry.body_m for entry in evidence.mission.roster])
     met = encounters(*ends_m, body_m, -BODY_TOLERANCE_M)
     return [_timed(evidence, "true-collision", "bodies meet by", met, pair, ends_m) for pair in _by_pair(met)]
