@@ -223,7 +223,7 @@ def _gaps(a: Floats, b: Floats, c: Floats, d: Floats, i: Any, j: Any) -> Floats:
 def _paths(mission: MissionMessage, motions: Sequence[Motion]) -> tuple[Floats, Floats]:
     """Return start and end points (slots, UAVs, 2) of the segment that each UAV flew in each slot."""
     index = {entry.uav: k for k, entry in enumerate(mission.roster)}
-    starts = np.array([(entry.start_x_m, entry.start_y_m) for entry in mission.roster])
+    starts = np.array([(entry.start_x_m, entry.start_y_m) for entry in mission.roster], dtype=np.float64)
     slots = max((motion.slot for motion in motions), default=0) + 2
     first = np.broadcast_to(starts, (slots, *starts.shape)).copy()
     last = first.copy()

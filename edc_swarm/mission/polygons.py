@@ -7,7 +7,7 @@ from fractions import Fraction
 
 Point = tuple[float, float]
 
-ROUNDING = 4e-16
+TURN_ROUNDING = 4e-16
 """Bound on the relative rounding error of a turn (J. R. Shewchuk, Discrete Comput. Geom. 18, 1997, section 4.3)."""
 
 
@@ -32,7 +32,7 @@ def polygon_fault(corners: Sequence[Point]) -> str:
 def turn(a: Point, b: Point, c: Point) -> int:
     """Return 1 if the way a-b-c turns left, -1 if it turns right, 0 if it is straight; the answer is exact."""
     left, right = (b[0] - a[0]) * (c[1] - a[1]), (b[1] - a[1]) * (c[0] - a[0])
-    if abs(left - right) > ROUNDING * (abs(left) + abs(right)):
+    if abs(left - right) > TURN_ROUNDING * (abs(left) + abs(right)):
         return 1 if left > right else -1
     (ax, ay), (bx, by), (cx, cy) = (map(Fraction, point) for point in (a, b, c))
     exact = (bx - ax) * (cy - ay) - (by - ay) * (cx - ax)

@@ -61,12 +61,12 @@ def held(recording: Recording) -> set[str]:
 
 
 def steps_m(recording: Recording, uav: str) -> list[float]:
-    """Lengths of the steps of a UAV."""
+    """Lengths of the steps of a UAV, slot by slot: a UAV may publish its fix again for a new head."""
 
     def step_m(fix: Fix) -> float:
         return math.dist((fix.from_x_m, fix.from_y_m), (fix.waypoint_x_m, fix.waypoint_y_m))
 
-    return [step_m(fix) for fix in recording.fixes if fix.uav == uav and fix.executing]
+    return list({fix.slot: step_m(fix) for fix in recording.fixes if fix.uav == uav and fix.executing}.values())
 
 
 def test_a_uav_does_not_stop_at_each_point() -> None:
@@ -144,7 +144,7 @@ def test_a_plan_of_a_recording_with_routes_is_the_same_again() -> None:
     """The request is rebuilt from the fixes, aims and all."""
     recording = flown("kill u0 @20", roster=roster(hover_s=[0.0, 2.0, 0.0, 0.0, 0.0]))
     again = replan(recording, lambda: make_planner("edc", recording.mission))
-    assert again.plans > 60
+    assert again.plans > 40
     assert (again.identical, again.skipped) == (again.commands, 0)
 
 
