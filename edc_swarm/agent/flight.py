@@ -25,7 +25,7 @@ class Flight:
 
     def __init__(self, vehicle: Vehicle, voter: bool) -> None:
         self._vehicle = vehicle
-        self._voter = voter
+        self.voter = voter
         self._pending: dict[int, Command] = {}
         self.flown: Command | None = None
         self.held_slots = 0
@@ -55,7 +55,7 @@ class Flight:
 
     def promise(self, slot: int, grant: Grant) -> Promise | None:
         """Return the promise to persist; None for a UAV that lost its promise."""
-        if not self._voter:
+        if not self.voter:
             return None
         x_m, y_m = self._vehicle.waypoint_m
         return Promise(
@@ -72,7 +72,7 @@ class Flight:
         length_m = math.dist((command.start_x_m, command.start_y_m), (command.target_x_m, command.target_y_m))
         return Situation(
             slot=slot,
-            grant=grant if self._voter else (-1, ""),
+            grant=grant if self.voter else (-1, ""),
             waypoint_m=self._vehicle.waypoint_m,
             u_max_m=self._vehicle.u_max_m,
             late_tick=late,

@@ -20,6 +20,8 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 
+import msgspec
+
 from edc_swarm.agent.effects import (
     Effect,
     GpsChanged,
@@ -36,6 +38,7 @@ from edc_swarm.agent.effects import (
 )
 from edc_swarm.agent.election import Election
 from edc_swarm.agent.flight import MAX_PENDING, Flight
+from edc_swarm.agent.goals import course_of, is_new
 from edc_swarm.agent.knowledge import Grant, Knowledge
 from edc_swarm.agent.leadership import Leadership, startup_candidates
 from edc_swarm.agent.outgoing import M, Outgoing
@@ -44,7 +47,8 @@ from edc_swarm.agent.vehicle import Airframe, Promise, Vehicle
 from edc_swarm.emulation.energy import compute_energy_j
 from edc_swarm.planner.interface import Planner
 from edc_swarm.protocol.events import EventKind
-from edc_swarm.protocol.messages import Command, Fix, Message, MissionMessage, Report, Truth
+from edc_swarm.protocol.goals import GoalAnswer
+from edc_swarm.protocol.messages import Command, Fix, Goal, Message, MissionMessage, Report, Truth
 
 
 class UavNode:
@@ -96,6 +100,7 @@ class UavNode:
         self._said: tuple[Grant, bool] | None = None
         self._listening: bool | None = None
         self._again_ns: int | None = None
+        self._refused_slot = -1
         self._out: list[Effect] = []
 
     @property
@@ -219,6 +224,8 @@ class UavNode:
                 self._take_command(message)
             case Report() if message.head != self.uav:
                 self._take_report(message)
+            case Goal() if message.uav == self.uav and self._said is not None:
+                self._take_goal(message, now_ns)
             case _:
                 pass
 
@@ -242,6 +249,19 @@ class UavNode:
             self._knowledge.hear_report(report)
         if report.slot >= self.slot - 1 or report.term > self.grant[0]:
             self._election.hear_report(report)
+
+    def _take_goal(self, goal: Goal, now_ns: int) -> None:
+        """Fly a goal that is newer than the own one: persist it, then acknowledge it by a fix; or say why not."""
+        if not is_new(goal, self._vehicle.course):
+            return
+        reason = self._vehicle.refusal_of(goal) if self._flight.voter else "it has lost its memory, and flies no more"
+        if not reason:
+            self._vehicle.course = course_of(goal)
+            self._say(now_ns, with_truth=False)
+        elif self._refused_slot < self.slot:
+            self._refused_slot = self.slot
+            answer = msgspec.json.encode(GoalAnswer(self.uav, goal.number, reason)).decode()
+            self._out.append(self.event(EventKind.GOAL_REFUSED, answer))
 
     # --- the grant ---------------------------------------------------------------------------
 

@@ -17,13 +17,15 @@ from dataclasses import dataclass
 
 from msgspec import Struct
 
+from edc_swarm.agent.goals import unflyable
 from edc_swarm.agent.knowledge import Grant
 from edc_swarm.emulation.energy import step_energy_j
 from edc_swarm.emulation.gps import GpsReceiver
 from edc_swarm.mission.configuration import GpsModel, Mission, RosterEntry
 from edc_swarm.mission.failsafe import LATE_FRACTION, failsafe_of
+from edc_swarm.mission.lifelong import next_goal
 from edc_swarm.mission.routes import Course
-from edc_swarm.protocol.messages import NO_ONE, Command, MissionMessage
+from edc_swarm.protocol.messages import NO_ONE, Command, Goal, MissionMessage
 
 
 class Promise(Struct, frozen=True, kw_only=True):
@@ -165,6 +167,10 @@ class Vehicle:
         """True if the waypoint is within 0.1 m of the last point of the course, and all others are reached."""
         return self.course.arrived(self._entry, self.waypoint_m)
 
+    def refusal_of(self, goal: Goal) -> str:
+        """Return why this UAV cannot fly a goal; "" if it accepts it."""
+        return unflyable(self._mission, self._entry, self.waypoint_m, self.energy_j, goal.route)
+
     @property
     def truth_m(self) -> tuple[float, float, float, float]:
         """True motion in the slot: from x, from y, to x, to y."""
@@ -182,6 +188,10 @@ class Vehicle:
             self.waypoint_m = (command.target_x_m, command.target_y_m)
             self.stepped_slot = command.slot
         self.course = self.course.after_step(self._entry, self.from_m, self.waypoint_m, slots, self._mission.dt_s)
+        if self._mission.goals == "lifelong" and self.arrived:
+            number = self.course.goal + 1
+            target_m = next_goal(self._mission, self._entry.uav, number, self.waypoint_m)
+            self.course = Course(goal=number, route=[target_m])
         length_m = math.hypot(self.waypoint_m[0] - self.from_m[0], self.waypoint_m[1] - self.from_m[1])
         hovered_j = self.step_energy_j(0.0) * (slots - 1)
         self.energy_j = max(0.0, self.energy_j - self.step_energy_j(length_m) - hovered_j)

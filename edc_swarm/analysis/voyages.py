@@ -141,7 +141,11 @@ def forgotten(recording: Recording) -> list[tuple[Fix, Course]]:
         if fix.slot > known_slot:
             before[fix.uav] = known
         earlier = before.get(fix.uav, Course())
-        if (fix.course.goal, fix.course.leg) < (earlier.goal, earlier.leg):
+        if _place(fix.course) < _place(earlier):
             found.setdefault(fix.uav, (fix, earlier))
-        newest[fix.uav] = (fix.slot, fix.course)
+        newest[fix.uav] = (fix.slot, max(fix.course, known, key=_place))
     return list(found.values())
+
+
+def _place(course: Course) -> tuple[int, int]:
+    return course.goal, course.leg

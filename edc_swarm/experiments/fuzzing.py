@@ -118,6 +118,7 @@ def scenario(seed: int, kept: Collection[int] | None = None) -> Mission:
     if fields["planner"] != RECKLESS:
         faults += _for_good(Random(f"fuzz/{seed}/for-good"), mission)
     faults += _about_landings(Random(f"fuzz/{seed}/landings"), mission)
+    faults += _goals(Random(f"fuzz/{seed}/goals"), mission)
     chosen = faults if kept is None else [fault for index, fault in enumerate(faults) if index in kept]
     return mission_from_dict({**fields, "area_m2": mission.area_m2, "fault": chosen, "zone": zones})
 
@@ -289,6 +290,21 @@ def _route(rng: Random, mission: Mission, entry: dict[str, Any]) -> dict[str, An
     hover_s = [rng.choice([0.0, 0.0, 0.3, 2.0]) for _ in between] + [0.0]
     route = [*between, [entry["target_x_m"], entry["target_y_m"]]]
     return {"route": route, "hover_s": hover_s, "accept_m": rng.choice([0.5, 1.0, 5.0])}
+
+
+def _goals(rng: Random, mission: Mission) -> list[str]:
+    """Draw, in every fourth mission, new goals for up to three UAVs, clear of all targets."""
+    if rng.random() > 1 / 4:
+        return []
+    side_m, taken = math.sqrt(mission.area_m2), [(entry.target_x_m, entry.target_y_m) for entry in mission.roster]
+    goals: list[str] = []
+    for entry in rng.sample(mission.roster, min(3, len(mission.roster))):
+        points = [(round(rng.uniform(0, side_m), 3), round(rng.uniform(0, side_m), 3)) for _ in range(2)]
+        if all(math.dist(points[-1], other) > 2.1 * mission.r_m for other in taken):
+            taken.append(points[-1])
+            at_s = _slot(rng) * mission.dt_s + rng.random() * mission.dt_s
+            goals.append(f"goal {entry.uav} {' '.join(f'{x},{y}' for x, y in points)} @{at_s:.3f}s")
+    return goals
 
 
 def _links(rng: Random) -> list[dict[str, Any]]:

@@ -10,6 +10,8 @@ from collections import deque
 from dataclasses import dataclass
 from typing import Any
 
+from edc_swarm.mission.configuration import MAX_GOAL_POINTS, MOST_M
+
 HEAD, STANDBY, REST, HALVES, EVERY_UAV = "head", "standby", "rest", "halves", "*"
 ONE_UAV = frozenset({HEAD, STANDBY})
 """Words that stand for one UAV."""
@@ -180,6 +182,28 @@ class Choice(Part):
     def write(self, fault: Any) -> list[str]:
         """Return the word."""
         return [getattr(fault, self.field)]
+
+
+@dataclass(frozen=True)
+class Route(Part):
+    """Points that a UAV flies to one after another, in the field `route`."""
+
+    syntaxes = ("X,Y [X,Y ...]",)
+    limits = f"X and Y are coordinates in metres, from -{MOST_M:g} to {MOST_M:g}; at most {MAX_GOAL_POINTS} points."
+
+    def read(self, words: deque[str]) -> dict[str, Any]:
+        """Take all that is left."""
+        points = []
+        while words:
+            pair = _pair(words.popleft(), ",")
+            points.append(tuple(bounded(number(text), -MOST_M, MOST_M, "a coordinate") for text in pair))
+        if not 1 <= len(points) <= MAX_GOAL_POINTS:
+            raise UnreadableError(f"give 1 to {MAX_GOAL_POINTS} points X,Y")
+        return {"route": tuple(points)}
+
+    def write(self, fault: Any) -> list[str]:
+        """Return the points."""
+        return [f"{number_text(x_m)},{number_text(y_m)}" for x_m, y_m in fault.route]
 
 
 @dataclass(frozen=True)

@@ -16,7 +16,7 @@ from dataclasses import dataclass, replace
 from typing import Any, ClassVar, TypeVar, get_args
 
 from edc_swarm.errors import MissionError
-from edc_swarm.mission.configuration import FOR_GOOD_S, RECORDER, ROUTER, GpsModel, Link, Mission
+from edc_swarm.mission.configuration import FOR_GOOD_S, RECORDER, ROUTER, GpsModel, Link, Mission, Point
 from edc_swarm.mission.fault_syntax import (
     HALVES,
     HEAD,
@@ -30,6 +30,7 @@ from edc_swarm.mission.fault_syntax import (
     Part,
     Quantities,
     Quantity,
+    Route,
     Target,
     UnreadableError,
     bounded,
@@ -116,7 +117,7 @@ class Fault:
 
 @dataclass(frozen=True, slots=True)
 class ProcessFault(Fault):
-    """A fault of a whole process."""
+    """A fault that hosts or the operator carry out, and no UAV's own machine."""
 
     carrier: ClassVar[str] = "the host of the process"
     target: str
@@ -256,6 +257,15 @@ class SlowSolver(Fault):
 
     target: str
     by_ms: float
+
+
+@_declare("goal", Target(), Route())
+@dataclass(frozen=True, slots=True)
+class GiveGoal(ProcessFault):
+    """The operator gives the UAV a new route, which replaces what it has still to fly."""
+
+    carrier: ClassVar[str] = "the operator"
+    route: tuple[Point, ...]
 
 
 def declaration_of(text: str) -> Declaration | None:

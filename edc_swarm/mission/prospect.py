@@ -36,6 +36,7 @@ from edc_swarm.mission.faults import (
     ChangeLink,
     Fault,
     Freeze,
+    GiveGoal,
     Heal,
     Kill,
     Partition,
@@ -44,7 +45,7 @@ from edc_swarm.mission.faults import (
     parse_faults,
     resolve,
 )
-from edc_swarm.mission.routes import hover_time_s, rectangle_m
+from edc_swarm.mission.routes import hover_time_s, rectangle_m, way_m
 
 LEAST_WAIT_SLOTS = 200
 """Slots of the limit beside those for the way: for fail-overs, for waiting, for hulls that vanish."""
@@ -99,7 +100,7 @@ def prospect_of(mission: Mission, faults: Sequence[Fault]) -> Prospect:
     side, cut = _quorum_side(mission, partitions) if partitions else (frozenset(e.uav for e in mission.roster), "")
     missed, link = _missed(mission, [fault for fault in lasting if isinstance(fault, ChangeLink)], _slowest(faults))
     obstacle = _router_gone(faults) or _clock_wrong(mission, faults) or cut or link
-    straight_slots = _straight_slots(mission)
+    straight_slots = _straight_slots(mission, [fault for fault in faults if isinstance(fault, GiveGoal)])
     if straight_slots >= MOST_SLOTS - LEAST_WAIT_SLOTS:
         return Prospect(MOST_SLOTS, side, obstacle)
     failsafe = failsafe_of(mission)
@@ -108,8 +109,11 @@ def prospect_of(mission: Mission, faults: Sequence[Fault]) -> Prospect:
     return Prospect(min(math.ceil(slots), MOST_SLOTS), side, obstacle, lossy=missed > 0)
 
 
-def _straight_slots(mission: Mission) -> float:
-    """Return 20 times the slots of the longest way to a target at full speed, with the time to hover on it."""
+def _straight_slots(mission: Mission, given: Sequence[GiveGoal]) -> float:
+    """Return 20 times the slots of the longest way to a target at full speed, with the time to hover on it.
+
+    A UAV that is given a goal may be anywhere between its start and the points that it had before.
+    """
     if mission.goals == "lifelong":
         longest_m, slowest_mps = math.dist(*rectangle_m(mission.roster)), min(mission.speeds_mps)
         return 20 * longest_m / (slowest_mps * mission.dt_s)
@@ -117,7 +121,18 @@ def _straight_slots(mission: Mission) -> float:
         20 * entry.straight_m / mission.speed_mps(entry) / mission.dt_s + 20 * hover_time_s(entry) / mission.dt_s
         for entry in mission.roster
     )
-    return max(ways, default=0.0)
+    return max([*ways, *_given_slots(mission, given)], default=0.0)
+
+
+def _given_slots(mission: Mission, given: Sequence[GiveGoal]) -> Iterator[float]:
+    """Yield 20 times the slots of the longest way to each goal, from any corner of what all ways so far lie in."""
+    roster = {entry.uav: entry for entry in mission.roster}
+    places = [point for entry in mission.roster for point in ((entry.start_x_m, entry.start_y_m), *entry.points)]
+    for fault in given:
+        speed_mps = mission.speed_mps(roster[fault.target]) if fault.target in roster else min(mission.speeds_mps)
+        from_m = max(math.dist(place, fault.route[0]) for place in places)
+        places += fault.route
+        yield 20 * (from_m + way_m(fault.route)) / (speed_mps * mission.dt_s)
 
 
 def _end_s(fault: Fault, faults: Sequence[Fault]) -> float:

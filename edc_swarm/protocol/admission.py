@@ -15,10 +15,10 @@ from typing import assert_never
 import msgspec
 
 from edc_swarm.errors import MessageError, MissionError
-from edc_swarm.mission.configuration import ROLES
+from edc_swarm.mission.configuration import OPERATOR, ROLES
 from edc_swarm.mission.faults import parse_faults
 from edc_swarm.protocol.events import EventKind
-from edc_swarm.protocol.messages import NO_ONE, Command, Event, Fix, Message, MissionMessage, Report, Truth
+from edc_swarm.protocol.messages import NO_ONE, Command, Event, Fix, Goal, Message, MissionMessage, Report, Truth
 
 SLACK_SLOTS = 1000
 """Most slots that a clock may be ahead of the mission's last slot."""
@@ -64,6 +64,12 @@ class Admission:
                     yield "sent before the mission"
                 if message.kind == EventKind.FAULT:
                     yield from self._of_fault(message.detail)
+            case Goal():
+                yield from self._unknown([message.uav])
+                if message.source != OPERATOR and self._mission.goals_from == "operator":
+                    yield "goals come from the operator alone"
+                if message.sent_ns < self._mission.sent_ns:
+                    yield "sent before the mission"
             case MissionMessage():
                 return
             case _:

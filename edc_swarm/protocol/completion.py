@@ -7,7 +7,7 @@ from collections.abc import Iterator
 
 from edc_swarm.mission.configuration import Mission, RosterEntry
 from edc_swarm.mission.failsafe import failsafe_of
-from edc_swarm.mission.faults import parse_faults
+from edc_swarm.mission.faults import GiveGoal, parse_faults
 from edc_swarm.mission.prospect import prospect_of, settled_slot
 from edc_swarm.mission.routes import headed
 from edc_swarm.protocol.hindrance import Place, hindrances, places_of
@@ -24,12 +24,17 @@ NO_STEP_SHARE = 1e-4
 """Share of the longest step below which a step counts as none: in a jam steps may get shorter without end."""
 
 
+ANSWER_SLOTS = 2
+"""Slots after a goal is given in which its UAV may not have answered yet."""
+
+
 class MissionMonitor:
     """Monitor of fixes, commands and reports that decides when a mission is over.
 
-    It is over when every UAV that still flies is at its target, or kept from it by UAVs that move no more
-    (`complete`, see `protocol.hindrance`), or when nothing can change any more (`stalled`). With the failsafe a UAV
-    that moves no more leaves the airspace, so it keeps no other from its target for good.
+    A lifelong mission is never complete, and no mission is before the last goal that its faults give. Any other is
+    over when every UAV that still flies is at its target, or kept from it by UAVs that move no more (`complete`, see
+    `protocol.hindrance`), or when nothing can change any more (`stalled`). With the failsafe a UAV that moves no more
+    leaves the airspace, so it keeps no other from its target for good.
     """
 
     def __init__(self, mission: Mission) -> None:
@@ -41,6 +46,8 @@ class MissionMonitor:
         faults = parse_faults(mission)
         self._settled_slot, self._side = settled_slot(mission, faults), prospect_of(mission, faults).side
         self._failsafe = failsafe_of(mission)
+        goal_slots = (math.ceil(fault.at_s / mission.dt_s) for fault in faults if isinstance(fault, GiveGoal))
+        self._last_goal_slot = max(goal_slots, default=-ANSWER_SLOTS - 1) + ANSWER_SLOTS
         self._still_m = NO_STEP_SHARE * min(mission.steps_m)
         self._still_plans = 0
         self._planned = (-1, -1)
@@ -111,6 +118,8 @@ class MissionMonitor:
 
         A UAV whose target is covered for good flies to the nearest free place first, and waits there.
         """
+        if self._mission.goals == "lifelong" or slot <= self._last_goal_slot:
+            return False
         flying = [entry for entry in self._mission.roster if not self._grounded(entry.uav)]
         away = []
         for entry in flying:

@@ -22,6 +22,8 @@ class EventKind(StrEnum):
     PLANNER_FAILED = "planner-failed"
     BATTERY_EMPTY = "battery-empty"
     LANDED = "landed"
+    GOAL_REFUSED = "goal-refused"
+    GOAL_UNANSWERED = "goal-unanswered"
     CLOCK_OFFSET = "clock-offset"
     CLOCK_JUMP = "clock-jump"
     DELAY_ERROR = "delay-error"
@@ -50,6 +52,10 @@ EVENT_FORMS: dict[EventKind, EventForm] = {
     EventKind.PLANNER_FAILED: EventForm("UAV", "the error of a user's planner, and its line"),
     EventKind.BATTERY_EMPTY: EventForm("UAV", "nothing"),
     EventKind.LANDED: EventForm("UAV", "why it lands: since when it has accepted no step", warning=True),
+    EventKind.GOAL_REFUSED: EventForm(
+        "UAV", "JSON: the UAV, the number of the goal, why it does not fly it", warning=True
+    ),
+    EventKind.GOAL_UNANSWERED: EventForm("operator", "JSON: the UAV and the goal that it never answered", warning=True),
     EventKind.CLOCK_OFFSET: EventForm("UAV", "the UAV whose clock is ahead, and by how much at least"),
     EventKind.CLOCK_JUMP: EventForm("every publisher", "by how much its wall clock jumped"),
     EventKind.DELAY_ERROR: EventForm("UAV", "JSON: how late its emulated links handed messages over"),

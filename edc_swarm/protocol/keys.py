@@ -11,7 +11,7 @@ from typing import Any, get_args
 from msgspec import Struct
 
 from edc_swarm.mission.configuration import OPERATOR, VISUALISER, MissionId
-from edc_swarm.protocol.messages import Command, Event, Fix, Message, MissionMessage, Report, Truth
+from edc_swarm.protocol.messages import Command, Event, Fix, Goal, Message, MissionMessage, Report, Truth
 
 PREFIX = "swarm"
 
@@ -40,6 +40,7 @@ KEY_FORMS: dict[type[Struct], KeyForm] = {
     Command: KeyForm("head/{}/command/{}", ("head", "uav"), sender="head"),
     Report: KeyForm("head/{}/report", ("head",), sender="head"),
     Event: KeyForm("event/{}", ("source",), sender="source"),
+    Goal: KeyForm("goal/{}/to/{}", ("source", "uav"), sender="source"),
     MissionMessage: KeyForm("mission", ("name",), sender=OPERATOR),
 }
 """Forms of the keys of messages; all code that builds or parses a key derives from this table."""
@@ -105,6 +106,10 @@ class Keys:
     def event(self, source: str) -> str:
         """Return the key of a publisher's events."""
         return self._of(Event, source)
+
+    def goal(self, source: str, uav: str) -> str:
+        """Return the key of the goals that `source` gives to a UAV; with "*" for either, that of all."""
+        return self._of(Goal, source, uav)
 
     @property
     def claims(self) -> str:

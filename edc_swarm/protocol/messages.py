@@ -13,6 +13,7 @@ from typing import Annotated, Literal, get_args
 from msgspec import Meta, Struct
 
 from edc_swarm.mission.configuration import (
+    MAX_GOAL_POINTS,
     MAX_UAVS,
     MOST,
     NS_PER_S,
@@ -20,6 +21,7 @@ from edc_swarm.mission.configuration import (
     Metres,
     Mission,
     NonNegative,
+    Point,
     Positive,
     RosterEntry,
     UavId,
@@ -201,6 +203,23 @@ class Event(Struct, frozen=True, kw_only=True, gc=False):
     detail: Annotated[str, Meta(max_length=65536)] = ""
 
 
+class Goal(Struct, frozen=True, kw_only=True, gc=False):
+    """A new route for one UAV, from the operator, or from any process where the mission permits it.
+
+    The UAV flies it from where it is, in place of all that it had still to fly, if `number` is higher than that of its
+    goal. It persists the goal before its next fix acknowledges it (`course`); event `goal-refused` says why it does
+    not accept one. `sent_ns` is after the mission message was sent. A sender that hears neither sends it again.
+    """
+
+    source: Annotated[str, Meta(pattern=r"^[A-Za-z0-9_-]{1,32}$(?!\n)")]
+    uav: UavId
+    instance: Instance = ""
+    seq: Seq = 0
+    sent_ns: Ns = 0
+    number: Annotated[int, Meta(ge=1, lt=1 << 40)]
+    route: Annotated[list[Point], Meta(min_length=1, max_length=MAX_GOAL_POINTS)]
+
+
 class MissionMessage(Mission, frozen=True, kw_only=True):
     """The mission as run: the mission file's fields with the roster filled in, plus the epoch.
 
@@ -222,7 +241,7 @@ class MissionMessage(Mission, frozen=True, kw_only=True):
         return next((claimant for entry, claimant in claimants if entry.uav == uav), "")
 
 
-Message = Fix | Truth | Command | Report | Event | MissionMessage
+Message = Fix | Truth | Command | Report | Event | Goal | MissionMessage
 
 
 def roster_index(roster: list[RosterEntry]) -> dict[str, int]:
@@ -242,6 +261,7 @@ __all__ = [
     "Command",
     "Event",
     "Fix",
+    "Goal",
     "Message",
     "MissionMessage",
     "Report",

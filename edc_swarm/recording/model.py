@@ -6,7 +6,7 @@ from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field, replace
 from typing import Any
 
-from edc_swarm.protocol.messages import Command, Event, Fix, Message, MissionMessage, Report, Truth
+from edc_swarm.protocol.messages import Command, Event, Fix, Goal, Message, MissionMessage, Report, Truth
 from edc_swarm.recording.ordering import put_in_order
 
 MAX_GARBAGE = 10_000
@@ -53,6 +53,7 @@ class Recording:
     commands: list[Command] = field(default_factory=list)
     reports: list[Report] = field(default_factory=list)
     events: list[Event] = field(default_factory=list)
+    goals: list[Goal] = field(default_factory=list)
     garbage: list[Garbage] = field(default_factory=list)
     unknown: dict[str, int] = field(default_factory=dict)
     problems: list[str] = field(default_factory=list)
@@ -81,6 +82,7 @@ class Recording:
             Command: self.commands,
             Report: self.reports,
             Event: self.events,
+            Goal: self.goals,
             MissionMessage: self.missions,
         }
 

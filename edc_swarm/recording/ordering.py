@@ -26,7 +26,7 @@ from typing import TYPE_CHECKING, Any
 import msgspec
 
 from edc_swarm.protocol.keys import KEY_FORMS
-from edc_swarm.protocol.messages import Event, MissionMessage
+from edc_swarm.protocol.messages import Event, Goal, MissionMessage
 
 if TYPE_CHECKING:
     from edc_swarm.recording.model import Recording
@@ -52,7 +52,7 @@ def put_in_order(recording: Recording) -> None:
 
 
 def _ordered(messages: Sequence[Any], kind: type, names: tuple[str, ...]) -> list[Any]:
-    time_names = ("sent_ns",) if kind in {Event, MissionMessage} else ("slot", "sent_ns")
+    time_names = ("sent_ns",) if kind in {Event, Goal, MissionMessage} else ("slot", "sent_ns")
     stream = attrgetter(*names, "instance")
     place = attrgetter(*time_names, *names, "instance", "seq")
     places = list(map(place, messages))

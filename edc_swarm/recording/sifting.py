@@ -12,7 +12,7 @@ from typing import Any
 
 from edc_swarm.mission.configuration import ROLES
 from edc_swarm.protocol.keys import KEY_FORMS
-from edc_swarm.protocol.messages import Event, MissionMessage
+from edc_swarm.protocol.messages import Event, Goal, MissionMessage
 from edc_swarm.recording.model import Bin, Garbage, Recording
 
 OLDER, FOREIGN = "from an older run", "from no process of the mission"
@@ -23,7 +23,7 @@ def sift(recording: Recording) -> None:
     running = _running(recording)
     roster = {entry.uav for entry in recording.mission.roster}
     known: dict[type, set[str]] = dict.fromkeys(KEY_FORMS, roster)
-    known |= {Event: roster | ROLES, MissionMessage: {recording.mission.name}}
+    known |= {Event: roster | ROLES, Goal: roster | ROLES, MissionMessage: {recording.mission.name}}
     refused = Bin(recording.garbage)
     for kind, form in KEY_FORMS.items():
         messages = recording.lists()[kind]

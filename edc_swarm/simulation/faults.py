@@ -18,6 +18,7 @@ from edc_swarm.mission.faults import (
     ROUTER_OUTAGE_S,
     Fault,
     Freeze,
+    GiveGoal,
     Kill,
     Partition,
     ProcessFault,
@@ -123,6 +124,11 @@ def _resume(swarm: Swarm, fault: Resume) -> None:
         swarm.network.router_up_at_ns = swarm.schedule.now_ns
     else:
         swarm.computers[fault.target].resume()
+
+
+@PROCESS_FAULTS.of(GiveGoal)
+def _give_goal(swarm: Swarm, fault: GiveGoal) -> None:
+    swarm.network.give_goal(fault.target, list(fault.route))
 
 
 def _take_router_away(swarm: Swarm, fault: Kill | Freeze) -> None:

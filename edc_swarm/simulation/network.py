@@ -6,17 +6,23 @@ from collections.abc import Callable, Iterable, Mapping
 from functools import partial
 from typing import Protocol
 
+import msgspec
+
 from edc_swarm.agent.node import NodeEvent, PeerGone, Received
 from edc_swarm.emulation.links import LinkEmulator, have_range
-from edc_swarm.mission.configuration import OPERATOR
+from edc_swarm.mission.configuration import OPERATOR, Point
 from edc_swarm.protocol.completion import MissionMonitor
 from edc_swarm.protocol.events import EventKind
+from edc_swarm.protocol.goals import GoalDesk
 from edc_swarm.protocol.keys import Keys
 from edc_swarm.protocol.messages import Command, Event, Fix, Message, MissionMessage, Report, Truth
 from edc_swarm.simulation.schedule import Schedule
 
 TRANSIT_NS = 500_000
 """Time that the transport takes for a message when the link model adds nothing."""
+
+GOAL_NS = 1_000_000
+"""Time after the start of a slot at which the operator repeats goals: the fixes of the slot are out."""
 
 Recorder = Callable[[str, Message, int], None]
 """Takes the key, the message and the time at which it was published."""
@@ -65,6 +71,8 @@ class Network:
         self._ports: Mapping[str, Port] = {}
         self._operator_seq = 0
         self.monitor = MissionMonitor(mission)
+        self._desk = GoalDesk(mission)
+        self._goal_seqs: dict[str, int] = {}
         self.router_up_at_ns = 0
 
     def connect(self, ports: Mapping[str, Port]) -> None:
@@ -82,6 +90,7 @@ class Network:
         match message:
             case Fix():
                 self.monitor.hear_fix(message)
+                self._desk.hear_fix(message)
                 self._send(sender, message, [port for port in self._ports.values() if port.subscribes_to_fixes])
             case Command():
                 self.monitor.hear_command(message)
@@ -89,6 +98,8 @@ class Network:
             case Report():
                 self.monitor.hear_report(message)
                 self._send(sender, message, self._ports.values())
+            case Event():
+                self._desk.hear_event(message)
             case Truth() if self._have_range:
                 for port in self._ports.values():
                     port.links.place(message.uav, message.to_x_m, message.to_y_m)
@@ -113,10 +124,31 @@ class Network:
         self._operator_seq += 1
         self._record(self._keys.of(event), event, self._schedule.now_ns)
 
+    def give_goal(self, uav: str, route: list[Point]) -> None:
+        """Send the operator's goal to a UAV, again in every slot until it answers."""
+        self._desk.give(uav, route, self._schedule.slot)
+        self._send_goals()
+
+    def _send_goals(self) -> None:
+        slot = self._schedule.slot
+        for answer in self._desk.given_up(slot):
+            self.publish_event(EventKind.GOAL_UNANSWERED, msgspec.json.encode(answer).decode())
+        for goal in self._desk.due(slot):
+            key = self._keys.of(goal)
+            self._goal_seqs[key] = seq = self._goal_seqs.get(key, -1) + 1
+            sent_ns = self._schedule.now_ns
+            said = msgspec.structs.replace(goal, instance=OPERATOR, seq=seq, sent_ns=sent_ns)
+            self._record(key, said, sent_ns)
+            port = self._ports[goal.uav]
+            if self.router_up and port.process is not None:
+                self._schedule.at(sent_ns + TRANSIT_NS, partial(port.step, Received(said)))
+        if self._desk.waits:
+            self._schedule.at(self._schedule.ns_of((slot + 1) * self._mission.dt_s) + GOAL_NS, self._send_goals)
+
     @property
     def last_seqs(self) -> dict[str, int]:
         """The operator's last sequence numbers by key, the event that says them included."""
-        return {self._keys.mission: 0, self._keys.event(OPERATOR): self._operator_seq}
+        return {self._keys.mission: 0, self._keys.event(OPERATOR): self._operator_seq, **self._goal_seqs}
 
     def announce_end(self, gone: Port) -> None:
         """Tell every peer that hears it that the liveliness token of `gone` has vanished, unless the router is down."""

@@ -63,7 +63,7 @@ class UavSubscriptions:
         self._keys = keys
         self._inbox = inbox
         self._fixes: zenoh.Subscriber[None] | None = None
-        for key in (keys.mission, keys.commands_to(uav), keys.all_reports, keys.event(OPERATOR)):
+        for key in (keys.mission, keys.commands_to(uav), keys.all_reports, keys.event(OPERATOR), keys.goal("*", uav)):
             self._subscribe(key)
         session.liveliness().declare_subscriber(keys.all_alive, hand_over(self._take_token), history=True)
 

@@ -9,11 +9,12 @@ from functools import partial
 import msgspec
 import zenoh
 
-from edc_swarm.mission.configuration import OPERATOR
+from edc_swarm.mission.configuration import OPERATOR, Point
 from edc_swarm.mission.faults import ProcessFault, declaration_of
 from edc_swarm.protocol.codec import encode
 from edc_swarm.protocol.completion import MissionMonitor
 from edc_swarm.protocol.events import EventKind
+from edc_swarm.protocol.goals import GoalDesk
 from edc_swarm.protocol.keys import Keys
 from edc_swarm.protocol.messages import Command, Event, Fix, MissionMessage, Report
 from processes.bus.event_source import EventSource
@@ -71,6 +72,8 @@ class Operator:
         self._events = EventSource(OPERATOR, clock)
         self._mission: MissionMessage | None = None
         self._in_force: list[bytes] = []
+        self._goals: GoalDesk | None = None
+        self._goal_seqs: dict[str, int] = {}
         self._tokens: set[tuple[str, str]] = set()
         self._gate = Gate(partial(self.publish_event, EventKind.MALFORMED))
         self.seen = Seen()
@@ -99,7 +102,7 @@ class Operator:
             instance=self._events.instance,
             sent_ns=self.clock.now_ns(),
         )
-        self.monitor = MissionMonitor(mission)
+        self.monitor, self._goals = MissionMonitor(mission), GoalDesk(mission)
         self._gate.know(self._mission)
         self._say(self._keys.mission, encode(self._mission), self._mission.seq)
 
@@ -110,7 +113,23 @@ class Operator:
         self._gate.know(mission)
         uavs = (entry.uav for entry in mission.roster)
         self._desk.claims.resume(dict(zip(uavs, mission.claimants, strict=False)))
-        self.monitor = MissionMonitor(mission)
+        self.monitor, self._goals = MissionMonitor(mission), GoalDesk(mission)
+
+    def give_goal(self, uav: str, route: list[Point]) -> None:
+        """Give a UAV a new route; `flush` sends it once a slot until the UAV answers."""
+        assert self._goals is not None, "a goal is given in a mission"
+        self._goals.give(uav, route, self.slot_now())
+        self._send_goals(self._goals)
+
+    def _send_goals(self, goals: GoalDesk) -> None:
+        slot = self.slot_now()
+        for answer in goals.given_up(slot):
+            self.publish_event(EventKind.GOAL_UNANSWERED, msgspec.json.encode(answer).decode())
+        for goal in goals.due(slot):
+            key = self._keys.of(goal)
+            seq = self._goal_seqs[key] = self._goal_seqs.get(key, -1) + 1
+            said = msgspec.structs.replace(goal, instance=self._events.instance, seq=seq, sent_ns=self.clock.now_ns())
+            self._say(key, encode(said), seq)
 
     def publish_event(self, kind: EventKind, detail: str = "") -> None:
         """Publish an event, for the swarm and the recording."""
@@ -124,11 +143,13 @@ class Operator:
         """Publish the last sequence numbers; the recorder ends with this."""
         started = self._mission is not None and self._mission.instance == self._events.instance
         last = {self._keys.event(OPERATOR): self._events.last_seq, self._keys.mission: 0 if started else -1}
-        known = {key: seq for key, seq in last.items() if seq >= 0}
+        known = {key: seq for key, seq in {**last, **self._goal_seqs}.items() if seq >= 0}
         self.publish_event(EventKind.CLOSED, msgspec.json.encode(known).decode())
 
     def flush(self) -> None:
-        """Send the messages that waited for a router, and publish a jump of the wall clock."""
+        """Send the messages that waited for a router and goals without an answer; publish a jump of the wall clock."""
+        if self._goals is not None:
+            self._send_goals(self._goals)
         if self._mission is not None and (jump := self.clock.jump()) is not None:
             self.publish_event(EventKind.CLOCK_JUMP, jump)
         self._outbox.flush()
@@ -179,18 +200,21 @@ class Operator:
         self._outbox.flush()
 
     def _hear(self, key: str, payload: bytes) -> None:
-        if self.monitor is None:
+        if self.monitor is None or self._goals is None:
             return
         match self._gate.admit(Heard(key, payload)):
             case Fix() as fix:
                 self.seen.hear_fix(fix)
                 self.monitor.hear_fix(fix)
+                self._goals.hear_fix(fix)
             case Command() as command:
                 self.monitor.hear_command(command)
             case Report() as report:
                 self.monitor.hear_report(report)
             case Event(kind=EventKind.CLOSED, source=source):
                 self.seen.closed.add(source)
+            case Event() as event:
+                self._goals.hear_event(event)
 
     def _answer(self, query: zenoh.Query) -> None:
         """Answer a query: with the mission or the faults in force for a late UAV, with ids or orders for a claimant."""

@@ -17,6 +17,7 @@ from edc_swarm.mission.faults import (
     ROUTER_OUTAGE_S,
     Fault,
     Freeze,
+    GiveGoal,
     Kill,
     ProcessFault,
     Restart,
@@ -139,6 +140,10 @@ class Injector:
         """End one freeze: go on unless another lasts."""
         if fault.end_s >= self._frozen_until_s.get(fault.target, math.inf):
             self._go_on(fault.target)
+
+    @HANDLERS.of(GiveGoal)
+    def _give_goal(self, fault: GiveGoal) -> None:
+        self._processes.bus.give_goal(fault.target, list(fault.route))
 
     @HANDLERS.of(Resume)
     def _resume(self, fault: Resume) -> None:

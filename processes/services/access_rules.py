@@ -5,9 +5,10 @@ The router denies everything that no rule here allows.
 ==========  ================================================  ==================================================
 Process     May publish                                       May receive
 ==========  ================================================  ==================================================
-UAV         on its own keys only, also as head, since every   all fixes and reports, its own commands, the mission
-            key names its sender                              and the operator's events, but never a truth
-operator    the mission, its events                           all fixes, reports, commands and events
+UAV         on its own keys only, also as head, since every   all fixes and reports, its own commands and
+            key names its sender                              goals, the mission and the operator's events, but
+                                                              never a truth
+operator    the mission, its events, goals                    all fixes, reports, commands and events
 recorder    its events                                        all messages
 visualiser  its events, scenes                                all messages of UAVs, the mission, all events
 join        nothing; it may claim ids, and its UAVs have      the operator's events
@@ -66,7 +67,12 @@ def _shared_by_uavs(keys: Keys) -> list[Rule]:
 def _of_uav(keys: Keys, uav: str) -> list[Rule]:
     own = [keys.fix(uav), keys.truth(uav), keys.command(uav, "*"), keys.report(uav), keys.event(uav)]
     asked_again = _answers(uav, [keys.again(uav, "*")])
-    return [_says(uav, own), *_hears(uav, [keys.commands_to(uav)]), *asked_again, _lives(uav, keys)]
+    return [
+        _says(uav, own),
+        *_hears(uav, [keys.commands_to(uav), keys.goal("*", uav)]),
+        *asked_again,
+        _lives(uav, keys),
+    ]
 
 
 def _of_roles(keys: Keys) -> dict[str, list[Rule]]:
@@ -74,7 +80,7 @@ def _of_roles(keys: Keys) -> dict[str, list[Rule]]:
     seen = [keys.mission, f"{keys.root}/uav/**", f"{keys.root}/head/**", keys.event("*")]
     return {
         OPERATOR: [
-            _says(OPERATOR, asked),
+            _says(OPERATOR, [*asked, keys.goal(OPERATOR, "*")]),
             *_hears(OPERATOR, [keys.all_fixes, keys.all_reports, keys.command("*", "*"), keys.event("*")]),
             *_answers(OPERATOR, [*asked, keys.claims, keys.orders("*"), keys.again(OPERATOR, "*")]),
             *_asks(OPERATOR, [keys.mission, keys.orders(RECORDER)]),

@@ -43,7 +43,7 @@ from edc_swarm.planner.interface import Planner
 from edc_swarm.protocol.claims import LAUNCHED, instance_name
 from edc_swarm.protocol.events import EventKind
 from edc_swarm.protocol.keys import Keys
-from edc_swarm.protocol.messages import Event, Message, MissionMessage, Truth
+from edc_swarm.protocol.messages import Event, Goal, Message, MissionMessage, Truth
 from processes.bus.credentials import credentials
 from processes.bus.outbox import Outbox
 from processes.bus.peers import Peers
@@ -182,6 +182,8 @@ class UavProcess:
             case Truth():
                 if self._flight is not None:
                     self._flight.place(message)
+            case Goal():
+                self._step(Received(message))
             case _:
                 self._receive(message, heard.at_ns)
 

@@ -101,6 +101,17 @@ def course_forgotten_over_a_restart(patch: Patch) -> None:
     _at_start(patch, lambda p, _: p and msgspec.structs.replace(p, course=Course()))
 
 
+def goal_acknowledged_before_it_is_persisted(patch: Patch) -> None:
+    """The fix that acknowledges a new goal is out, and the goal is on the disk only with the next slot."""
+    take = UavNode._take_goal
+
+    def mutant(self: UavNode, goal: Any, now_ns: int) -> None:
+        take(self, goal, now_ns)
+        self._out[:] = [effect for effect in self._out if not isinstance(effect, Persist)]
+
+    patch.setattr(UavNode, "_take_goal", mutant)
+
+
 def promise_written_after_the_step_began(patch: Patch) -> None:
     """Truth and fix are out before the promise is on disk."""
     step = UavNode.step
@@ -471,7 +482,17 @@ def _crowd(seed: int, faults: list[str], uavs: int = 4, standbys: int = 0, **mor
     return mission_from_dict({**crowd, "uavs": uavs, "standbys": standbys, "seed": seed, "fault": faults})
 
 
+def goals_before_restarts(seed: int) -> Mission:
+    """New goals to UAVs whose processes die as soon as they have acknowledged them."""
+    faults = []
+    for slot in range(6, 60, 9):
+        at_s, uav = slot * 0.5 + 0.1, f"u00{1 + slot // 9 % 4}"
+        faults += [f"goal {uav} {slot % 20},{slot % 17} @{at_s:.3f}s", f"restart {uav} @{at_s + 0.05:.3f}s"]
+    return _crowd(seed, faults)
+
+
 AIMED = [
+    (goal_acknowledged_before_it_is_persisted, goals_before_restarts, 5),
     (frozen_uav_executes_late, freezes, 20),
     (restarted_head_plans_in_its_term, restarts, 20),
     (ball_one_slot_short, failovers, 20),

@@ -90,12 +90,26 @@ def _judged(
     if astray and prospect.obstacle:
         return not_applicable(*_G7, prospect.obstacle)
     missing = [k for k in astray if lasting[k]] if lasting.sum() >= evidence.mission.quorum else []
+    if missing and (rivals := _rivals(voyages, due)):
+        return not_judged(*_G7, f"the discs of {rivals} overlap at their targets", notes)
     if missing and tracks.slots < needed and not _stalled(evidence):
         return not_judged(*_G7, f"stopped after {tracks.slots} slots{_given(evidence)}, before slot {needed}", notes)
     if astray and not missing:
         names = ", ".join(tracks.uavs[k] for k in np.flatnonzero(due & ~lasting).tolist())
         return not_judged(*_G7, f"empty batteries before slot {needed}: {names}", notes)
     return verdict(*_G7, [_missing(evidence, voyages, k) for k in missing], notes)
+
+
+def _rivals(voyages: Voyages, due: NDArray[np.bool_]) -> str:
+    """Return two UAVs that new goals send to places where their discs overlap; "" if there are none."""
+    each = [voyages.each[k] for k in np.flatnonzero(due).tolist()]
+    if not any(voyage.course.goal for voyage in each):
+        return ""
+    for i, one in enumerate(each):
+        for other in each[:i]:
+            if math.dist(one.left[-1], other.left[-1]) < one.entry.r_m + other.entry.r_m:
+                return f"{other.entry.uav} and {one.entry.uav}"
+    return ""
 
 
 def _forgotten(fix: Fix, course: Course) -> Violation:
@@ -123,11 +137,12 @@ def _lifelong(
     standing: list[int] = np.flatnonzero(bound).tolist()
     excuses = _excuses(evidence, voyages, standing, bound)
     notes = [f"{tracks.uavs[k]} need not arrive: {why}" for k, why in excuses.items() if why]
-    idle = []
+    idle, waiting = [], False
     for k in (k for k in standing if not excuses[k]):
         slots = [settled, *(slot for slot in voyages.each[k].reached_slots if slot > settled), tracks.slots]
         idle += [(k, begin) for begin, end in pairwise(slots) if end - begin > limit]
-    if not idle and tracks.slots < settled + limit:
+        waiting |= len(slots) == 2
+    if not idle and waiting and tracks.slots < settled + limit:
         return not_judged(*_G7, f"stopped after {tracks.slots} slots, before slot {settled + limit}", notes)
     return verdict(*_G7, [_idle(evidence, k, begin, limit) for k, begin in idle], notes)
 

@@ -1,0 +1,86 @@
+"""Goals of a lifelong mission: a new target whenever a UAV has arrived, drawn from seed, UAV and number.
+
+No UAV knows the goals of the others. So each has sites of its own, and flies to one of them after another: the sites of
+all UAVs are as far apart as random targets are, where there is room. The first site of a UAV is its target in the
+roster; the others are drawn, round by round, in the smallest rectangle that has all starts and points of routes.
+"""
+
+from __future__ import annotations
+
+import math
+from functools import lru_cache
+from random import Random
+
+from edc_swarm.mission.configuration import Mission, Point, RosterEntry
+from edc_swarm.mission.routes import rectangle_m
+
+SITES = 6
+"""Most sites of one UAV."""
+TRIES = 60
+"""Draws after which a round leaves a UAV without a site."""
+SPACING = 1.05
+"""Least distance of two sites, in units of the sum of the two largest radii."""
+Spot = tuple[str, Point, tuple[Point, ...], float]
+
+
+def next_goal(mission: Mission, uav: str, number: int, here_m: Point) -> Point:
+    """Return the target of goal `number` of a UAV that has arrived at `here_m`: another of its sites.
+
+    A UAV for which there was room for no other site flies to a place that may be another UAV's too.
+    """
+    spots = tuple(map(_spot, mission.roster))
+    own = sites_of(mission.seed, spots)[[spot[0] for spot in spots].index(uav)]
+    rng = Random(f"{mission.seed}/goal/{uav}/{number}")
+    others = [site for site in own if math.dist(site, here_m) > 1.0]
+    return rng.choice(others) if others else _drawn(rng, *rectangle_m(mission.roster))
+
+
+@lru_cache(maxsize=4)
+def sites_of(seed: int, spots: tuple[Spot, ...]) -> list[list[Point]]:
+    """Return the sites of every UAV, in roster order; each UAV is (id, start, points of its route, radius)."""
+    entries = [RosterEntry(uav=uav, start_x_m=x, start_y_m=y, route=list(points)) for uav, (x, y), points, _ in spots]
+    low_m, high_m = rectangle_m(entries)
+    least_m = SPACING * 2 * max(spot[3] for spot in spots)
+    taken = _Grid(least_m)
+    sites = [[points[-1]] for _, _, points, _ in spots]
+    for own in sites:
+        taken.add(own[0])
+    for number in range(1, SITES):
+        for (uav, *_), own in zip(spots, sites, strict=True):
+            rng = Random(f"{seed}/site/{uav}/{number}")
+            tries = (_drawn(rng, low_m, high_m) for _ in range(TRIES))
+            site = next((site for site in tries if taken.has_room(site)), None)
+            if site is not None:
+                own.append(site)
+                taken.add(site)
+    return sites
+
+
+def _spot(entry: RosterEntry) -> Spot:
+    return entry.uav, (entry.start_x_m, entry.start_y_m), tuple(entry.points), entry.r_m
+
+
+def _drawn(rng: Random, low_m: Point, high_m: Point) -> Point:
+    return rng.uniform(low_m[0], high_m[0]), rng.uniform(low_m[1], high_m[1])
+
+
+class _Grid:
+    """Points in square cells, to find those nearer than one side."""
+
+    def __init__(self, side_m: float) -> None:
+        self._side_m = side_m
+        self._cells: dict[tuple[int, int], list[Point]] = {}
+
+    def _cell(self, point_m: Point) -> tuple[int, int]:
+        return math.floor(point_m[0] / self._side_m), math.floor(point_m[1] / self._side_m)
+
+    def add(self, point_m: Point) -> None:
+        """Add a point."""
+        self._cells.setdefault(self._cell(point_m), []).append(point_m)
+
+    def has_room(self, point_m: Point) -> bool:
+        """Return True if no point is nearer than one side."""
+        i, j = self._cell(point_m)
+        around = ((i + a, j + b) for a in (-1, 0, 1) for b in (-1, 0, 1))
+        near = (other for cell in around for other in self._cells.get(cell, ()))
+        return all(math.dist(point_m, other) >= self._side_m for other in near)
