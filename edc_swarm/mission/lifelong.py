@@ -16,7 +16,7 @@ from edc_swarm.mission.routes import rectangle_m
 
 SITES = 6
 """Most sites of one UAV."""
-TRIES = 60
+SITE_TRIES = 60
 """Draws after which a round leaves a UAV without a site."""
 SPACING = 1.05
 """Least distance of two sites, in units of the sum of the two largest radii."""
@@ -48,7 +48,7 @@ def sites_of(seed: int, spots: tuple[Spot, ...]) -> list[list[Point]]:
     for number in range(1, SITES):
         for (uav, *_), own in zip(spots, sites, strict=True):
             rng = Random(f"{seed}/site/{uav}/{number}")
-            tries = (_drawn(rng, low_m, high_m) for _ in range(TRIES))
+            tries = (_drawn(rng, low_m, high_m) for _ in range(SITE_TRIES))
             site = next((site for site in tries if taken.has_room(site)), None)
             if site is not None:
                 own.append(site)

@@ -16,7 +16,7 @@ from edc_swarm.planner.registry import make_planner
 from edc_swarm.protocol.admission import Admission
 from edc_swarm.protocol.codec import decode, encode
 from edc_swarm.protocol.keys import Keys
-from edc_swarm.protocol.messages import Command, Event, Message, MissionMessage, Report
+from edc_swarm.protocol.messages import Command, Event, Goal, Message, MissionMessage, Report
 from tests.builders import EPOCH_NS, SLOT_NS, North, command, fix, mission_message, report, row, truth
 
 IDS = ("a", "b", "c")
