@@ -120,7 +120,9 @@ def scenario(seed: int, kept: Collection[int] | None = None) -> Mission:
     faults += _about_landings(Random(f"fuzz/{seed}/landings"), mission)
     faults += _goals(Random(f"fuzz/{seed}/goals"), mission)
     chosen = faults if kept is None else [fault for index, fault in enumerate(faults) if index in kept]
-    return mission_from_dict({**fields, "area_m2": mission.area_m2, "fault": chosen, "zone": zones})
+    # The drawn zones have a fence of their own: the area in addition could close a way.
+    airspace = {"area_m2": mission.area_m2, "zone": zones, "fence": "none" if zones else "area"}
+    return mission_from_dict({**fields, **airspace, "fault": chosen})
 
 
 def fly(mission: Mission) -> list[str]:

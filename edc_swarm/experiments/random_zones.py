@@ -11,8 +11,10 @@ import numpy as np
 from msgspec import convert
 from msgspec.structs import replace
 
+from edc_swarm.errors import MissionError
+from edc_swarm.mission.airspace import check_zones
 from edc_swarm.mission.configuration import Mission, Zone
-from edc_swarm.planner.charts import Charts, clear_of
+from edc_swarm.planner.charts import Charts
 from edc_swarm.planner.safe import airspace_of
 
 ZONE_TRIES = 8
@@ -20,9 +22,9 @@ ZONE_TRIES = 8
 
 
 def random_zones(rng: Random, mission: Mission, *, with_ways: bool) -> list[dict[str, Any]]:
-    """Draw, in half of all missions, a fence and up to five stay-out zones that leave all starts and targets free.
+    """Draw, in half of all missions, a fence and up to five stay-out zones with which the mission is not refused.
 
-    Every UAV also has a way to its target, if `with_ways`.
+    If `with_ways`, the planner also knows a way from each point of every route to the next one.
     """
     if rng.random() < 0.5:
         return []
@@ -38,17 +40,16 @@ def random_zones(rng: Random, mission: Mission, *, with_ways: bool) -> list[dict
 
 
 def _flyable(mission: Mission, zones: list[dict[str, Any]], with_ways: bool) -> bool:
-    """Return True if starts and targets keep to the zones and, if asked, ways lead to the targets."""
+    """Return True if the mission is not refused with the zones and, if asked, the planner knows the ways."""
     zoned = replace(mission, zone=[convert(zone, Zone) for zone in zones])
-    airspace, charts = airspace_of(zoned), Charts.of(airspace_of(zoned))
-    starts = np.array([(entry.start_x_m, entry.start_y_m) for entry in mission.roster])
-    r_m = np.array([entry.r_m for entry in mission.roster])
-    routes_m = [np.array([start_m, *entry.points]) for start_m, entry in zip(starts, mission.roster, strict=True)]
-    for route_m, radius_m in zip(routes_m, r_m, strict=True):
-        if not (clear_of(airspace, route_m, np.full(len(route_m), radius_m)) & airspace.contains(route_m)).all():
-            return False
+    try:
+        check_zones(zoned)
+    except MissionError:
+        return False
+    charts = Charts.of(airspace_of(zoned))
+    routes_m = [np.array([(entry.start_x_m, entry.start_y_m), *entry.points]) for entry in mission.roster]
     legs = [(k, one_m, next_m) for k, route_m in enumerate(routes_m) for one_m, next_m in pairwise(route_m)]
-    return not with_ways or all(charts.reaches(k, float(r_m[k]), one_m, next_m) for k, one_m, next_m in legs)
+    return not with_ways or all(charts.reaches(k, mission.roster[k].r_m, one_m, next_m) for k, one_m, next_m in legs)
 
 
 def _fence(rng: Random, mission: Mission) -> list[dict[str, Any]]:
