@@ -459,3 +459,14 @@ def test_the_airspace_of_no_zones_is_free() -> None:
     assert check_zones(mission()) == []
     assert zones_refusal([], 5.0, [(0, 0), (1e6, 0)]) == ""
     assert Airspace.of([]).clear_m(np.zeros((1, 2))).shape == (1, 0)
+
+
+def test_rings_run_inside_the_grown_barriers() -> None:
+    """A place beside a narrow gap between slanting walls is inside the ring, although it is far from both walls."""
+    walls = [
+        Zone(name="west", kind="exclusion", polygon=[(0, -50), (0, 50), (-0.01, 0)]),
+        Zone(name="slope", kind="exclusion", polygon=[(30, 40), (9.9, 0), (30.01, 40)]),
+        Zone(name="north", kind="exclusion", polygon=[(0, 50), (30, 40), (15, 46)]),
+    ]
+    assert zones_refusal(walls, 5.0, [(9.0, 11.5), (200.0, 0.0)]).endswith("closed by zones north, west, slope")
+    assert zones_refusal(walls, 4.9, [(9.0, 11.5), (200.0, 0.0)]) == ""
