@@ -55,6 +55,7 @@ def check_progress(evidence: Evidence) -> GuaranteeResult:
     excuses |= dict.fromkeys(
         _away(evidence, living & ~inside), "a partition that never heals cuts it off from the quorum"
     )
+    excuses |= _landed_by_fault(evidence, _away(evidence, ~due & ~living))
     notes = [f"{tracks.uavs[k]} need not arrive: {why}" for k, why in excuses.items() if why]
     astray = [k for k, why in excuses.items() if not why]
     if astray and prospect.obstacle:
@@ -75,6 +76,13 @@ def _landed_unasked(evidence: Evidence, settled_slot: int, prospect: Prospect) -
     found = landings(evidence.recording, evidence.tracks)
     unasked = [landing.uav for landing in found if landing.told and landing.stepped_slot >= settled_slot]
     return np.isin(evidence.tracks.uavs, [] if prospect.lossy else unasked)
+
+
+def _landed_by_fault(evidence: Evidence, away: list[int]) -> dict[int, str]:
+    """Return why each UAV of `away` that said that it landed need not arrive: a fault can be the cause."""
+    slots = {found.uav: found.slot for found in landings(evidence.recording, evidence.tracks) if found.told}
+    uavs = evidence.tracks.uavs
+    return {k: f"it landed in slot {slots[uavs[k]]}, when a fault cut it off" for k in away if uavs[k] in slots}
 
 
 def _drained(evidence: Evidence) -> NDArray[np.int64]:
