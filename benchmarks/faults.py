@@ -31,6 +31,8 @@ UAVS = 10
 SLOT_S = 0.5
 FAULT_SLOT = 10
 HEAL_SLOT = 30
+LAND_AFTER_S = 15.0
+"""Partitions of these trials last 10 s, the default of `land_after_s`: all that they cut off would just land."""
 
 
 @dataclass(frozen=True)
@@ -44,8 +46,9 @@ class Flight:
 
     @property
     def living_home(self) -> bool:
-        """True if every UAV that lives at the end is at its target."""
-        return all(who.uav in self.metrics.not_living for who in self.metrics.not_home)
+        """True if every UAV that lives at the end is at its target, and none that lived has landed elsewhere."""
+        away = self.metrics.not_home
+        return all(who.uav in self.metrics.not_living and who.cause != "landed" for who in away)
 
     def fault_slot(self, verb: str) -> int:
         """Return the slot of the injected fault."""
@@ -139,12 +142,24 @@ SCENARIOS = (
 )
 
 
-def fly(scenario: Scenario, trial: int, trials: int, time_scale: float, folder: Path) -> Flight:
+def fly(scenario: Scenario, trial: int, trials: int, time_scale: float, failsafe: str, folder: Path) -> Flight:
     """Run one mission with real processes."""
     path = folder / f"{scenario.name.replace(' ', '-').replace('|', '-')}-{trial}.mcap"
     faults = [word for fault in scenario.faults(trial / trials) for word in ("--fault", fault)]
     command = [sys.executable, "-m", "processes.cli.main", "run", "--uavs", str(UAVS), "--slot", str(SLOT_S), "--json"]
-    extra = ["--seed", str(trial), "--time-scale", str(time_scale), "--out", str(path), "--force"]
+    extra = [
+        "--land-after",
+        str(LAND_AFTER_S),
+        "--failsafe",
+        failsafe,
+        "--seed",
+        str(trial),
+        "--time-scale",
+        str(time_scale),
+        "--out",
+        str(path),
+        "--force",
+    ]
     done = subprocess.run([*command, *extra, *faults], capture_output=True, text=True, check=False, timeout=900)
     if not path.exists():
         raise SystemExit(f"{' '.join(command)} gave no recording:\n{done.stderr[-2000:]}")
@@ -179,13 +194,16 @@ def main() -> int:
     parser.add_argument("--trials", type=int, default=20)
     parser.add_argument("--time-scale", type=float, default=1.0)
     parser.add_argument("--jobs", type=int, default=1, help="missions that run at the same time")
+    parser.add_argument("--failsafe", choices=("land", "hold"), default="land", help="of all missions (land)")
     parser.add_argument("--only", help="a scenario whose name contains this")
     parser.add_argument("--json", action="store_true")
     options = parser.parse_args()
     chosen = [scenario for scenario in SCENARIOS if not options.only or options.only in scenario.name]
     jobs = [(scenario, trial) for scenario in chosen for trial in range(options.trials)]
     with tempfile.TemporaryDirectory() as folder, ThreadPoolExecutor(options.jobs) as pool:
-        flown = pool.map(lambda job: fly(job[0], job[1], options.trials, options.time_scale, Path(folder)), jobs)
+        flown = pool.map(
+            lambda job: fly(job[0], job[1], options.trials, options.time_scale, options.failsafe, Path(folder)), jobs
+        )
         console = Console(stderr=True)
         flights = list(track(flown, description="faults", total=len(jobs), console=console))
     rows = [

@@ -26,6 +26,9 @@ from tests.builders import entry
 
 EDC: dict[str, Any] = {"planner_name": "edc", "area_m2": 10_000.0}
 """Fields of a mission that the project's own planner flies to its end."""
+HOLD: dict[str, Any] = {"failsafe": "hold"}
+LANDING_SLOTS = 42
+"""Slots until a UAV that died has left the airspace, with the default failsafe."""
 
 
 class Flight:
@@ -217,13 +220,7 @@ def test_radio_range() -> None:
     roster = [entry(uav, *way, energy_j=5e4) for uav, way in ways.items()]
     link = [{"range_m": 100.0, "shadowing_db": 0.0}]
     flight = Flight(
-        roster=msgspec.to_builtins(roster),
-        uavs=3,
-        link=link,
-        v_max_mps=20.0,
-        gps_model="none",
-        max_slots=60,
-        failsafe="hold",
+        roster=msgspec.to_builtins(roster), uavs=3, link=link, v_max_mps=20.0, gps_model="none", max_slots=60, **HOLD
     )
     assert not flight.end.completed
     assert 90.0 < flight.fixes("u3")[-1].waypoint_x_m < 120.0
@@ -401,7 +398,7 @@ def test_halves_hold_and_finish_after_healing() -> None:
 def test_heavy_loss_and_then_none() -> None:
     """After a minute in which almost nothing gets through, one head leads everybody again."""
     fault = "link *>* loss 0.9 reorder 0.3 @5 for 60"
-    flight = Flight(fault, max_slots=90, planner=Circling, handover_margin=10.0, failsafe="hold")
+    flight = Flight(fault, max_slots=90, planner=Circling, handover_margin=10.0, **HOLD)
     last = flight.reports[-1]
     assert last.slot == 89
     assert last.unheard == []
@@ -580,9 +577,9 @@ def verdict_on_progress(flight: Flight) -> GuaranteeResult:
 @pytest.mark.parametrize("faults", [[], ["gps u001 white @1"], ["partition halves @3 for 9"], ["freeze u002 @5"]])
 def test_a_planner_that_never_moves_stalls_and_breaks_progress(faults: list[str]) -> None:
     """With a fault as without: `--fault "gps u001 white @1"` once made G7 "not applicable"."""
-    flight = Flight(*faults, max_slots=0, planner=lambda: Resting(10_000), failsafe="hold")
+    flight = Flight(*faults, max_slots=0, planner=lambda: Resting(10_000))
     assert (flight.end.reason, flight.end.completed) == ("stalled", False)
-    assert flight.end.slots <= 12 + STALL_SLOTS + 10
+    assert flight.end.slots <= 12 + STALL_SLOTS + 10 + ("freeze u002 @5" in faults) * LANDING_SLOTS
     assert [event.detail for event in flight.messages if isinstance(event, Event) and event.kind == "end"] == [
         "stalled"
     ]
@@ -598,7 +595,7 @@ def test_a_rest_is_no_standstill() -> None:
 
 def test_a_long_delay_is_no_standstill() -> None:
     """The head is home, and no command of its plans is ever in time: it may be one day."""
-    flight = Flight(link=[{"delay_ms": 300.0}], max_slots=400, failsafe="hold", **EDC)
+    flight = Flight(link=[{"delay_ms": 300.0}], max_slots=400, **HOLD, **EDC)
     assert flight.end.reason == "max_slots"
     assert verdict_on_progress(flight).status == "not-applicable"
 
@@ -607,7 +604,7 @@ def test_nobody_hovers_where_no_quorum_can_be() -> None:
     """Three of five are dead, or a partition into halves and one dead never heals."""
     dead = [f"kill u00{k} @{k}" for k in (1, 2, 3)]
     for faults in (dead, ["partition u001,u002|u003,u004,u005 @5", "partition u003|u004,u005 @5"]):
-        flight = Flight(*faults, max_slots=0, failsafe="hold", **EDC)
+        flight = Flight(*faults, max_slots=0, **HOLD, **EDC)
         assert (flight.end.reason, flight.end.slots) == ("stalled", 1 + flight_settled(faults) + STALL_SLOTS)
         assert verdict_on_progress(flight).status == "not-applicable"
 
@@ -619,11 +616,16 @@ def flight_settled(faults: list[str]) -> int:
 
 def test_after_a_partition_for_good_the_side_with_a_quorum_arrives() -> None:
     """The others hold where they are, and G7 names them."""
-    flight = Flight("partition u001,u002|rest @6", max_slots=0, seed=4, failsafe="hold", **EDC)
+    flight = Flight("partition u001,u002|rest @6", max_slots=0, seed=4, **HOLD, **EDC)
     assert flight.end.reason == "stalled"
     verdict = verdict_on_progress(flight)
     assert verdict.status == "held"
     assert "u001 need not arrive: a partition that never heals cuts it off from the quorum" in verdict.notes
+    flight = Flight("partition u001,u002|rest @6", max_slots=0, seed=4, **EDC)
+    assert flight.end.reason == "completed"
+    verdict = verdict_on_progress(flight)
+    assert verdict.status == "held"
+    assert any(note.startswith("u001 need not arrive: it landed in slot 2") for note in verdict.notes), verdict.notes
 
 
 def test_max_slots_too_few_for_a_verdict() -> None:

@@ -69,6 +69,7 @@ def check_progress(evidence: Evidence) -> GuaranteeResult:
     excuses |= dict.fromkeys(
         _away(evidence, voyages, living & ~inside), "a partition that never heals cuts it off from the quorum"
     )
+    excuses |= _landed_by_fault(evidence, _away(evidence, voyages, ~due & ~living))
     begun = max((voyage.since_slot for voyage in voyages.each), default=0)
     lasting = due & ((drained < 0) | (drained >= max(settled, begun) + prospect.limit_slots))
     return _judged(evidence, voyages, prospect, max(settled, begun), excuses, due, lasting)
@@ -157,6 +158,13 @@ def _landed_unasked(evidence: Evidence, settled_slot: int, prospect: Prospect) -
     found = landings(evidence.recording, evidence.tracks)
     unasked = [landing.uav for landing in found if landing.told and landing.stepped_slot >= settled_slot]
     return np.isin(evidence.tracks.uavs, [] if prospect.lossy else unasked)
+
+
+def _landed_by_fault(evidence: Evidence, away: list[int]) -> dict[int, str]:
+    """Return why each UAV of `away` that said that it landed need not arrive: a fault can be the cause."""
+    slots = {found.uav: found.slot for found in landings(evidence.recording, evidence.tracks) if found.told}
+    uavs = evidence.tracks.uavs
+    return {k: f"it landed in slot {slots[uavs[k]]}, when a fault cut it off" for k in away if uavs[k] in slots}
 
 
 def _drained(evidence: Evidence) -> NDArray[np.int64]:
