@@ -186,18 +186,15 @@ class UavNode:
         self._knowledge.begin_slot(slot)
         self._election.begin_slot(slot)
         exhausted = self._vehicle.energy_j <= 0.0
-        again = self._lacks_command() and not exhausted
+        # The head granted was known before this slot, and this UAV has no command of it to fly.
+        known = self._said is not None and self._said[0] == self.grant and self.grant[0] > 0
+        again = known and self._flight.flown is None and not exhausted
         self._again_ns = self._clock.start_ns(slot) + self._clock.tau_ns // 2 if again else None
         if exhausted:
             self._end()
         else:
             self._say(now_ns, with_truth=True)
         return True
-
-    def _lacks_command(self) -> bool:
-        """Return True if the head granted was known before this slot and this UAV has no command of it to fly."""
-        known = self._said is not None and self._said[0] == self.grant
-        return known and self.grant[0] > 0 and self._flight.flown is None
 
     def _end(self) -> None:
         """End with an empty battery: the UAV lands at its waypoint and stays an obstacle."""

@@ -17,6 +17,7 @@ from msgspec import UNSET
 
 from edc_swarm.geometry import DISC_TOLERANCE_M
 from edc_swarm.mission.configuration import NS_PER_S, RosterEntry
+from edc_swarm.mission.routes import rectangle_m
 from edc_swarm.protocol.events import EVENT_FORMS
 from edc_swarm.protocol.messages import Command, Event, Fix, Message, MissionMessage, Report, Truth
 from edc_swarm.viz import channels
@@ -73,6 +74,12 @@ class _Uav:
     truth: Truth | None = None
     command: Command | None = None
     trail: deque[tuple[int, Point]] = field(default_factory=lambda: deque(maxlen=MAX_TRAIL))
+
+    @property
+    def left(self) -> list[Point]:
+        """Points that it has still to fly to, the present one first."""
+        fix = self.fix
+        return fix.course.left(self.entry) if fix is not None and fix.course.fits(self.entry) else self.entry.points
 
     def leave_trail(self, now_ns: int, centre: Point) -> None:
         """Add a point to the trail; a hold adds only one."""
@@ -176,7 +183,7 @@ class Scenery:
         made = entity(entry.uav, now_ns)
         made.cylinders.append(disc(centre, entry.r_m, colour, 0.45 if overlaps else 0.22))
         made.lines.append(ring(centre, entry.r_m, colour, 2.0))
-        made.lines.append(line([centre, (entry.target_x_m, entry.target_y_m)], colour, 1.0, alpha=0.5))
+        made.lines.append(line([centre, *uav.left], colour, 1.0, alpha=0.5))
         if uav.truth is not None:
             where = self._between(uav.truth, now_ns)
             made.cylinders.append(disc(where, max(entry.body_m, 0.15), WHITE, 0.9, z_m=0.05))
@@ -238,8 +245,7 @@ class Scenery:
         fence.lines.append(line(corners, GREY, 2.0, closed=True))
         targets = entity("targets", now_ns)
         for uav in self._uavs.values():
-            at = (uav.entry.target_x_m, uav.entry.target_y_m)
-            targets.lines.append(ring(at, 0.6, colour_of(uav.index), 2.0, z_m=0.02))
+            targets.lines.append(ring(uav.left[-1], 0.6, colour_of(uav.index), 2.0, z_m=0.02))
         return [fence, targets]
 
     def _locations(self, now_ns: int) -> list[Shown]:
@@ -326,9 +332,8 @@ def gaps(discs: list[tuple[Point, float, str]]) -> Gaps:
 def extent_m(mission: MissionMessage) -> tuple[Point, Point]:
     """Return the lower left and upper right corner of the area and of everything in it."""
     side_m = mission.area_m2**0.5
-    xs_m = [x_m for entry in mission.roster for x_m in (entry.start_x_m, entry.target_x_m)]
-    ys_m = [y_m for entry in mission.roster for y_m in (entry.start_y_m, entry.target_y_m)]
-    return (min([0.0, *xs_m]), min([0.0, *ys_m])), (max([side_m, *xs_m]), max([side_m, *ys_m]))
+    (left_m, low_m), (right_m, high_m) = rectangle_m(mission.roster)
+    return (min(0.0, left_m), min(0.0, low_m)), (max(side_m, right_m), max(side_m, high_m))
 
 
 def _location(fix: Fix, now_ns: int) -> bytes:
