@@ -8,13 +8,11 @@ between two effects, and a planner that steers UAVs at each other, since safety 
 
 from __future__ import annotations
 
-import math
 from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass
 from random import Random
 from typing import Any
 
-import msgspec
 import numpy as np
 from numpy.typing import NDArray
 
@@ -24,6 +22,7 @@ from edc_swarm.analysis.guarantees.progress import PROGRESS
 from edc_swarm.analysis.voyages import forgotten
 from edc_swarm.errors import PlacementError
 from edc_swarm.experiments.random_zones import random_zones
+from edc_swarm.experiments.variety import new_goals, varied_roster
 from edc_swarm.geometry import DISC_TOLERANCE_M, Floats, length_m, segment_distance_m
 from edc_swarm.mission.configuration import Mission
 from edc_swarm.mission.failsafe import failsafe_of
@@ -109,7 +108,7 @@ def scenario(seed: int, kept: Collection[int] | None = None) -> Mission:
     else:
         fields["link"] = [{**link, "end_s": HEALED_S} for link in fields["link"]]
     mission = _placed(fields)
-    fields["roster"] = _roster(Random(f"fuzz/{seed}/roster"), mission)
+    fields["roster"] = varied_roster(Random(f"fuzz/{seed}/roster"), mission)
     mission = complete_mission(
         mission_from_dict({**fields, "roster": fields["roster"] or msgspec.to_builtins(mission.roster)})
     )
@@ -118,7 +117,7 @@ def scenario(seed: int, kept: Collection[int] | None = None) -> Mission:
     if fields["planner"] != RECKLESS:
         faults += _for_good(Random(f"fuzz/{seed}/for-good"), mission)
     faults += _about_landings(Random(f"fuzz/{seed}/landings"), mission)
-    faults += _goals(Random(f"fuzz/{seed}/goals"), mission)
+    faults += new_goals(Random(f"fuzz/{seed}/goals"), mission, LAST_FAULT_SLOT)
     chosen = faults if kept is None else [fault for index, fault in enumerate(faults) if index in kept]
     # The drawn zones have a fence of their own: the area in addition could close a way.
     airspace = {"area_m2": mission.area_m2, "zone": zones, "fence": "none" if zones else "area"}
@@ -270,43 +269,6 @@ def _placed(fields: dict[str, Any]) -> Mission:
             return complete_mission(mission)
         except PlacementError:
             fields = {**fields, "area_m2": 1.5 * fields["area_m2"]}
-
-
-def _roster(rng: Random, mission: Mission) -> list[dict[str, Any]]:
-    """Draw the roster of half of the missions, with speeds of the UAVs' own or routes; empty for the other missions."""
-    kind = rng.choice(["plain", "plain", "plain", "speeds", "routes", "both"])
-    if kind == "plain":
-        return []
-    roster: list[dict[str, Any]] = msgspec.to_builtins(mission.roster)
-    if kind != "routes":
-        roster = [{**entry, "v_max_mps": rng.choice([0.0, 2.0, 8.0, 15.0])} for entry in roster]
-    return roster if kind == "speeds" else [{**entry, **_route(rng, mission, entry)} for entry in roster]
-
-
-def _route(rng: Random, mission: Mission, entry: dict[str, Any]) -> dict[str, Any]:
-    """Draw a route of up to three points before the target, the first near the start, with times to hover at some."""
-    side_m = math.sqrt(mission.area_m2)
-    between = [[rng.uniform(0, side_m), rng.uniform(0, side_m)] for _ in range(rng.randint(0, 3))]
-    if between:
-        between[0] = [entry["start_x_m"] + rng.uniform(-4, 4), entry["start_y_m"] + rng.uniform(-4, 4)]
-    hover_s = [rng.choice([0.0, 0.0, 0.3, 2.0]) for _ in between] + [0.0]
-    route = [*between, [entry["target_x_m"], entry["target_y_m"]]]
-    return {"route": route, "hover_s": hover_s, "accept_m": rng.choice([0.5, 1.0, 5.0])}
-
-
-def _goals(rng: Random, mission: Mission) -> list[str]:
-    """Draw, in every fourth mission, new goals for up to three UAVs, clear of all targets."""
-    if rng.random() > 1 / 4:
-        return []
-    side_m, taken = math.sqrt(mission.area_m2), [(entry.target_x_m, entry.target_y_m) for entry in mission.roster]
-    goals: list[str] = []
-    for entry in rng.sample(mission.roster, min(3, len(mission.roster))):
-        points = [(round(rng.uniform(0, side_m), 3), round(rng.uniform(0, side_m), 3)) for _ in range(2)]
-        if all(math.dist(points[-1], other) > 2.1 * mission.r_m for other in taken):
-            taken.append(points[-1])
-            at_s = _slot(rng) * mission.dt_s + rng.random() * mission.dt_s
-            goals.append(f"goal {entry.uav} {' '.join(f'{x},{y}' for x, y in points)} @{at_s:.3f}s")
-    return goals
 
 
 def _links(rng: Random) -> list[dict[str, Any]]:

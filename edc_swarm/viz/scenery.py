@@ -18,6 +18,7 @@ from msgspec import UNSET
 
 from edc_swarm.geometry import DISC_TOLERANCE_M
 from edc_swarm.mission.configuration import NS_PER_S, RosterEntry
+from edc_swarm.mission.routes import rectangle_m
 from edc_swarm.protocol.events import EVENT_FORMS
 from edc_swarm.protocol.messages import Command, Event, Fix, Message, MissionMessage, Report, Truth
 from edc_swarm.viz import channels
@@ -75,6 +76,12 @@ class _Uav:
     truth: Truth | None = None
     command: Command | None = None
     trail: deque[tuple[int, Point]] = field(default_factory=lambda: deque(maxlen=MAX_TRAIL))
+
+    @property
+    def left(self) -> list[Point]:
+        """Points that it has still to fly to, the present one first."""
+        fix = self.fix
+        return fix.course.left(self.entry) if fix is not None and fix.course.fits(self.entry) else self.entry.points
 
     def leave_trail(self, now_ns: int, centre: Point) -> None:
         """Add a point to the trail; a hold adds only one."""
@@ -190,7 +197,7 @@ class Scenery:
         made = entity(entry.uav, now_ns)
         made.cylinders.append(disc(centre, entry.r_m, colour, 0.45 if overlaps else 0.22))
         made.lines.append(ring(centre, entry.r_m, colour, 2.0))
-        made.lines.append(line([centre, (entry.target_x_m, entry.target_y_m)], colour, 1.0, alpha=0.5))
+        made.lines.append(line([centre, *uav.left], colour, 1.0, alpha=0.5))
         if uav.truth is not None:
             where = self._between(uav.truth, now_ns)
             made.cylinders.append(disc(where, max(entry.body_m, 0.15), WHITE, 0.9, z_m=0.05))
@@ -246,8 +253,7 @@ class Scenery:
             shown.append(frame)
         targets = entity("targets", now_ns)
         for uav in self._uavs.values():
-            at = (uav.entry.target_x_m, uav.entry.target_y_m)
-            targets.lines.append(ring(at, 0.6, colour_of(uav.index), 2.0, z_m=0.02))
+            targets.lines.append(ring(uav.left[-1], 0.6, colour_of(uav.index), 2.0, z_m=0.02))
         return [*shown, targets]
 
     # --- positions --------------------------------------------------------------------
@@ -333,7 +339,7 @@ def extent_m(mission: MissionMessage) -> tuple[Point, Point]:
     """Return the lower left and upper right corner of all starts, targets and fences; without fences, of the area."""
     fences = [zone.bounds_m for zone in mission.zone if zone.kind == "inclusion"]
     boxes_m = fences or [(0.0, 0.0, *mission.area_size_m)]
-    points_m = [point for e in mission.roster for point in ((e.start_x_m, e.start_y_m), (e.target_x_m, e.target_y_m))]
+    points_m = [*rectangle_m(mission.roster)]
     points_m += [point for left, low, right, high in boxes_m for point in ((left, low), (right, high))]
     xs_m, ys_m = zip(*points_m, strict=True)
     return (min(xs_m), min(ys_m)), (max(xs_m), max(ys_m))
