@@ -168,8 +168,8 @@ class RosterEntry(Struct, frozen=True, kw_only=True):
     energy_j: Positive
     """Charge of the battery at the start.
 
-    A UAV whose battery is empty lands where it is and stays an obstacle. The charge covers at least one step at full
-    speed, unless the UAV starts at its target.
+    A UAV whose battery is empty lands where it is; with `failsafe = "hold"` it stays an obstacle. The charge covers at
+    least one step at full speed, unless the UAV starts at its target.
     """
     compute_factor: Positive = 1.0
     """Factor on the response time that the UAV reports, for the election criterion `response-time`.
