@@ -224,8 +224,8 @@ class RosterEntry(Struct, frozen=True, kw_only=True):
     energy_j: NonNegative = 0.0
     """Charge of the battery at the start.
 
-    A UAV whose battery is empty lands where it is and stays an obstacle. The charge covers at least one step at full
-    speed, unless the UAV starts at its target.
+    A UAV whose battery is empty lands where it is; with `failsafe = "hold"` it stays an obstacle. The charge covers at
+    least one step at full speed, unless the UAV starts at its target.
 
     Default: 0, which stands for a charge that `seed` draws, as in a random mission.
     """

@@ -547,7 +547,7 @@ DEFECTS: list[tuple[Defect, int, int]] = [
     (guidance_that_ignores_one_uav, 0, 60),
     (landed_uav_that_flies, 0, 20),
     (limit_forgotten_over_a_restart, 0, 60),
-    (hull_dropped_one_slot_too_early, 0, 200),
+    (hull_dropped_one_slot_too_early, 0, 60),
 ]
 
 
