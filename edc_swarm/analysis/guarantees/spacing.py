@@ -48,7 +48,9 @@ def _uneven(evidence: Evidence) -> Iterator[Violation]:
     from_m, to_m = evidence.tracks.seen_m
     radius_m, count = _radius_m(evidence), len(evidence.index)
     if evidence.mission.lag_slots:
-        from_m, to_m = (np.concatenate([now, _one_slot_late(now)], axis=1) for now in (from_m, to_m))
+        from_m, to_m = (
+            np.concatenate([now, _one_slot_late(now, evidence.tracks.grounded)], axis=1) for now in (from_m, to_m)
+        )
         radius_m = np.concatenate([radius_m, radius_m])
     met = swept_encounters(from_m, to_m, radius_m, -DISC_TOLERANCE_M)
     other = (met.first % count != met.second % count) & (met.first < count)
@@ -57,9 +59,12 @@ def _uneven(evidence: Evidence) -> Iterator[Violation]:
         yield _violation(evidence, "uneven", "swept ways come too close by", met, rows, None)
 
 
-def _one_slot_late(points_m: Floats) -> Floats:
-    """Return the rows shifted by one slot: row t is the old row t - 1, and row 0 stays."""
-    return np.concatenate([points_m[:1], points_m[:-1]])
+def _one_slot_late(points_m: Floats, grounded: NDArray[np.bool_]) -> Floats:
+    """Return the rows shifted by one slot: row t is the old row t - 1, and row 0 stays.
+
+    A UAV that is out of the airspace in slot t is nowhere: the slot from which it is out allows for the lag.
+    """
+    return np.where(grounded[..., None], np.nan, np.concatenate([points_m[:1], points_m[:-1]]))
 
 
 def _outside(evidence: Evidence) -> Iterator[Violation]:
