@@ -24,4 +24,9 @@ def unflyable(mission: Mission, entry: RosterEntry, here_m: Point, energy_j: flo
     needed_j = propulsion_power_w(speed_mps, mission.energy) * length_m / speed_mps
     if needed_j > energy_j:
         return f"{length_m:.0f} m at full speed take {needed_j:.4g} J, and the battery holds {energy_j:.4g} J"
-    return ""
+    if not mission.zone:
+        return ""
+    from edc_swarm.mission.airspace import zones_refusal  # noqa: PLC0415  (imports numpy: only a goal with zones needs it)
+
+    # The UAV has flown from its start to where it is, so there is a way between the two.
+    return zones_refusal(mission.zone, entry.r_m, [(entry.start_x_m, entry.start_y_m), *route])

@@ -25,7 +25,7 @@ from edc_swarm.errors import PlacementError
 from edc_swarm.experiments.random_zones import random_zones
 from edc_swarm.experiments.variety import new_goals, varied_roster
 from edc_swarm.geometry import DISC_TOLERANCE_M, Floats, length_m, segment_distance_m
-from edc_swarm.mission.configuration import Mission
+from edc_swarm.mission.configuration import Mission, Zone
 from edc_swarm.mission.failsafe import failsafe_of
 from edc_swarm.mission.roster import complete_mission
 from edc_swarm.mission.validation import mission_from_dict
@@ -114,11 +114,12 @@ def scenario(seed: int, kept: Collection[int] | None = None) -> Mission:
         mission_from_dict({**fields, "roster": fields["roster"] or msgspec.to_builtins(mission.roster)})
     )
     zones = random_zones(Random(f"fuzz/{seed}/zones"), mission, with_ways=mission.planner != RECKLESS)
+    zoned = msgspec.structs.replace(mission, zone=[msgspec.convert(zone, Zone) for zone in zones])
     faults = _schedule(rng, mission)
     if fields["planner"] != RECKLESS:
         faults += _for_good(Random(f"fuzz/{seed}/for-good"), mission)
     faults += _about_landings(Random(f"fuzz/{seed}/landings"), mission)
-    faults += new_goals(Random(f"fuzz/{seed}/goals"), mission, LAST_FAULT_SLOT)
+    faults += new_goals(Random(f"fuzz/{seed}/goals"), zoned, LAST_FAULT_SLOT)
     chosen = faults if kept is None else [fault for index, fault in enumerate(faults) if index in kept]
     # The drawn zones have a fence of their own: the area in addition could close a way.
     airspace = {"area_m2": mission.area_m2, "zone": zones, "fence": "none" if zones else "area"}

@@ -11,6 +11,7 @@ from typing import Any
 
 import msgspec
 
+from edc_swarm.mission.airspace import zones_refusal
 from edc_swarm.mission.configuration import Mission
 
 
@@ -37,14 +38,15 @@ def _route(rng: Random, mission: Mission, entry: dict[str, Any]) -> dict[str, An
 
 
 def new_goals(rng: Random, mission: Mission, last_slot: int) -> list[str]:
-    """Draw, in every fourth mission, new goals for up to three UAVs, clear of all targets."""
+    """Draw, in every fourth mission, new goals for up to three UAVs, clear of all targets and allowed by the zones."""
     if rng.random() > 1 / 4:
         return []
     side_m, taken = math.sqrt(mission.area_m2), [(entry.target_x_m, entry.target_y_m) for entry in mission.roster]
     goals: list[str] = []
     for entry in rng.sample(mission.roster, min(3, len(mission.roster))):
         points = [(round(rng.uniform(0, side_m), 3), round(rng.uniform(0, side_m), 3)) for _ in range(2)]
-        if all(math.dist(points[-1], other) > 2.1 * mission.r_m for other in taken):
+        allowed = not zones_refusal(mission.zone, entry.r_m, [(entry.start_x_m, entry.start_y_m), *points])
+        if allowed and all(math.dist(points[-1], other) > 2.1 * mission.r_m for other in taken):
             taken.append(points[-1])
             at_s = rng.randint(1, last_slot) * mission.dt_s + rng.random() * mission.dt_s
             goals.append(f"goal {entry.uav} {' '.join(f'{x},{y}' for x, y in points)} @{at_s:.3f}s")

@@ -26,6 +26,7 @@ from numpy.typing import NDArray
 from edc_swarm.errors import MissionError
 from edc_swarm.geometry import Floats, Indices, closest_points_of_segments, length_m, point_segment_distance_m
 from edc_swarm.mission.configuration import Mission, Point, Zone
+from edc_swarm.mission.faults import GiveGoal, parse_fault
 from edc_swarm.mission.zones import Barriers, barriers
 
 Bools = NDArray[np.bool_]
@@ -134,6 +135,19 @@ def check_zones(mission: Mission, routes: Sequence[Sequence[Point]] | None = Non
     for index, said in _misplaced(airspace, legs.points_m, lack_m, legs.r_m):
         raise MissionError(legs.field(index), tuple(legs.points_m[index].tolist()), said)
     return _check_ways(airspace, legs)
+
+
+def check_goals(mission: Mission) -> None:
+    """Raise `MissionError` for a fault that gives a UAV a goal which the zones do not allow."""
+    for index, text in enumerate(mission.fault if mission.zone else []):
+        fault = parse_fault(text, mission.dt_s)
+        if isinstance(fault, GiveGoal):
+            # Who holds a role is not known before take-off, so any UAV must be able to fly its goal.
+            named = [entry for entry in mission.roster if entry.uav == fault.target] or mission.roster
+            for entry in named:
+                points = [(entry.start_x_m, entry.start_y_m), *fault.route]
+                if refusal := zones_refusal(mission.zone, entry.r_m, points):
+                    raise MissionError(f"fault[{index}]", text, f"a goal that {entry.uav} can fly to ({refusal})")
 
 
 @dataclass(frozen=True, slots=True)

@@ -7,7 +7,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from edc_swarm.errors import MissionError, PlacementError
-from edc_swarm.mission.airspace import Airspace, check_zones
+from edc_swarm.mission.airspace import Airspace, check_goals, check_zones
 from edc_swarm.mission.configuration import Mission, RosterEntry, Zone, default_tau_s
 from edc_swarm.mission.inheritance import with_charges, with_radii
 from edc_swarm.mission.prospect import default_max_slots
@@ -40,6 +40,10 @@ def complete_mission(mission: Mission) -> Mission:
     whole = msgspec.structs.replace(fenced, roster=roster, uavs=len(roster))
     check_links(whole)
     check_zones(whole)
+    check_goals(whole)
+    if whole.goals == "lifelong" and any(zone.name != FENCE for zone in whole.zone):
+        allowed = f"once with zones of the user's: targets are drawn without regard to zones but {FENCE!r}"
+        raise MissionError("goals", whole.goals, allowed)
     max_slots = whole.max_slots or default_max_slots(whole)
     return msgspec.structs.replace(whole, tau_s=default_tau_s(whole), max_slots=max_slots)
 

@@ -13,6 +13,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from edc_swarm.agent.goals import unflyable
 from edc_swarm.errors import MessageError, MissionError, PlacementError
 from edc_swarm.mission import airspace
 from edc_swarm.mission.airspace import PLANNER_MARGIN_M, Airspace, check_zones, zones_refusal
@@ -470,3 +471,27 @@ def test_rings_run_inside_the_grown_barriers() -> None:
     ]
     assert zones_refusal(walls, 5.0, [(9.0, 11.5), (200.0, 0.0)]).endswith("closed by zones north, west, slope")
     assert zones_refusal(walls, 4.9, [(9.0, 11.5), (200.0, 0.0)]) == ""
+
+
+def test_goals_in_flight_keep_to_the_zones() -> None:
+    """A fault that gives a goal in a zone, or behind one, is refused by name; a lifelong mission has no zones."""
+    tower = {"name": "tower", "kind": "exclusion", "centre": [75.0, 50.0], "radius_m": 12.0}
+    fields: dict[str, Any] = {"uavs": 2, "zone": [tower], "seed": 3}
+    complete_mission(mission_from_dict({**fields, "fault": ["goal u001 20,20 @5"]}))
+    for faults, wrong in ((["goal u001 75,50 @5"], "tower"), (["kill u002 @3", "goal head 20,20 200,200 @5"], "area")):
+        with pytest.raises(MissionError) as caught:
+            complete_mission(mission_from_dict({**fields, "fault": faults}))
+        assert caught.value.field == f"fault[{len(faults) - 1}]"
+        assert wrong in str(caught.value)
+    with pytest.raises(MissionError, match="goals"):
+        complete_mission(mission_from_dict({**fields, "goals": "lifelong"}))
+
+
+def test_a_uav_refuses_a_goal_in_a_zone() -> None:
+    """The UAV itself judges a goal that any client of the bus may send."""
+    tower = Zone(name="tower", kind="exclusion", centre=[75.0, 50.0], radius_m=12.0)
+    mission = complete_mission(mission_from_dict({"uavs": 2, "seed": 3}))
+    zoned = msgspec.structs.replace(mission, zone=[*mission.zone, tower])
+    entry, here_m = zoned.roster[0], (50.0, 50.0)
+    assert unflyable(zoned, entry, here_m, 1e6, [(20.0, 20.0)]) == ""
+    assert "tower" in unflyable(zoned, entry, here_m, 1e6, [(75.0, 50.0)])
