@@ -55,6 +55,7 @@ app.command(
     name="import",
     help="Make a mission file of plans, way points, fences, maps of other programs.",
 )
+app.command("processes.cli.commands.export:export", help="Write the flown tracks as GeoJSON, KML or CSV.")
 app.command("processes.cli.commands.report:report", help="Make a self-contained page of a recording.")
 
 
