@@ -8,7 +8,7 @@ from typing import Any
 from edc_swarm.errors import FormatError
 from edc_swarm.formats.content import MAX_POINTS, Content, Options, check_lat_lon, number
 from edc_swarm.formats.features import Feature, Shape, features_content
-from edc_swarm.formats.json_values import as_list, as_table, json_value
+from edc_swarm.formats.json_values import as_list, as_table, as_word, json_value
 
 GEOMETRIES = ("Point", "MultiPoint", "LineString", "MultiLineString", "Polygon", "MultiPolygon", "GeometryCollection")
 TYPES = frozenset({*GEOMETRIES, "Feature", "FeatureCollection"})
@@ -28,8 +28,9 @@ def read_geojson(data: bytes, options: Options) -> Content:
     FormatError
     """
     root = as_table("the file", json_value(data))
-    if root.get("type") not in TYPES:
-        raise FormatError("type", f"{str(root.get('type'))[:40]!r}: must be a type of GeoJSON")
+    kind = as_word(root.get("type"))
+    if kind not in TYPES:
+        raise FormatError("type", f"{kind!r}: must be a type of GeoJSON")
     _check_reference_system(root)
     notes = Content()
     features = list(_features(root, notes))
@@ -45,9 +46,9 @@ def read_geojson(data: bytes, options: Options) -> Content:
 def _check_reference_system(root: dict[str, Any]) -> None:
     if root.get("crs") is not None:
         properties = as_table("crs", root["crs"]).get("properties")
-        name = str(as_table("crs", properties).get("name", ""))
+        name = as_word(as_table("crs", properties).get("name", ""))
         if not name.endswith(WGS84_NAMES):
-            raise FormatError("crs", f"{name[:60]!r}: must be WGS 84 (CRS84 or EPSG:4326)")
+            raise FormatError("crs", f"{name!r}: must be WGS 84 (CRS84 or EPSG:4326)")
 
 
 def _features(root: dict[str, Any], notes: Content) -> Iterator[Feature]:
@@ -62,7 +63,7 @@ def _features(root: dict[str, Any], notes: Content) -> Iterator[Feature]:
 
 def _feature(item: str, feature: dict[str, Any], notes: Content) -> Feature:
     if feature.get("type") != "Feature":
-        raise FormatError(item, f"type = {str(feature.get('type'))[:40]!r}: must be Feature")
+        raise FormatError(item, f"type = {as_word(feature.get('type'))!r}: must be Feature")
     raw = as_table(f"{item} properties", feature.get("properties") or {})
     properties = {key.lower(): _text(value) for key, value in raw.items() if value is not None}
     for key in KIND_KEYS:
@@ -82,7 +83,7 @@ def _text(value: Any) -> str:
 
 
 def _shapes(item: str, geometry: dict[str, Any], depth: int = 0) -> Iterator[Shape]:
-    kind, at = str(geometry.get("type"))[:40], geometry.get("coordinates")
+    kind, at = as_word(geometry.get("type")), geometry.get("coordinates")
     if kind not in GEOMETRIES:
         raise FormatError(item, f"type = {kind!r}: must be a geometry of GeoJSON")
     if depth > MAX_DEPTH:

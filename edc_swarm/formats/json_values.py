@@ -38,3 +38,8 @@ def as_list(place: str, value: Any) -> list[Any]:
     if isinstance(value, list):
         return value
     raise FormatError(place, "must be a JSON array")
+
+
+def as_word(value: Any) -> str:
+    """Return a JSON text of up to 40 characters as it is, and any other value as a text that is no known word."""
+    return value if isinstance(value, str) and len(value) <= 40 else f"({type(value).__name__})"

@@ -6,7 +6,7 @@ from typing import Any
 
 from edc_swarm.errors import FormatError
 from edc_swarm.formats.content import Area, Content, Options, Route, Stop, number
-from edc_swarm.formats.json_values import as_list, as_table, json_value
+from edc_swarm.formats.json_values import as_list, as_table, as_word, json_value
 from edc_swarm.mission.configuration import MAX_UAVS
 
 READ = frozenset({"type", "start", "goal", "cid"})
@@ -54,7 +54,7 @@ def read_lsc(data: bytes, options: Options) -> Content:
 def _route(
     item: str, agent: dict[str, Any], points: list[list[float]], kinds: dict[str, Any], content: Content
 ) -> Route:
-    name = str(agent.get("type", "default"))[:40]
+    name = as_word(agent.get("type", "default"))
     if name not in kinds:
         raise FormatError(item, f"type = {name!r}: must be one of the quadrotors of the file")
     kind = as_table(f"quadrotor {name}", kinds[name])

@@ -7,7 +7,7 @@ from typing import Any
 
 from edc_swarm.errors import FormatError
 from edc_swarm.formats.content import MAX_POINTS, Area, Content, Kind, Options, Point, Stop, check_lat_lon, number
-from edc_swarm.formats.json_values import as_list, as_table, json_value
+from edc_swarm.formats.json_values import as_list, as_table, as_word, json_value
 from edc_swarm.formats.mavlink_mission import LAND, WAYPOINT, Item, mission_content
 
 RELATIVE = 3
@@ -26,7 +26,7 @@ def read_plan(data: bytes, options: Options) -> Content:
     """
     plan = as_table("plan", json_value(data))
     if plan.get("fileType") != "Plan":
-        raise FormatError("fileType", f"{str(plan.get('fileType'))[:40]!r}: must be 'Plan'")
+        raise FormatError("fileType", f"{as_word(plan.get('fileType'))!r}: must be 'Plan'")
     mission = as_table("mission", plan.get("mission", {}))
     notes = Content()
     items = list(_items(as_list("mission.items", mission.get("items", [])), notes))
@@ -66,19 +66,21 @@ def _items(raw: list[Any], content: Content) -> Iterator[Item]:
     for index, value in enumerate(raw, 1):
         label = f"item {index}"
         item = as_table(label, value)
-        if item.get("type", "SimpleItem") in {"SimpleItem", "missionItem"}:
+        kind = as_word(item.get("type", "SimpleItem"))
+        if kind in {"SimpleItem", "missionItem"}:
             yield _simple(label, item)
-        elif item.get("type") == "ComplexItem":
+        elif kind == "ComplexItem":
             yield from _pattern(label, item, content)
         else:
-            raise FormatError(label, f"type = {str(item.get('type'))[:40]!r}: must be SimpleItem or ComplexItem")
+            raise FormatError(label, f"type = {kind!r}: must be SimpleItem or ComplexItem")
 
 
 def _simple(label: str, item: dict[str, Any], *, simple: bool = True) -> Item:
     raw = item.get("params")
-    if raw is None:  # Plans of 2016 and 2017 name each parameter, and hold the position as a list.
-        place = as_list(f"{label} coordinate", item.get("coordinate", [None] * 3))
-        raw = [item.get(f"param{which}") for which in range(1, 5)] + place
+    if raw is None:
+        raw = [item.get(f"param{which}") for which in range(1, 5)]
+    if "coordinate" in item:  # Plans of 2016 and 2017 hold the position apart from the other parameters.
+        raw = as_list(f"{label} params", raw)[:4] + as_list(f"{label} coordinate", item["coordinate"])
     params = as_list(f"{label} params", raw)
     if len(params) != 7:
         raise FormatError(label, f"{len(params)} params: must be 7")
@@ -99,7 +101,7 @@ def _whole(label: str, item: dict[str, Any], key: str) -> int:
 
 def _pattern(label: str, item: dict[str, Any], content: Content) -> Iterator[Item]:
     """Yield the items that the ground station has made from a pattern; note a pattern of which it stores none."""
-    kind = str(item.get("complexItemType"))[:40]
+    kind = as_word(item.get("complexItemType"))
     transects = as_table(label, item.get("TransectStyleComplexItem", item))
     inner = transects.get("Items")
     if kind in LANDING_PATTERNS:
@@ -163,5 +165,5 @@ def _fence(fence: dict[str, Any], content: Content) -> list[Area]:
 def _kind(place: str, table: dict[str, Any]) -> Kind:
     inclusion = table.get("inclusion")
     if not isinstance(inclusion, bool):
-        raise FormatError(place, f"inclusion = {str(inclusion)[:40]}: must be true or false")
+        raise FormatError(place, "inclusion: must be true or false")
     return "inclusion" if inclusion else "exclusion"
