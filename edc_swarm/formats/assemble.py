@@ -18,6 +18,7 @@ from edc_swarm.formats.plane_checks import legs_through, outside_by_rule, polygo
 from edc_swarm.formats.registry import Source
 from edc_swarm.geodesy import from_wgs84
 from edc_swarm.mission.configuration import (
+    ARRIVED_M,
     MAX_CORNERS,
     MAX_UAVS,
     MAX_ZONES,
@@ -364,7 +365,7 @@ def _entry(flight: _Flight, r_m: float, mission: dict[str, Any], settings: Setti
         if any(hover_s):
             entry["hover_s"] = hover_s
         if flight.route.accept_m and len(rest) > 1:
-            entry["accept_m"] = flight.route.accept_m
+            entry["accept_m"] = max(flight.route.accept_m, ARRIVED_M)
     if r_m != mission["r_m"]:
         entry["r_m"] = r_m
     v_max_mps = settings.v_max_mps or flight.route.v_max_mps or mission["v_max_mps"]

@@ -201,13 +201,12 @@ def _note_rest(item: Item, content: Content) -> None:
 
 
 def _acceptance_m(flown: Sequence[Item], content: Content) -> float:
-    """Return the acceptance radius in metres if all way points share one, else 0."""
-    radii = {item.label: item.params[1] or 0.0 for item in flown if item.command == WAYPOINT}
-    distinct = set(radii.values())
-    if len(distinct) <= 1:
-        return max(distinct.pop() if distinct else 0.0, 0.0)
-    content.note("acceptance radii that differ", *(label for label, radius in radii.items() if radius))
-    return 0.0
+    """Return the acceptance radius in metres if all way points that state one state the same, else 0."""
+    radii = {item.label: item.params[1] for item in flown if item.command == WAYPOINT and item.params[1]}
+    if len(set(radii.values())) > 1:
+        content.note("acceptance radii that differ", *radii)
+        return 0.0
+    return max(next(iter(radii.values()), 0.0) or 0.0, 0.0)
 
 
 def _zones(known: Sequence[Item], content: Content) -> list[Area]:
