@@ -73,7 +73,7 @@ def _failover_slots(flight: Flight) -> float:
 
 def _old_commands_flown(flight: Flight) -> float:
     """Return the number of steps of a lower term that UAVs flew after the first plan of the next term."""
-    first = {}
+    first: dict[int, int] = {}
     for report in flight.recording.reports:
         if report.has_quorum:
             first.setdefault(report.term, report.slot)
@@ -185,7 +185,7 @@ def main() -> int:
     chosen = [scenario for scenario in SCENARIOS if not options.only or options.only in scenario.name]
     jobs = [(scenario, trial) for scenario in chosen for trial in range(options.trials)]
     with tempfile.TemporaryDirectory() as folder, ThreadPoolExecutor(options.jobs) as pool:
-        flown = pool.map(lambda job: fly(*job, options.trials, options.time_scale, Path(folder)), jobs)
+        flown = pool.map(lambda job: fly(job[0], job[1], options.trials, options.time_scale, Path(folder)), jobs)
         console = Console(stderr=True)
         flights = list(track(flown, description="faults", total=len(jobs), console=console))
     rows = [

@@ -150,11 +150,11 @@ def annoy(endpoint: str, messages: int, rate: float, seed: int) -> Counter[str]:
     """Publish hostile messages, and return their number by kind of key."""
     inbox: Inbox[tuple[str, bytes]] = Inbox()
     session = open_client(endpoint, timeout_ms=10_000)
-    session.declare_subscriber(
-        "swarm/**",
-        hand_over(lambda s: inbox.put((str(s.key_expr), s.payload.to_bytes()))),
-        allowed_origin=zenoh.Locality.REMOTE,
-    )
+
+    def take(sample: zenoh.Sample) -> None:
+        inbox.put((str(sample.key_expr), sample.payload.to_bytes()))
+
+    session.declare_subscriber("swarm/**", hand_over(take), allowed_origin=zenoh.Locality.REMOTE)
     first: list[tuple[str, bytes]] = []
     while not any("/report" in key for key, _ in first):
         first += inbox.wait(1.0)
@@ -187,7 +187,12 @@ def measure(options: argparse.Namespace) -> int:
             [*command, "--area", str(options.area), "--seed", str(options.seed)], stdout=subprocess.PIPE
         )
         ended = threading.Event()
-        threading.Thread(target=lambda: (run.wait(), ended.set()), daemon=True).start()
+
+        def wait_for_end() -> None:
+            run.wait()
+            ended.set()
+
+        threading.Thread(target=wait_for_end, daemon=True).start()
         said = annoy(endpoint, options.messages, options.rate, options.seed)
         in_time = not ended.is_set()
         metrics = json.loads(run.communicate()[0])

@@ -32,7 +32,7 @@ from rich.table import Table
 
 from edc_swarm.emulation.energy import propulsion_powers_w
 from edc_swarm.geometry import Floats, closest_approach_m, length_m, near_pairs
-from edc_swarm.mission.configuration import ARRIVED_M, Mission
+from edc_swarm.mission.configuration import ARRIVED_M, Minimise, Mission
 from edc_swarm.mission.roster import complete_mission
 from edc_swarm.planner.interface import PlanRequest
 from edc_swarm.planner.registry import make_planner, warm_up
@@ -49,7 +49,7 @@ class Case:
     area_m2: float
     r_m: float = 5.0
     loss: float = 0.0
-    minimise: str = "distance"
+    minimise: Minimise = "distance"
     runs: int = 30
     circle: bool = False
     target: str = ""
@@ -85,7 +85,7 @@ def mission_of(case: Case, seed: int) -> tuple[Mission, Floats, Floats]:
         area_m2=case.area_m2,
         r_m=case.r_m,
         minimise=case.minimise,
-        seed=seed,  # type: ignore[arg-type]
+        seed=seed,
     )
     if case.circle:
         radius_m = max(40.0, 10.5 * case.uavs / (2 * math.pi))
@@ -255,13 +255,12 @@ def timed(name: str, program: solution.Program) -> tuple[Floats | None, float]:
     import scipy.sparse  # noqa: PLC0415
 
     size = program.matrix.shape[1]
-    cost, wish = scipy.sparse.csc_matrix(2 * np.eye(size)), -2 * program.wish_step_m.ravel()
-    matrix = program.matrix
-    options: dict[str, Any] = {}
-    if name == "daqp":
-        cost, matrix = cost.toarray(), matrix.toarray()
-    if name == "osqp":
-        options = solution.SETTINGS
+    wish = -2 * program.wish_step_m.ravel()
+    cost: Any = 2 * np.eye(size)
+    matrix: Any = program.matrix.toarray()
+    if name != "daqp":
+        cost, matrix = scipy.sparse.csc_matrix(cost), program.matrix
+    options = solution.SETTINGS if name == "osqp" else {}
     started_ns = time.thread_time_ns()
     answer = qpsolvers.solve_qp(cost, wish, matrix, program.bound_m, solver=name, **options)
     return answer, (time.thread_time_ns() - started_ns) / 1e6

@@ -15,7 +15,8 @@ import time
 from collections.abc import Callable
 from pathlib import Path
 
-from edc_swarm.analysis.metrics import compute_metrics, load_timings
+from edc_swarm.analysis.metrics import compute_metrics
+from edc_swarm.analysis.timings import load_timings
 from edc_swarm.recording.mcap_file import McapFile
 from edc_swarm.recording.reader import read_recording
 

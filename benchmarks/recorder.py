@@ -18,15 +18,17 @@ import sys
 import tempfile
 import time
 from pathlib import Path
+from typing import Any
 
 import msgspec
+import zenoh
 
 from edc_swarm.mission.roster import complete_mission
 from edc_swarm.mission.validation import mission_from_dict
 from edc_swarm.protocol.codec import encode
 from edc_swarm.protocol.events import EventKind
 from edc_swarm.protocol.keys import Keys
-from edc_swarm.protocol.messages import Command, Event, Fix, Report, Truth, mission_message
+from edc_swarm.protocol.messages import Command, Event, Fix, MissionMessage, Report, Truth, mission_message
 from edc_swarm.recording.reader import read_recording
 from edc_swarm.recording.sequences import find_gaps
 from processes.bus.address import free_endpoint
@@ -43,7 +45,7 @@ def publish(endpoint: str, uavs: list[str], everyone: list[str], start_s: float,
     for slot in range(slots):
         time.sleep(max(0.0, start_s + slot * slot_s - time.time()))
         for uav, session in sessions.items():
-            common = {"uav": uav, "instance": uav, "seq": slot, "sent_ns": time.time_ns(), "slot": slot}
+            common: dict[str, Any] = {"uav": uav, "instance": uav, "seq": slot, "sent_ns": time.time_ns(), "slot": slot}
             put(session, keys.truth(uav), encode(Truth(**common, from_x_m=1.5, from_y_m=2.5, to_x_m=3.5, to_y_m=4.5)))
             fix = Fix(**common, x_m=17.123456, y_m=3.987654, r_m=5.0, waypoint_x_m=17.0, waypoint_y_m=3.0, term=1)
             put(session, keys.fix(uav), encode(fix))
@@ -58,12 +60,19 @@ def publish(endpoint: str, uavs: list[str], everyone: list[str], start_s: float,
         session.close()
 
 
-def lead(session: object, keys: Keys, everyone: list[str], slot: int) -> None:
+def lead(session: zenoh.Session, keys: Keys, everyone: list[str], slot: int) -> None:
     head = everyone[0]
     for uav in everyone:
-        common = {"head": head, "uav": uav, "instance": head, "seq": slot, "sent_ns": time.time_ns(), "slot": slot + 1}
-        where = {"start_x_m": 17.123456, "start_y_m": 3.5, "target_x_m": 18.654321, "target_y_m": 4.5}
-        put(session, keys.command(head, uav), encode(Command(**common, term=1, **where)))
+        common: dict[str, Any] = {
+            "head": head,
+            "uav": uav,
+            "instance": head,
+            "seq": slot,
+            "sent_ns": time.time_ns(),
+            "slot": slot + 1,
+        }
+        where: dict[str, Any] = {"start_x_m": 17.123456, "start_y_m": 3.5, "target_x_m": 18.654321, "target_y_m": 4.5}
+        put(session, keys.command(head, uav), encode(Command(**common, **where, term=1)))
     report = Report(head=head, instance=head, seq=slot, slot=slot, term=1, status="planned", heard=everyone, quorum=26)
     put(session, keys.report(head), encode(report))
 
@@ -80,13 +89,15 @@ def main() -> None:
         measure(options, Path(folder), msgspec.structs.replace(mission, name=MISSION), everyone)
 
 
-def measure(options: argparse.Namespace, folder: Path, mission: object, everyone: list[str]) -> None:
+def measure(options: argparse.Namespace, folder: Path, mission: MissionMessage, everyone: list[str]) -> None:
     endpoint, part, out = free_endpoint(), folder / "run.mcap.part", folder / "run.mcap"
     part.touch()
     router = subprocess.Popen([sys.executable, "-m", "processes.services.router", endpoint], stdout=subprocess.PIPE)
+    assert router.stdout is not None
     router.stdout.readline()
     settings = RecorderSettings(endpoint=endpoint, mission=MISSION, part=str(part), out=str(out), run={})
     recorder = subprocess.Popen([sys.executable, "-m", "processes.services.recorder"], stdin=subprocess.PIPE)
+    assert recorder.stdin is not None
     recorder.stdin.write(msgspec.json.encode(settings))
     recorder.stdin.close()
     operator = open_client(endpoint)

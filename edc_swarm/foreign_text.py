@@ -1,11 +1,22 @@
-"""Foreign text, which anybody may have written, made safe and short for terminals and pages."""
+"""Texts made short for terminals and pages, and foreign ones, which anybody may have written, made safe."""
 
 from __future__ import annotations
+
+from collections.abc import Sequence
 
 MAX_SHOWN = 200
 """Characters of one foreign text, such as a key."""
 MAX_LINE = 4000
 """Characters of a whole line, which may list a roster."""
+
+MOST_LISTED = 5
+"""Names in a list that need not be complete."""
+
+
+def listed(names: Sequence[str], most: int = MOST_LISTED) -> str:
+    """Return the first `most` names, and the number of the others."""
+    more = f" and {len(names) - most} more" if len(names) > most else ""
+    return ", ".join(names[:most]) + more
 
 
 def shown(text: str, limit: int = MAX_SHOWN) -> str:

@@ -7,6 +7,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable
+from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -15,6 +16,8 @@ Floats = NDArray[np.float64]
 Indices = NDArray[np.int64]
 
 MAX_GRID_CELLS = 1 << 20
+MAX_INDEX_CELLS = 256
+"""Most cells along one side of an index of barriers."""
 DISC_TOLERANCE_M = 1e-9
 """Discs overlap if they are closer than touching by more than this, which is rounding."""
 BODY_TOLERANCE_M = 1e-6
@@ -144,6 +147,123 @@ def _expand(order: Indices, sorted_key: Indices, key: Indices, shift: int) -> tu
     first = np.repeat(np.arange(len(key)), count)
     offset = np.arange(len(first)) - np.repeat(np.cumsum(count) - count, count)
     return first, order[np.repeat(begin, count) + offset]
+
+
+@dataclass(frozen=True, slots=True)
+class Barriers:
+    """The m barriers of a mission as arrays: all points within `radius_m` (m,) of the segments a-b (m, 2), in metres.
+
+    A step of a UAV with radius r stays at least `radius_m`, and where `keeps_disc` (m,) `radius_m` + r, from each
+    segment. `side` (m, 2) is the unit normal of an edge that points into the airspace, zero for a circle. `zone` (m,)
+    is the number of the barrier's zone, in increasing order, and `kept_in` (m,) is True at a zone that UAVs do not
+    leave.
+    """
+
+    a_m: Floats
+    b_m: Floats
+    radius_m: Floats
+    keeps_disc: NDArray[np.bool_]
+    side: Floats
+    zone: Indices
+    kept_in: NDArray[np.bool_]
+
+    @staticmethod
+    def none() -> Barriers:
+        """Return no barrier."""
+        points_m, flags = np.empty((0, 2)), np.empty(0, dtype=bool)
+        return Barriers(points_m, points_m, np.empty(0), flags, points_m, np.empty(0, np.int64), flags)
+
+    def least_m(self, r_m: Floats) -> Floats:
+        """Return the least distances (n, m) that UAVs with these radii (n,) keep from the segments."""
+        return np.asarray(self.radius_m + self.keeps_disc * r_m[:, None])
+
+    def airspace_contains(self, point_m: Floats) -> NDArray[np.bool_]:
+        """Return a mask (n,) of the points inside all zones that keep UAVs in, and outside all others."""
+        inside = np.ones(len(point_m), dtype=bool)
+        starts = np.flatnonzero(np.diff(self.zone, prepend=-1))
+        if not len(starts):
+            return inside
+        x_m, y_m = point_m[:, :1], point_m[:, 1:]
+        a_m, b_m = self.a_m, self.b_m
+        rise_m = np.where(a_m[:, 1] == b_m[:, 1], 1.0, b_m[:, 1] - a_m[:, 1])
+        cross_m = a_m[:, 0] + (y_m - a_m[:, 1]) / rise_m * (b_m[:, 0] - a_m[:, 0])
+        # A ray to the east crosses the edges of a polygon an odd number of times from inside.
+        crosses = ((a_m[:, 1] > y_m) != (b_m[:, 1] > y_m)) & (x_m < cross_m)
+        odd = np.add.reduceat(crosses, starts, axis=1, dtype=np.int64) % 2 == 1
+        circle = self.radius_m[starts] > 0
+        in_circle = length_m(point_m[:, None] - a_m[starts][None]) < self.radius_m[starts]
+        within = np.where(circle, in_circle, odd)
+        return np.asarray((within == self.kept_in[starts]).all(axis=1))
+
+
+@dataclass(frozen=True, slots=True)
+class BarrierIndex:
+    """Square cells of `side_m` from the corner `low_m`, with the barriers near each.
+
+    The barriers near cell (i, j) are `which[begin[c]:begin[c + 1]]` with c = i * `columns` + j. The cells at the
+    border have none, and no barrier is near a point outside.
+    """
+
+    low_m: tuple[float, float]
+    side_m: float
+    rows: int
+    columns: int
+    begin: Indices
+    which: Indices
+
+    def near(self, points_m: Floats) -> tuple[Indices, Indices]:
+        """Return the pairs (point, barrier) that are near each other, for points (n, 2)."""
+        cell = np.floor((points_m - self.low_m) / self.side_m)
+        within: NDArray[np.bool_] = np.all((cell >= 0) & (cell < (self.rows, self.columns)), axis=1)
+        cell = np.where(within[:, None], cell, 0).astype(np.int64)
+        key = cell[:, 0] * self.columns + cell[:, 1]
+        count = np.where(within, self.begin[key + 1] - self.begin[key], 0)
+        return np.repeat(np.arange(len(key)), count), self.which[_runs(self.begin[key], count)]
+
+
+def indexed(barriers: Barriers, reach_m: Floats) -> BarrierIndex:
+    """Return the index in which a barrier is near all cells that have a point within `reach_m` (m,) of its segment.
+
+    It takes O(m (rows + columns)) time and space, and has at most `MAX_INDEX_CELLS` rows and columns.
+    """
+    a_m, b_m = barriers.a_m, barriers.b_m
+    if not len(a_m):
+        return BarrierIndex((0.0, 0.0), 1.0, 1, 1, np.zeros(2, np.int64), np.empty(0, np.int64))
+    reach_m = reach_m * (1 + 1e-9) + 1e-6
+    least_m, most_m = np.minimum(a_m, b_m) - reach_m[:, None], np.maximum(a_m, b_m) + reach_m[:, None]
+    extent_m = float((most_m.max(axis=0) - least_m.min(axis=0)).max())
+    side_m = max(float(reach_m.max()) / 2, extent_m / MAX_INDEX_CELLS)
+    low_m = least_m.min(axis=0) - side_m
+    rows, columns = (np.floor((most_m.max(axis=0) - low_m) / side_m).astype(np.int64) + 2).tolist()
+    first, last = (np.floor((x_m - low_m[0]) / side_m).astype(np.int64) for x_m in (least_m[:, 0], most_m[:, 0]))
+    # One entry for each barrier and row that it is near, then one for each cell of that row.
+    which = np.repeat(np.arange(len(a_m)), last - first + 1)
+    row = _runs(first, last - first + 1)
+    west_m = low_m[0] + row * side_m - reach_m[which]
+    y_m = _clipped(a_m[which], b_m[which], west_m, west_m + side_m + 2 * reach_m[which])
+    bounds = np.floor((y_m + np.stack([-reach_m[which], reach_m[which]]) - low_m[1]) / side_m).astype(np.int64)
+    begin, count = bounds[0], bounds[1] - bounds[0] + 1
+    cell = np.repeat(row * columns, count) + _runs(begin, count)
+    order = np.argsort(cell, kind="stable")
+    start = np.searchsorted(cell[order], np.arange(rows * columns + 1))
+    return BarrierIndex(
+        (float(low_m[0]), float(low_m[1])), side_m, rows, columns, start, np.repeat(which, count)[order]
+    )
+
+
+def _clipped(a_m: Floats, b_m: Floats, west_m: Floats, east_m: Floats) -> Floats:
+    """Return the least and greatest y (2, p) of the segments' parts between two x."""
+    along_m = b_m - a_m
+    flat = along_m[:, 0] == 0
+    pace = np.where(flat, 1.0, along_m[:, 0])
+    share = np.clip(np.stack([west_m - a_m[:, 0], east_m - a_m[:, 0]]) / pace, 0.0, 1.0)
+    y_m = a_m[:, 1] + np.where(flat, [[0.0], [1.0]], share) * along_m[:, 1]
+    return np.asarray(np.sort(y_m, axis=0))
+
+
+def _runs(begin: Indices, count: Indices) -> Indices:
+    """Return begin[0], begin[0] + 1, ... (count[0] numbers), then those from begin[1], and so on."""
+    return np.arange(count.sum()) + np.repeat(begin - np.cumsum(count) + count, count)
 
 
 def _crossing(a: Floats, b: Floats, c: Floats, d: Floats) -> tuple[NDArray[np.bool_], Floats]:

@@ -12,9 +12,11 @@ from tempfile import TemporaryDirectory
 
 from matplotlib import pyplot as plt
 
+from edc_swarm.analysis.columns import columns_of
 from edc_swarm.analysis.energy_bill import energy_bills
 from edc_swarm.analysis.frames import frame_of
-from edc_swarm.analysis.metrics import columns_of, compute_metrics, load_timings
+from edc_swarm.analysis.metrics import compute_metrics
+from edc_swarm.analysis.timings import load_timings
 from edc_swarm.emulation.energy import propulsion_power_w
 from edc_swarm.recording.reader import read_recording
 from processes.cli.main import main
@@ -27,6 +29,8 @@ with TemporaryDirectory() as folder:
 
 # %% The energy relative to the straight-line bound, and the detour, which explains only a part of the difference.
 metrics, columns = compute_metrics(recording, timings), columns_of(recording, timings)
+assert metrics.energy_propulsion_j is not None  # it is None if the recording lacks messages
+assert metrics.energy_straight_j is not None
 energy_pct = 100 * (metrics.energy_propulsion_j / metrics.energy_straight_j - 1)
 print(f"energy {energy_pct:.1f} % and distance {metrics.extra_distance_pct:.1f} % above the straight lines")
 

@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 from edc_swarm.mission.configuration import Mission
 from edc_swarm.planner.interface import Plan, PlanRequest, Stopwatch
 from edc_swarm.planner.request import checked_arrays
-from edc_swarm.planner.safe import SafeSteps
+from edc_swarm.planner.safe import SafeSteps, airspace_of
 
 NEAR_M = 5.0
 """Gap between two discs below which UAVs begin to turn."""
@@ -26,7 +26,7 @@ class TurnRight:
 
     def __init__(self, mission: Mission, stopwatch: Stopwatch) -> None:
         self._u_max_m = mission.u_max_m
-        self._safe = SafeSteps(mission.u_max_m, stopwatch)
+        self._safe = SafeSteps(mission.u_max_m, stopwatch, airspace_of(mission))
 
     def plan(self, request: PlanRequest) -> Plan:
         arrays = checked_arrays(request)

@@ -108,9 +108,10 @@ def look(browser: Any, address: str, shares: list[float], stem: str) -> list[str
 def seek(browser: Any, share: float) -> None:
     width, height = browser.execute_script("return [innerWidth, innerHeight]")
     (edge, bottom), actions = BAR_PX, ActionBuilder(browser)
-    actions.pointer_action.move_to_location(int(edge + share * (width - 2 * edge)), height - bottom)
-    actions.pointer_action.click()
-    actions.pointer_action.move_to_location(width // 4, height - bottom // 2)
+    pointer: Any = actions.pointer_action  # without types
+    pointer.move_to_location(int(edge + share * (width - 2 * edge)), height - bottom)
+    pointer.click()
+    pointer.move_to_location(width // 4, height - bottom // 2)
     actions.perform()
     time.sleep(DRAWN_S)
 

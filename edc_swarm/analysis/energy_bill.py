@@ -7,8 +7,9 @@ from collections.abc import Sequence
 import numpy as np
 from msgspec import Struct
 
+from edc_swarm.analysis.columns import Floats, columns_of
 from edc_swarm.analysis.guarantees.evidence import gather
-from edc_swarm.analysis.metrics import Floats, Timing, columns_of, measured
+from edc_swarm.analysis.timings import Timing, measured
 from edc_swarm.emulation.energy import compute_energy_j, propulsion_power_w, propulsion_powers_w
 from edc_swarm.mission.configuration import Mission
 from edc_swarm.protocol.events import EventKind

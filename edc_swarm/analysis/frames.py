@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from edc_swarm.analysis.metrics import Columns
+from edc_swarm.analysis.columns import Columns
 from edc_swarm.errors import InputError
 
 LIBRARIES = ("pandas", "polars")

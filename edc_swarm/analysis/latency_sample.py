@@ -16,16 +16,15 @@ import numpy as np
 from msgspec import Struct
 from numpy.typing import NDArray
 
+from edc_swarm.analysis.columns import Columns, columns_of, counted_ns
 from edc_swarm.analysis.guarantees.check import check
-from edc_swarm.analysis.metrics import OVERLOADED_PCT, Columns, columns_of, compute_metrics, counted_ns
+from edc_swarm.analysis.guarantees.progress import PROGRESS
+from edc_swarm.analysis.metrics import OVERLOADED_PCT, compute_metrics
 from edc_swarm.emulation.links import DelayError
 from edc_swarm.mission.configuration import ARRIVED_M
 from edc_swarm.protocol.events import EventKind
 from edc_swarm.protocol.messages import roster_index
 from edc_swarm.recording.model import Recording
-
-PROGRESS = "G7"
-"""Guarantee that is not judged here, since the share of completed missions is a result of the experiment."""
 
 
 class Sample(Struct, frozen=True, kw_only=True):
@@ -82,6 +81,7 @@ def sample_of(recording: Recording) -> Sample:
     metrics, columns = compute_metrics(recording), columns_of(recording)
     first = min((command.slot for command in recording.commands), default=1)
     done = metrics.completed
+    # Progress is not judged, since the share of completed missions is a result of the experiment.
     verdicts = [result for result in check(recording) if result.guarantee != PROGRESS]
     return Sample(
         completed=done,

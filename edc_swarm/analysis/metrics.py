@@ -7,40 +7,32 @@ the discs at every instant, a true collision the same on true positions and bodi
 
 from __future__ import annotations
 
-import hashlib
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 from itertools import pairwise
-from operator import attrgetter
-from pathlib import Path
 from typing import NamedTuple
 
-import msgspec
 import numpy as np
 from msgspec import Struct
 from numpy.typing import NDArray
 
+from edc_swarm.analysis.columns import Columns, Floats, columns_from, length_m
 from edc_swarm.analysis.guarantees.completeness import unproved
 from edc_swarm.analysis.guarantees.evidence import Evidence, gather
-from edc_swarm.analysis.living import alive_in, living_at_end
+from edc_swarm.analysis.living import living_at_end
 from edc_swarm.analysis.outcome import NotHome, home_at_end, not_home
 from edc_swarm.analysis.separation import encounters, least_gap_m
+from edc_swarm.analysis.timings import Timing
 from edc_swarm.analysis.tracks import Tracks
 from edc_swarm.emulation.energy import compute_energy_j, propulsion_power_w, propulsion_powers_w
-from edc_swarm.errors import RecordingError
-from edc_swarm.files import read_regular
 from edc_swarm.geometry import BODY_TOLERANCE_M, DISC_TOLERANCE_M
 from edc_swarm.mission.configuration import ARRIVED_M, OPERATOR, Mission
 from edc_swarm.mission.faults import parse_faults
 from edc_swarm.mission.prospect import COMPLETED
 from edc_swarm.protocol.events import EventKind
-from edc_swarm.protocol.messages import PLANNED, Report
+from edc_swarm.protocol.messages import PLANNED
 from edc_swarm.recording.model import Recording
 from edc_swarm.recording.ordering import fetched_count
-
-Floats = NDArray[np.float64]
-
-_NUMBERED, _SENT = attrgetter("uav", "slot", "seq"), attrgetter("sent_ns")
 
 OVERLOADED_PCT = 1.0
 """Share of late ticks above which the machine, not the network, counts as the cause of delays."""
@@ -63,20 +55,12 @@ class HeadTerm(Struct, frozen=True):
     last_slot: int
 
 
-class Timing(Struct, frozen=True):
-    """Measured plan time of one slot. A simulated recording lacks it, since its bytes must not depend on a clock."""
-
-    slot: int
-    plan_ms: float
-    guidance_ms: float = 0.0
-    assemble_ms: float = 0.0
-    solve_ms: float = 0.0
-
-
 class Metrics(Struct, frozen=True, kw_only=True):
     """The metrics that `edc-swarm metrics --json` prints, defined in docs/metrics.md. None: undefined for this run."""
 
     uavs: int
+    inclusion_zones: int
+    exclusion_zones: int
     slots: int
     duration_s: float
     completed: bool | None
@@ -110,120 +94,12 @@ class Metrics(Struct, frozen=True, kw_only=True):
     faults_undone: list[str]
 
 
-@dataclass(frozen=True, slots=True)
-class Columns:
-    """The run as arrays over S slots and K UAVs, for plots and notebooks.
-
-    Attributes
-    ----------
-    uavs
-        K ids.
-    time_s
-        (S,) mission time at the start of each slot.
-    centre_m
-        (S + 1, K, 2) centres of the tracked discs at slot starts and, last, at the end.
-    step_m
-        (S, K) distance flown in each slot.
-    away_m
-        (S + 1, K) distance of each centre from its UAV's target.
-    true_from_m, true_to_m
-        (S, K, 2) true motion, NaN where unknown.
-    executed, lost, alive
-        (S, K) True where the UAV executed a command; where the recording lacks the motion; where the UAV flies
-        (a UAV that does not live at the end flies until its last known slot).
-    energy_j
-        (S, K) battery, NaN in a slot without a fix.
-    plan_slot, plan_ms
-        (P,) slots whose plans were timed, and their plan times; 0 ms in a report means: not measured.
-    command_slot, fix_to_command_ms
-        (C,) slot of each command that names a recorded fix, and the time since that fix was sent.
-    """
-
-    uavs: list[str]
-    time_s: Floats
-    centre_m: Floats
-    step_m: Floats
-    away_m: Floats
-    true_from_m: Floats
-    true_to_m: Floats
-    executed: NDArray[np.bool_]
-    lost: NDArray[np.bool_]
-    alive: NDArray[np.bool_]
-    energy_j: Floats
-    plan_slot: NDArray[np.int64]
-    plan_ms: Floats
-    command_slot: NDArray[np.int64]
-    fix_to_command_ms: Floats
-
-
-class Timings(Struct, frozen=True):
-    """Content of FILE.timings.json: plan times, and the SHA-256 of their recording."""
-
-    recording: str
-    plans: list[Timing]
-
-
-def content_hash(recording_path: str | Path) -> str:
-    """Return the SHA-256 of a recording's bytes.
-
-    Raises
-    ------
-    RecordingError
-        The file cannot be read.
-    """
-    try:
-        with Path(recording_path).open("rb") as stream:
-            return hashlib.file_digest(stream, "sha256").hexdigest()
-    except OSError as error:
-        raise RecordingError(recording_path, f"cannot be read ({error.strerror})") from None
-
-
-def _ignore(_: str) -> None:
-    pass
-
-
-def load_timings(recording_path: str | Path, warn: Callable[[str], None] = _ignore) -> list[Timing]:
-    """Read the plan times of a simulated recording from FILE.timings.json beside it; empty if they are unknown.
-
-    Times of another recording are ignored, with a warning through `warn`.
-
-    Raises
-    ------
-    RecordingError
-        The file cannot be read or is not a list of timings.
-    """
-    path = Path(recording_path).with_suffix(".timings.json")
-    try:
-        timings = msgspec.json.decode(read_regular(path), type=Timings | list[Timing])
-    except FileNotFoundError:
-        return []
-    except OSError as error:
-        raise RecordingError(path, f"cannot be read ({error.strerror})") from None
-    except (msgspec.DecodeError, UnicodeDecodeError) as error:
-        raise RecordingError(path, f"holds no timings ({error})") from None
-    if isinstance(timings, Timings) and timings.recording == content_hash(recording_path):
-        return timings.plans
-    warn(f"warning: {path} is not known to belong to {recording_path}: plan times are unknown")
-    return []
-
-
-def measured(recording: Recording, timings: Sequence[Timing]) -> Sequence[Timing]:
-    """Return `timings` for a simulated run, and nothing for a real one, whose reports contain its plan times."""
-    return () if recording.run.get("clock") == "wall" else timings
-
-
-def columns_of(recording: Recording, timings: Sequence[Timing] = ()) -> Columns:
-    """Return the run as arrays. `timings`, if given, replace the recorded plan times."""
-    tracks = gather(recording).tracks
-    return _columns(recording, tracks, living_at_end(recording, tracks), timings)
-
-
 def compute_metrics(recording: Recording, timings: Sequence[Timing] = ()) -> Metrics:
     """Return all metrics of a run. `timings`, if given, replace the recorded plan times."""
     mission, evidence = recording.mission, gather(recording)
     tracks, known = evidence.tracks, _Known.of(evidence)
     living = living_at_end(recording, tracks)
-    columns = _columns(recording, tracks, living, timings)
+    columns = columns_from(recording, tracks, living, timings)
     at_target = columns.away_m <= ARRIVED_M
     home = home_at_end(recording, tracks)
     settled = bool(living.any() and home[living].all())
@@ -236,9 +112,11 @@ def compute_metrics(recording: Recording, timings: Sequence[Timing] = ()) -> Met
     heads = _heads(recording)
     separation = _separation(mission, tracks, known)
     path_m, straight_m = columns.step_m.sum(axis=0), np.array([entry.straight_m for entry in mission.roster])
-    ended_m = _length_m(columns.centre_m[-1] - columns.centre_m[0])
+    ended_m = length_m(columns.centre_m[-1] - columns.centre_m[0])
     return Metrics(
         uavs=len(tracks.uavs),
+        inclusion_zones=sum(zone.kind == "inclusion" for zone in mission.zone),
+        exclusion_zones=sum(zone.kind == "exclusion" for zone in mission.zone),
         slots=slots,
         duration_s=mission.dt_s * slots,
         completed=_completed(recording, home, known),
@@ -324,36 +202,6 @@ def _faults_undone(recording: Recording, duration_s: float) -> list[str]:
     return aimless + [str(fault) for fault in parse_faults(recording.mission) if fault.at_s >= duration_s]
 
 
-def _columns(recording: Recording, tracks: Tracks, living: NDArray[np.bool_], timings: Sequence[Timing]) -> Columns:
-    mission, centre_m = recording.mission, tracks.centre_m
-    target_m = np.array([(e.target_x_m, e.target_y_m) for e in mission.roster]).reshape(-1, 2)
-    reports = [report for report in recording.reports if report.status in PLANNED]
-    times: Sequence[Timing | Report] = measured(recording, timings) or reports
-    planned = [plan for plan in times if plan.plan_ms > 0]
-    command_slot, fix_to_command_ms = _fix_to_command_ms(recording)
-    return Columns(
-        uavs=tracks.uavs,
-        time_s=mission.dt_s * np.arange(tracks.slots, dtype=np.float64),
-        centre_m=centre_m,
-        step_m=_length_m(np.diff(centre_m, axis=0)),
-        away_m=_length_m(centre_m - target_m),
-        true_from_m=tracks.true_from_m,
-        true_to_m=tracks.true_to_m,
-        executed=tracks.executed,
-        lost=tracks.lost,
-        alive=alive_in(tracks, living),
-        energy_j=tracks.energy_j,
-        plan_slot=np.array([plan.slot for plan in planned], np.int64),
-        plan_ms=np.array([plan.plan_ms for plan in planned], np.float64),
-        command_slot=command_slot,
-        fix_to_command_ms=fix_to_command_ms,
-    )
-
-
-def _length_m(vectors_m: Floats) -> Floats:
-    return np.hypot(vectors_m[..., 0], vectors_m[..., 1])
-
-
 def _arrival_slots(at_target: NDArray[np.bool_]) -> NDArray[np.int64]:
     """Return (K,) slots of arrival: the slot after whose motion a UAV stays at its target.
 
@@ -376,7 +224,7 @@ def _reached_m(columns: Columns, arrival: NDArray[np.int64]) -> Floats:
     """Return (K,) straight distances from start to place of arrival, which is within `ARRIVED_M` of the target."""
     ends = np.minimum(arrival + 1, len(columns.centre_m) - 1)
     reached_m = columns.centre_m[ends, np.arange(len(ends))]
-    return _length_m(reached_m - columns.centre_m[0])
+    return length_m(reached_m - columns.centre_m[0])
 
 
 def _makespan_ratio(mission: Mission, makespan_s: float | None, reached_m: Floats) -> float | None:
@@ -459,26 +307,6 @@ def _quantiles(values: Floats) -> Quantiles:
         return Quantiles(None, None, None)
     p50, p99 = np.percentile(values, [50, 99])
     return Quantiles(float(p50), float(p99), float(values.max()))
-
-
-def _fix_to_command_ms(recording: Recording) -> tuple[NDArray[np.int64], Floats]:
-    """Return, for each command, its slot and its sending time minus that of the fix that it names.
-
-    Commands that name no fix (older recordings), or one that is not recorded, are left out.
-    """
-    sent_ns = counted_ns(recording)
-    slots, delays_ns = [], []
-    for command in recording.commands:
-        fix_ns = sent_ns.get((command.uav, command.slot - 1, command.fix_seq))
-        if fix_ns is not None and fix_ns <= command.sent_ns:
-            slots.append(command.slot)
-            delays_ns.append(command.sent_ns - fix_ns)
-    return np.array(slots, np.int64), np.array(delays_ns, np.float64) / 1e6
-
-
-def counted_ns(recording: Recording) -> dict[tuple[str, int, int], int]:
-    """Return the sending time of each fix by (UAV, slot, sequence number), by which commands name it."""
-    return dict(zip(map(_NUMBERED, recording.fixes), map(_SENT, recording.fixes), strict=True))
 
 
 def _slots_held(columns: Columns, at_target: NDArray[np.bool_], first: int | None, last: int) -> int:

@@ -13,10 +13,13 @@ def metric_rows(m: Metrics) -> list[tuple[str, str]]:
     """Return the rows (name, value) of a run's metrics."""
     heads = ", ".join(f"{h.head} (term {h.term}, slots {h.first_slot}-{h.last_slot})" for h in m.heads[:MAX_HEADS])
     away = f"; not living: {', '.join(m.not_living)}" if m.not_living else ""
+    zones = [(m.inclusion_zones, "inclusion"), (m.exclusion_zones, "exclusion")]
+    zones_said = ", ".join(f"{count} {kind}" for count, kind in zones if count)
     undone = [("faults not done", "; ".join(m.faults_undone))] if m.faults_undone else []
     return [
         ("arrived", f"{m.arrived} of {m.uavs}{away}"),
         *_not_home(m),
+        *([("zones", zones_said)] if zones_said else []),
         ("slots", f"{m.slots} ({m.duration_s:g} s), {_count(m.slots_missed)} without commands"),
         ("heads", (heads + (", ..." if len(m.heads) > MAX_HEADS else "")) or "none recorded"),
         ("collisions", f"{_count(m.potential_collisions)} potential, {_count(m.true_collisions)} true"),

@@ -16,8 +16,11 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from edc_swarm.analysis.breaches import breaches
 from edc_swarm.analysis.guarantees.check import check
+from edc_swarm.analysis.guarantees.progress import PROGRESS
 from edc_swarm.errors import PlacementError
+from edc_swarm.experiments.random_zones import random_zones
 from edc_swarm.geometry import DISC_TOLERANCE_M, Floats, length_m, segment_distance_m
 from edc_swarm.mission.configuration import Mission
 from edc_swarm.mission.roster import complete_mission
@@ -30,9 +33,8 @@ from edc_swarm.recording.model import Recording
 from edc_swarm.simulation.computers import Motion
 from edc_swarm.simulation.simulator import Simulation
 
-CHECKED = ("G1", "G2", "G3", "G4", "G5")
-PROGRESS = "G7"
-"""Guarantee that is checked only with a planner that completes missions."""
+CHECKED = ("G1", "G2", "G3", "G4", "G5", "G8")
+"""Guarantees that are checked with every planner; `PROGRESS` only with one that completes missions."""
 LAST_FAULT_SLOT = 45
 RECKLESS_SLOTS = 70
 HEALED_S = 26.0
@@ -56,15 +58,18 @@ class Counterexample:
 
 
 class Reckless(Edc):
-    """The slot QP under adversarial guidance, which sends each UAV to the place of another one."""
+    """The slot QP under adversarial guidance, which sends each UAV to the place of another one, or into a zone."""
 
     def _wishes(self, arrays: Arrays) -> Floats:
-        """Return steps straight towards another UAV, a hull or the target, in turn."""
+        """Return steps straight towards another UAV, a hull, a barrier or the target, in turn."""
         aims = [arrays.target_m]
         if len(arrays.uav) > 1:
             aims.append(arrays.position_m)
         if len(arrays.obstacles.keep_m):
             aims.append((arrays.obstacles.a_m + arrays.obstacles.b_m) / 2)
+        barriers = self._airspace.barriers
+        if len(barriers.a_m):
+            aims.append((barriers.a_m + barriers.b_m) / 2)
         rng = Random(f"{arrays.slot // 6}/{len(arrays.uav)}")
         wish_m = np.empty_like(arrays.position_m)
         for k, here_m in enumerate(arrays.position_m):
@@ -99,11 +104,12 @@ def scenario(seed: int, kept: Collection[int] | None = None) -> Mission:
     else:
         fields["link"] = [{**link, "end_s": HEALED_S} for link in fields["link"]]
     mission = _placed(fields)
+    zones = random_zones(Random(f"fuzz/{seed}/zones"), mission, with_ways=mission.planner != RECKLESS)
     faults = _schedule(rng, mission)
     if fields["planner"] != RECKLESS:
         faults += _for_good(Random(f"fuzz/{seed}/for-good"), mission)
     chosen = faults if kept is None else [fault for index, fault in enumerate(faults) if index in kept]
-    return mission_from_dict({**fields, "area_m2": mission.area_m2, "fault": chosen})
+    return mission_from_dict({**fields, "area_m2": mission.area_m2, "fault": chosen, "zone": zones})
 
 
 def fly(mission: Mission) -> list[str]:
@@ -117,7 +123,8 @@ def fly(mission: Mission) -> list[str]:
         end = simulation.run()
     except AssertionError as error:
         return [f"assertion: {error}"]
-    return [*overlaps(message, end.motions), *_broken(Recording.from_messages(said), _asked(mission))]
+    seen = [*overlaps(message, end.motions), *trespasses(message, end.motions)]
+    return [*seen, *_broken(Recording.from_messages(said), _asked(mission))]
 
 
 def search(seed: int, kept: Collection[int] | None = None) -> Counterexample | None:
@@ -168,6 +175,22 @@ def overlaps(mission: MissionMessage, motions: Sequence[Motion]) -> list[str]:
         f"G3: {ids[i[pair]]} and {ids[j[pair]]} can come within {gap_m[slot, pair]:.6f} m in slot {slot}"
         for slot, pair in bad[:10]
     ]
+
+
+def trespasses(mission: MissionMessage, motions: Sequence[Motion]) -> list[str]:
+    """Return one line for each zone and UAV whose accepted steps break it, those of dying UAVs included."""
+    if not motions:
+        return []
+    r_m = {entry.uav: entry.r_m for entry in mission.roster}
+    p_m, q_m = (np.array([getattr(motion, end) for motion in motions]) for end in ("from_m", "to_m"))
+    said: dict[tuple[str, str], str] = {}
+    for zone in mission.zone:
+        keep_m = np.array([r_m[motion.uav] * zone.keeps_disc for motion in motions])
+        breach_m, _ = breaches(zone, p_m, q_m, keep_m)
+        for row in np.flatnonzero(breach_m > DISC_TOLERANCE_M).tolist():
+            uav, slot = motions[row].uav, motions[row].slot
+            said.setdefault((zone.name, uav), f"G8: {uav} breaks {zone.name} by {breach_m[row]:.6f} m in slot {slot}")
+    return list(said.values())[:10]
 
 
 def _gaps(a: Floats, b: Floats, c: Floats, d: Floats, i: Any, j: Any) -> Floats:

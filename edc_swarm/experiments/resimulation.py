@@ -48,7 +48,7 @@ def judge(
     *,
     load_planner: bool = False,
 ) -> list[GuaranteeResult]:
-    """Return the verdict on every guarantee, G1 to G7; see `check_same_bytes`."""
+    """Return the verdict on every guarantee, G1 to G8; see `check_same_bytes`."""
     results = [*check(recording), check_same_bytes(recording, otherwise, watch, load_planner=load_planner)]
     return sorted(results, key=lambda result: result.guarantee)
 

@@ -14,7 +14,7 @@ import numpy as np
 from edc_swarm.errors import FormatError
 from edc_swarm.foreign_text import shown
 from edc_swarm.formats.content import Area, Point, Route, Stop, ranges
-from edc_swarm.formats.plane_checks import legs_through, outside_by_rule, polygon_fault, widest_radius_m
+from edc_swarm.formats.plane_checks import legs_through, outside_by_rule, widest_radius_m
 from edc_swarm.formats.registry import Source
 from edc_swarm.geodesy import from_wgs84
 from edc_swarm.mission.configuration import (
@@ -27,6 +27,7 @@ from edc_swarm.mission.configuration import (
     Mission,
     Zone,
 )
+from edc_swarm.mission.polygons import polygon_fault
 
 MOST_AWAY_M = 200_000.0
 """Largest distance from the origin: up to there, the plane of the mission is true to 0.02 %."""
@@ -268,7 +269,7 @@ def _zone(source: Source, area: Area, plane: _Plane, name: str) -> Zone:
     if len(corners) > MAX_CORNERS:
         raise FormatError(area.item, f"{len(corners)} corners: must be at most {MAX_CORNERS}", source.file)
     if fault := polygon_fault(corners):
-        raise FormatError(area.item, fault, source.file)
+        raise FormatError(area.item, f"{fault}: must be a simple polygon", source.file)
     return Zone(name=name, kind=area.kind, polygon=corners, keep=keep)
 
 

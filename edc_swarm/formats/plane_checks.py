@@ -13,51 +13,6 @@ TOLERANCE_M = 1e-6
 """Distances that are short by less than this are rounding."""
 
 
-def polygon_fault(corners: list[tuple[float, float]]) -> str:
-    """Return why corners are no simple polygon, "" if they are one."""
-    distinct = len(set(corners))
-    if distinct < 3:
-        return f"{distinct} different corners: must be at least 3"
-    if distinct < len(corners):
-        return "a corner that is passed twice: must be a polygon that does not touch itself"
-    points = np.array(corners)
-    ends = np.roll(points, -1, axis=0)
-    if _doubles_back(points, ends) or _touch(points, ends):
-        return "sides that cross or touch: must be a polygon that does not intersect itself"
-    return ""
-
-
-def _doubles_back(points: Floats, ends: Floats) -> bool:
-    """Return True if a side runs back over the side before it."""
-    sides = ends - points
-    before = np.roll(sides, 1, axis=0)
-    along = (sides * before).sum(axis=1)
-    return bool(((_cross(before, sides) == 0) & (along < 0)).any())
-
-
-def _touch(points: Floats, ends: Floats) -> bool:
-    """Return True if two sides that are not neighbours have a point in common."""
-    count = len(points)
-    if count == 3:
-        return False
-    for first in range(count - 2):
-        others = np.arange(first + 2, count - (first == 0))
-        a, b, c, d = points[first], ends[first], points[others], ends[others]
-        one, two, three, four = _turn(a, b, c), _turn(a, b, d), _turn(c, d, a), _turn(c, d, b)
-        apart = (np.minimum(a, b) > np.maximum(c, d)) | (np.maximum(a, b) < np.minimum(c, d))
-        if ((one * two <= 0) & (three * four <= 0) & ~apart.any(axis=1)).any():
-            return True
-    return False
-
-
-def _turn(a: Floats, b: Floats, c: Floats) -> Floats:
-    return np.sign(_cross(b - a, c - a))
-
-
-def _cross(a: Floats, b: Floats) -> Floats:
-    return np.asarray(a[..., 0] * b[..., 1] - a[..., 1] * b[..., 0])
-
-
 def outside_by_rule(zone: Zone, points: Floats, r_m: float) -> NDArray[np.bool_]:
     """Return which points (n, 2) no UAV of radius `r_m` may be at, because of the zone."""
     margin_m = r_m if zone.keeps_disc else 0.0

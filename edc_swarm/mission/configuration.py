@@ -24,6 +24,12 @@ MAX_FAULTS = 1000
 MAX_LINKS = 1000
 MAX_ZONES = 1000
 MAX_CORNERS = 1000
+MAX_ALL_CORNERS = 5000
+"""Most corners of all zones together, so that the mission with 2000 UAVs still fits into one message."""
+RIM_CORNERS = 64
+"""Corners of the polygon inscribed in a circular inclusion zone. It is smaller than the circle by at most 0.12 %."""
+AREA_M2 = 10_000.0
+"""Default of `area_m2`."""
 MOST_SLOTS = 1_000_000
 FOR_GOOD_S = 1e9
 """A link rule that ends then or later never ends."""
@@ -35,6 +41,7 @@ GpsModel = Literal["none", "bias", "white", "gauss-markov"]
 Distribution = Literal["constant", "uniform", "normal", "lognormal"]
 ZoneKind = Literal["inclusion", "exclusion"]
 ZoneRule = Literal["", "disc", "centre"]
+Fence = Literal["area", "none"]
 
 UavId = Annotated[str, Meta(pattern=r"^[A-Za-z0-9_-]{1,32}$(?!\n)")]
 MissionId = Annotated[str, Meta(pattern=r"^[A-Za-z0-9_-]{1,64}$(?!\n)")]
@@ -271,6 +278,21 @@ class Zone(Struct, frozen=True, kw_only=True):
         """True if the whole tracked disc keeps to the zone, False if only its centre does."""
         return self.keep == "disc" or (self.keep == "" and self.kind == "exclusion")
 
+    @property
+    def corners(self) -> int:
+        """Number of corners, which a circle has too: one as an exclusion zone, else those of its rim."""
+        return len(self.polygon) or (RIM_CORNERS if self.kind == "inclusion" else 1)
+
+    @property
+    def bounds_m(self) -> tuple[float, float, float, float]:
+        """Left, low, right and high edge of the box around the zone, in metres."""
+        corners = self.polygon or [
+            (self.centre[0] - self.radius_m, self.centre[1] - self.radius_m),
+            (self.centre[0] + self.radius_m, self.centre[1] + self.radius_m),
+        ]
+        xs_m, ys_m = zip(*corners, strict=True)
+        return min(xs_m), min(ys_m), max(xs_m), max(ys_m)
+
 
 class Mission(Struct, frozen=True, kw_only=True):
     """Everything that decides how a mission goes.
@@ -290,12 +312,32 @@ class Mission(Struct, frozen=True, kw_only=True):
 
     The paper's K. Where there is a roster, it is the length of the roster.
     """
-    area_m2: Annotated[Positive, Option("area")] = 10_000.0
+    area_m2: Annotated[Positive, Option("area")] = AREA_M2
     """Area of the square in which a random mission draws starts and targets.
 
-    Starts are at least 1.05 * 2 `r_m` apart, targets too.
+    Starts are at least 1.05 * 2 `r_m` apart, targets too. A mission with `area_x_m` and `area_y_m` leaves it out.
 
     Source: the paper, section IV (sweep of the number of UAVs).
+    """
+    area_x_m: Annotated[float, Meta(ge=0, le=MOST_M), Option("area-x")] = 0.0
+    """Width (east) of the rectangle in which a random mission draws starts and targets, in place of `area_m2`.
+
+    The rectangle has a corner at the origin. Both `area_x_m` and `area_y_m` are given, or neither.
+
+    Default: 0, which stands for the side of the square of `area_m2`.
+    Source: the paper, section II (an area X x Y).
+    """
+    area_y_m: Annotated[float, Meta(ge=0, le=MOST_M), Option("area-y")] = 0.0
+    """Height (north) of the rectangle in which a random mission draws starts and targets, in place of `area_m2`.
+
+    Default: 0, which stands for the side of the square of `area_m2`.
+    Source: the paper, section II (an area X x Y).
+    """
+    fence: Annotated[Fence, Option("fence")] = "area"
+    """Fence of a random mission: its `area`, or `none`.
+
+    `area` adds an inclusion zone named "area" to a random mission. A mission with a roster has only the zones that it
+    states.
     """
     r_m: Annotated[Positive, Option("gps-error")] = 5.0
     """GPS error radius: of the disc around the reported position that holds the true one.
@@ -402,7 +444,10 @@ class Mission(Struct, frozen=True, kw_only=True):
     link: Annotated[list[Link], Meta(max_length=MAX_LINKS)] = []
     """Rules of the emulated network, tables `[[link]]`."""
     zone: Annotated[list[Zone], Meta(max_length=MAX_ZONES)] = []
-    """Zones of the airspace, tables `[[zone]]`."""
+    """Zones of the airspace, tables `[[zone]]`.
+
+    All zones together have at most 5000 corners. A circle counts as one corner, as an inclusion zone as 64.
+    """
     fault: Annotated[list[FaultText], Meta(max_length=MAX_FAULTS), Option("fault")] = []
     """Faults of the mission, each a text such as "kill head @10".
 
@@ -417,6 +462,12 @@ class Mission(Struct, frozen=True, kw_only=True):
     """Propulsion, radio and batteries, table `[energy]`."""
     head: HeadModel = HeadModel()
     """Cost of leading, table `[head]`."""
+
+    @property
+    def area_size_m(self) -> tuple[float, float]:
+        """Width and height of the rectangle of a random mission, in metres."""
+        side_m = math.sqrt(self.area_m2)
+        return self.area_x_m or side_m, self.area_y_m or side_m
 
     @property
     def u_max_m(self) -> float:

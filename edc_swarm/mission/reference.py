@@ -12,12 +12,12 @@ from typing import Any
 import msgspec
 from msgspec import Struct
 
-from edc_swarm.mission.configuration import EnergyModel, HeadModel, Link, Mission, RosterEntry
+from edc_swarm.mission.configuration import EnergyModel, HeadModel, Link, Mission, RosterEntry, Zone
 from edc_swarm.mission.declarations import Declaration, declarations
 
 TABLES: dict[str, type[Struct]] = {"energy": EnergyModel, "head": HeadModel}
 """Tables of a mission file, by key."""
-LISTS: dict[str, type[Struct]] = {"link": Link, "roster": RosterEntry}
+LISTS: dict[str, type[Struct]] = {"link": Link, "zone": Zone, "roster": RosterEntry}
 """Lists of tables of a mission file, by key."""
 EXAMPLE: dict[str, Any] = {
     "uav": "north",
@@ -30,6 +30,9 @@ EXAMPLE: dict[str, Any] = {
     "energy_j": 90_000.0,
 }
 """Values of the keys that have no default."""
+ZONE: dict[str, Any] = {"name": "tower", "kind": "exclusion", "centre": [75.0, 50.0], "radius_m": 12.0}
+"""A zone, which is a polygon or a circle, so that its defaults alone would be no zone."""
+EXAMPLES: dict[type[Struct], dict[str, Any]] = {RosterEntry: EXAMPLE, Zone: ZONE}
 PAGE = """\
 # Mission file
 
@@ -39,6 +42,8 @@ A mission file is TOML. A file states only what differs from the defaults; [scen
 every field. An unknown field, a value of another type or beyond its limits, and a number that is not finite are
 rejected with the field, the value and what is allowed. An option of `edc-swarm run` and `sim` replaces the value of the
 file.
+
+Zones, and how a mission with them is checked before take-off: [zones.md](zones.md).
 
 "Wall time" is the time of a clock on the wall; all other times are time of the mission, `time_scale` times as fast.
 
@@ -104,7 +109,7 @@ def _lines(kind: type[Struct], names: tuple[str, ...] | list[str]) -> Iterator[s
     for name in names:
         field = declarations(kind)[name]
         facts = "; ".join(fact for fact in (field.unit[1], field.allowed) if fact)
-        value = fields[name].default if not fields[name].required else EXAMPLE[name]
+        value = EXAMPLES.get(kind, {}).get(name, fields[name].default)
         text = msgspec.json.encode(value if value is not msgspec.NODEFAULT else []).decode()
         yield "\n"
         yield f"# {field.summary} ({facts}).\n"

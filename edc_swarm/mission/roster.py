@@ -2,43 +2,47 @@
 
 from __future__ import annotations
 
-import math
-
 import msgspec
 import numpy as np
 from numpy.typing import NDArray
 
-from edc_swarm.errors import PlacementError
-from edc_swarm.mission.configuration import Mission, RosterEntry, default_tau_s
+from edc_swarm.errors import MissionError, PlacementError
+from edc_swarm.mission.airspace import Airspace, check_zones
+from edc_swarm.mission.configuration import Mission, RosterEntry, Zone, default_tau_s
 from edc_swarm.mission.prospect import default_max_slots
 from edc_swarm.mission.validation import check_links
+from edc_swarm.mission.zone_shapes import check_shapes
 
 TRIES = 10_000
 """Draws after which a mission is rejected because a UAV does not fit."""
 SPACING = 1.05
 """Least distance of random starts, and of random targets, in units of R = 2 r."""
+FENCE = "area"
+"""Name of the zone that is the fence of a random mission."""
 _ENERGY_STREAM = 1
 
 
 def complete_mission(mission: Mission) -> Mission:
-    """Return the mission with its roster, drawn if it has none, and with `tau_s` and `max_slots` derived.
+    """Return the mission with its roster and fence, drawn if it has none, and with `tau_s` and `max_slots` derived.
 
     Raises
     ------
     PlacementError
         The UAVs of a random mission do not fit into its area.
     MissionError
-        A link or a fault names a UAV that is not in the roster, or a fault cannot be read.
+        A link or a fault names a UAV that is not in the roster, a fault cannot be read, or zones leave a UAV no way.
     """
-    roster = mission.roster or random_roster(mission)
-    whole = msgspec.structs.replace(mission, roster=roster, uavs=len(roster))
+    fenced = mission if mission.roster else _fenced(mission)
+    roster = mission.roster or random_roster(fenced)
+    whole = msgspec.structs.replace(fenced, roster=roster, uavs=len(roster))
     check_links(whole)
+    check_zones(whole)
     max_slots = whole.max_slots or default_max_slots(whole)
     return msgspec.structs.replace(whole, tau_s=default_tau_s(whole), max_slots=max_slots)
 
 
 def random_roster(mission: Mission) -> list[RosterEntry]:
-    """Return UAVs u001, u002, ... with starts and targets uniform in the square, drawn from `seed` alone.
+    """Return UAVs u001, u002, ... with starts and targets uniform in the free area, drawn from `seed` alone.
 
     One generator draws starts, then targets. Another one draws the batteries, so positions do not depend on them.
 
@@ -72,18 +76,35 @@ def uav_ids(count: int) -> list[str]:
     return [f"u{number:03d}" for number in range(1, count + 1)]
 
 
+def _fenced(mission: Mission) -> Mission:
+    """Return a mission without a roster with the fence that it asks for."""
+    if mission.fence == "none":
+        return mission
+    for index, zone in enumerate(mission.zone):
+        if zone.name == FENCE:
+            allowed = f'not "{FENCE}", which is the fence of a random mission (or fence = "none")'
+            raise MissionError(f"zone[{index}].name", zone.name, allowed)
+    x_m, y_m = mission.area_size_m
+    fence = Zone(name=FENCE, kind="inclusion", polygon=[(0.0, 0.0), (x_m, 0.0), (x_m, y_m), (0.0, y_m)])
+    check_shapes(zones := [*mission.zone, fence])
+    return msgspec.structs.replace(mission, zone=zones)
+
+
 def _placed(rng: np.random.Generator, mission: Mission, what: str) -> NDArray[np.float64]:
-    """Return (K, 2) points in metres, no two closer than `SPACING` R, by rejection sampling."""
-    side_m = math.sqrt(mission.area_m2)
-    least_m = SPACING * 2 * mission.r_m
+    """Return (K, 2) points in metres that zones allow, no two closer than `SPACING` R, by rejection sampling."""
+    airspace = Airspace.of(mission.zone)
     points_m = np.empty((mission.uavs, 2))
     for index in range(mission.uavs):
-        point_m = _free_point(rng, side_m, least_m, points_m[:index])
+        point_m = _free_point(rng, mission, airspace, points_m[:index])
         if point_m is None:
+            area = f"area_m2 = {mission.area_m2:g}"
+            if mission.area_x_m:
+                area = f"area_x_m = {mission.area_x_m:g}, area_y_m = {mission.area_y_m:g}"
+            zones = ", its zones" if len(mission.zone) > (mission.fence == "area") else ""
             raise PlacementError(
                 "uavs",
                 mission.uavs,
-                f"few enough for area_m2 = {mission.area_m2:g} and r_m = {mission.r_m:g}"
+                f"few enough for {area}{zones} and r_m = {mission.r_m:g}"
                 f" (placed {index} {what}, then {TRIES} tries failed)",
             )
         points_m[index] = point_m
@@ -91,10 +112,12 @@ def _placed(rng: np.random.Generator, mission: Mission, what: str) -> NDArray[np
 
 
 def _free_point(
-    rng: np.random.Generator, side_m: float, least_m: float, taken_m: NDArray[np.float64]
+    rng: np.random.Generator, mission: Mission, airspace: Airspace, taken_m: NDArray[np.float64]
 ) -> NDArray[np.float64] | None:
+    least_m, r_m = SPACING * 2 * mission.r_m, np.array([mission.r_m])
     for _ in range(TRIES):
-        point_m = rng.uniform(0, side_m, 2)
-        if not len(taken_m) or ((taken_m - point_m) ** 2).sum(axis=1).min() >= least_m**2:
+        point_m = rng.uniform(0, mission.area_size_m, 2)
+        apart = not len(taken_m) or ((taken_m - point_m) ** 2).sum(axis=1).min() >= least_m**2
+        if apart and (airspace.lack_m(point_m[None], r_m) <= 0).all():
             return point_m
     return None

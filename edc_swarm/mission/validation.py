@@ -17,8 +17,9 @@ from msgspec import Struct
 
 from edc_swarm.errors import InputError, MissionError
 from edc_swarm.files import open_regular
-from edc_swarm.mission.configuration import RESERVED_IDS, Mission, RosterEntry
+from edc_swarm.mission.configuration import AREA_M2, RESERVED_IDS, Mission, RosterEntry
 from edc_swarm.mission.wording import in_words, type_at
+from edc_swarm.mission.zone_shapes import check_shapes
 
 MAX_MISSION_BYTES = 4 << 20
 T = TypeVar("T", bound=Struct)
@@ -138,7 +139,18 @@ def validate_mission(mission: Mission) -> None:
         raise MissionError("body_m", mission.body_m, f"at most r_m ({mission.r_m})")
     if mission.energy.initial_min_j > mission.energy.initial_max_j:
         raise MissionError("energy.initial_min_j", mission.energy.initial_min_j, "at most initial_max_j")
+    _validate_area(mission)
+    check_shapes(mission.zone)
     _validate_roster(mission.roster)
+
+
+def _validate_area(mission: Mission) -> None:
+    x_m, y_m = mission.area_x_m, mission.area_y_m
+    if bool(x_m) != bool(y_m):
+        field, value, other = ("area_y_m", y_m, "area_x_m") if x_m else ("area_x_m", x_m, "area_y_m")
+        raise MissionError(field, value, f"above 0 beside {other}, or both are left out")
+    if x_m and mission.area_m2 != AREA_M2:
+        raise MissionError("area_m2", mission.area_m2, "left out beside area_x_m and area_y_m")
 
 
 def check_links(mission: Mission) -> None:

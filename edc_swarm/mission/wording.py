@@ -15,13 +15,14 @@ from msgspec.inspect import (
     NoneType,
     StrType,
     StructType,
+    TupleType,
     Type,
     UnionType,
 )
 
 _NAME = re.compile(r"\^\[A-Za-z0-9_-\]\{(\d+),(\d+)\}\$.*")
 """The pattern of an id or a name."""
-_PLAIN = {StructType: "a table", BoolType: "true or false", NoneType: "null"}
+_PLAIN = {StructType: "a table", TupleType: "a point [x, y]", BoolType: "true or false", NoneType: "null"}
 
 
 def in_words(kind: Type) -> str:
@@ -32,7 +33,7 @@ def in_words(kind: Type) -> str:
         case StrType():
             return _text(kind)
         case LiteralType(values=values):
-            return f"one of {', '.join(map(str, values))}"
+            return "one of " + ", ".join(str(value) or '""' for value in values)
         case ListType():
             return _list(kind)
         case UnionType(types=types):
@@ -66,6 +67,8 @@ def _described(kind: type) -> Type:
 def _inside(kind: Type, part: str) -> Type | None:
     if isinstance(kind, StructType):
         return next((field.type for field in kind.fields if field.encode_name == part), None)
+    if isinstance(kind, TupleType):
+        return kind.item_types[int(part)]
     return kind.item_type if isinstance(kind, ListType) else None
 
 
@@ -79,7 +82,13 @@ def _number(kind: IntType | FloatType) -> str:
 
 
 def _list(kind: ListType) -> str:
-    nouns = {StructType: "tables", StrType: "texts", IntType: "whole numbers", FloatType: "numbers"}
+    nouns = {
+        StructType: "tables",
+        StrType: "texts",
+        IntType: "whole numbers",
+        FloatType: "numbers",
+        TupleType: "points [x, y]",
+    }
     items = nouns.get(type(kind.item_type), "values")
     if kind.max_length is None:
         return f"a list of {items}"

@@ -12,7 +12,7 @@ from edc_swarm.planner import ways
 from edc_swarm.planner.guidance import Guidance, Scene, Tuning
 from edc_swarm.planner.interface import Plan, PlanRequest, Stopwatch
 from edc_swarm.planner.request import Arrays, checked_arrays
-from edc_swarm.planner.safe import SafeSteps
+from edc_swarm.planner.safe import SafeSteps, airspace_of
 from edc_swarm.solver import certificate, slot_qp
 from edc_swarm.solver.slot_qp import Obstacles
 
@@ -45,8 +45,9 @@ class Edc:
     def __init__(self, mission: Mission, stopwatch: Stopwatch, tuning: Tuning | None = None) -> None:
         self._u_max_m = mission.u_max_m
         self._stopwatch = stopwatch
-        self._guidance = Guidance(self._u_max_m, weights(mission), mission.seed, tuning or Tuning())
-        self._safe = SafeSteps(self._u_max_m, stopwatch)
+        self._airspace = airspace_of(mission)
+        self._guidance = Guidance(self._u_max_m, weights(mission), mission.seed, tuning or Tuning(), self._airspace)
+        self._safe = SafeSteps(self._u_max_m, stopwatch, self._airspace)
 
     def plan(self, request: PlanRequest) -> Plan:
         """Return the next waypoints of the UAVs of `request`."""
@@ -68,7 +69,7 @@ class Edc:
                 np.concatenate([obstacles.keep_m, still_r_m]),
             )
         position_m, r_m = arrays.position_m[free], arrays.r_m[free]
-        goal_m = ways.free_goals(arrays.target_m[free], r_m, obstacles)
+        goal_m = ways.free_goals(arrays.target_m[free], r_m, obstacles, self._airspace)
         wish_m = arrays.position_m.copy()
         wish_m[free] = self._guidance.wishes(Scene(arrays.slot, arrays.uav[free], position_m, goal_m, r_m, obstacles))
         if len(arrays.obstacles.keep_m) and len(arrays.uav):

@@ -51,7 +51,8 @@ from edc_swarm.geometry import Floats, Indices, length_m
 from edc_swarm.mission.configuration import ARRIVED_M
 from edc_swarm.planner import guidance_kernel as kernel
 from edc_swarm.planner import ways
-from edc_swarm.solver.slot_qp import DELTA_M, Obstacles
+from edc_swarm.planner.charts import Charts
+from edc_swarm.solver.slot_qp import DELTA_M, Airspace, Obstacles
 
 NEVER = -(10**9)
 """Slot of the last plan for a UAV that has none."""
@@ -148,8 +149,11 @@ class Scene:
 class Guidance:
     """Preferred steps from slot to slot; remembers plans and lateness by roster index."""
 
-    def __init__(self, u_max_m: float, weights: tuple[float, float], seed: int, tuning: Tuning) -> None:
+    def __init__(
+        self, u_max_m: float, weights: tuple[float, float], seed: int, tuning: Tuning, airspace: Airspace | None = None
+    ) -> None:
         self._u_max_m = u_max_m
+        self._charts = Charts.of(airspace or Airspace.unbounded())
         self._weights = weights
         self._seed = seed
         self._tuning = tuning
@@ -162,7 +166,9 @@ class Guidance:
         if not len(scene.uav):
             return np.empty((0, 2))
         walls = ways.walls_of(scene.position_m, scene.r_m, scene.obstacles)
-        goal_m, way_m = ways.routed(scene.position_m, scene.goal_m, walls, scene.slot)
+        goal_m, way_m = ways.routed(
+            scene.position_m, scene.goal_m, walls, scene.slot, scene.uav, scene.r_m, self._charts
+        )
         self._remember(scene, way_m)
         plans = self._memory.plans_of(scene.uav)
         world = self._world(scene, goal_m, walls)
@@ -231,6 +237,7 @@ class Guidance:
             head=np.empty((slots, int(cells.prod())), np.int32),
             link=np.empty((slots, len(r_m) << kernel.ENTRY_BITS), np.int32),
             walls=walls,
+            barred=self._charts.barred,
             rules=kernel.Rules(
                 u_max_m=self._u_max_m,
                 weight_time=weight_time,

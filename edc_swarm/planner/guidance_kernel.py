@@ -125,6 +125,25 @@ class Walls(NamedTuple):
     bar_m: Floats
 
 
+class Barred(NamedTuple):
+    """Barriers of zones: the segments a_m-b_m (m, 2) with `radius_m` (m,), and the index of `geometry.BarrierIndex`.
+
+    `disc` (m,) is 1 where a UAV keeps its radius in addition, else 0.
+    """
+
+    a_m: Floats
+    b_m: Floats
+    radius_m: Floats
+    disc: Floats
+    begin: Ints
+    which: Ints
+    low_x_m: float
+    low_y_m: float
+    per_cell: float
+    rows: int
+    columns: int
+
+
 class World(NamedTuple):
     """Data for pricing a plan.
 
@@ -149,6 +168,7 @@ class World(NamedTuple):
     head: NDArray[np.int32]
     link: NDArray[np.int32]
     walls: Walls
+    barred: Barred
     rules: Rules
 
 
@@ -334,6 +354,223 @@ def wall_conflict(rules: Rules, walls: Walls, k: int, x0: float, y0: float, x: f
 
 
 @compiled
+def barred_cell(barred: Barred, x: float, y: float) -> int:
+    """Return the cell of the barriers near a point; the cells at the border, and beyond it, have none."""
+    i = min(max((x - barred.low_x_m) * barred.per_cell, 0.0), barred.rows - 1.0)
+    j = min(max((y - barred.low_y_m) * barred.per_cell, 0.0), barred.columns - 1.0)
+    return int(i) * barred.columns + int(j)
+
+
+@compiled
+def to_barrier(barred: Barred, w: int, x0: float, y0: float, x: float, y: float) -> float:
+    """Return the squared distance of the straight way from (x0, y0) to (x, y) from the segment of barrier w."""
+    a, b = barred.a_m, barred.b_m
+    return clearance(x0 - a[w, 0], y0 - a[w, 1], x - x0, y - y0, a[w, 0] - b[w, 0], a[w, 1] - b[w, 1])
+
+
+@compiled
+def bar_of(barred: Barred, w: int, keep: float, x: float, y: float) -> float:
+    """Return the distance that a UAV at (x, y) must keep: `keep`, or 0.9995 of the present one if that is less."""
+    a, b = barred.a_m, barred.b_m
+    away = math.sqrt(to_segment(x - a[w, 0], y - a[w, 1], a[w, 0] - b[w, 0], a[w, 1] - b[w, 1]))
+    return float(min(keep, 0.9995 * away) - ROUNDING_M)
+
+
+@compiled
+def barrier_conflict(world: World, k: int, x0: float, y0: float, x: float, y: float) -> float:
+    """Return the price of the barriers near vehicle k's step from (x0, y0) to (x, y), as `wall_conflict` does."""
+    rules, barred = world.rules, world.barred
+    cell = barred_cell(barred, 0.5 * (x0 + x), 0.5 * (y0 + y))
+    price = 0.0
+    for e in range(barred.begin[cell], barred.begin[cell + 1]):
+        w = barred.which[e]
+        keep = barred.radius_m[w] + barred.disc[w] * world.r_m[k] + rules.delta_m
+        squared = to_barrier(barred, w, x0, y0, x, y)
+        if squared < (keep - ROUNDING_M) * (keep - ROUNDING_M):
+            away = math.sqrt(squared)
+            bar = bar_of(barred, w, keep, world.start_m[k, 0], world.start_m[k, 1])
+            if away < bar:
+                price += UNYIELDING * (rules.touch + rules.depth * (bar - away) / keep)
+            else:
+                price += rules.cap * (rules.touch + rules.depth * (keep - away) / keep)
+    return price
+
+
+@compiled
+def bars_move(world: World, k: int, x0: float, y0: float, x: float, y: float) -> bool:
+    """Return True if a barrier near (x0, y0) forbids vehicle k the straight way to (x, y)."""
+    barred = world.barred
+    cell = barred_cell(barred, x0, y0)
+    for e in range(barred.begin[cell], barred.begin[cell + 1]):
+        w = barred.which[e]
+        keep = barred.radius_m[w] + barred.disc[w] * world.r_m[k] + world.rules.delta_m
+        squared = to_barrier(barred, w, x0, y0, x, y)
+        if squared < keep * keep:
+            bar = bar_of(barred, w, keep, world.start_m[k, 0], world.start_m[k, 1])
+            if bar > 0.0 and squared < bar * bar:
+                return True
+    return False
+
+
+@compiled
+def near_barrier(world: World, k: int, x: float, y: float) -> bool:
+    """Return True if a move of two full steps from (x, y) can come too close to a barrier."""
+    barred = world.barred
+    cell = barred_cell(barred, x, y)
+    for e in range(barred.begin[cell], barred.begin[cell + 1]):
+        w = barred.which[e]
+        far = barred.radius_m[w] + barred.disc[w] * world.r_m[k] + world.rules.delta_m + 2 * world.rules.u_max_m
+        if to_barrier(barred, w, x, y, x, y) < far * far:
+            return True
+    return False
+
+
+@compiled
+def still_conflict(world: World, k: int, x0: float, y0: float, x: float, y: float) -> float:
+    """Return the price of all that never moves, hulls and barriers, on vehicle k's step."""
+    price = 0.0
+    if world.walls.a_m.shape[0] > 0:
+        price = wall_conflict(world.rules, world.walls, k, x0, y0, x, y)
+    if world.barred.a_m.shape[0] > 0:
+        price += barrier_conflict(world, k, x0, y0, x, y)
+    return price
+
+
+@compiled
+def open_leg(barred: Barred, r_m: float, delta_m: float, x0: float, y0: float, x: float, y: float) -> tuple[bool, int]:
+    """Return True if no barrier blocks the straight way of a UAV at (x0, y0) to (x, y), and the number of tests.
+
+    It follows the way from cell to cell; a barrier near the way is near the cell of the way's nearest point.
+    """
+    tests = 0
+    dx, dy = x - x0, y - y0
+    first = min(max((x0 - barred.low_x_m) * barred.per_cell, 0.0), barred.rows - 1.0)
+    last = min(max((x - barred.low_x_m) * barred.per_cell, 0.0), barred.rows - 1.0)
+    i, end = int(first), int(last)
+    step = 1 if end >= i else -1
+    while True:
+        south, north = min(y0, y), max(y0, y)
+        if i != int(last) or i != int(first):
+            # The part of the way in this row of cells; the outermost rows have no barriers.
+            west = barred.low_x_m + (i - 1e-6) / barred.per_cell
+            east = barred.low_x_m + (i + 1 + 1e-6) / barred.per_cell
+            ya = y0 + dy * min(max((west - x0) / dx, 0.0), 1.0)
+            yb = y0 + dy * min(max((east - x0) / dx, 0.0), 1.0)
+            south, north = min(ya, yb), max(ya, yb)
+        low = min(max((south - barred.low_y_m) * barred.per_cell - 1e-6, 0.0), barred.columns - 1.0)
+        high = min(max((north - barred.low_y_m) * barred.per_cell + 1e-6, 0.0), barred.columns - 1.0)
+        for j in range(int(low), int(high) + 1):
+            cell = i * barred.columns + j
+            for e in range(barred.begin[cell], barred.begin[cell + 1]):
+                w = barred.which[e]
+                keep = barred.radius_m[w] + barred.disc[w] * r_m + delta_m
+                squared = to_barrier(barred, w, x0, y0, x, y)
+                tests += 1
+                if squared < keep * keep:
+                    bar = bar_of(barred, w, keep, x0, y0)
+                    if bar > 0.0 and squared < bar * bar:
+                        return False, tests
+        if i == end:
+            return True, tests
+        i += step
+
+
+@compiled
+def clear_ways(
+    walls: Walls, barred: Barred, delta_m: float, position_m: Floats, goal_m: Floats, r_m: Floats,
+    clear: NDArray[np.bool_],
+) -> None:  # fmt: skip
+    """Write for each UAV if its straight way to its goal is clear of hulls and barriers."""
+    for k in range(len(r_m)):
+        x0, y0, x, y = position_m[k, 0], position_m[k, 1], goal_m[k, 0], goal_m[k, 1]
+        clear[k] = open_way(walls, k, x0, y0, x, y)
+        if clear[k] and barred.a_m.shape[0] > 0:
+            clear[k] = open_leg(barred, r_m[k], delta_m, x0, y0, x, y)[0]
+
+
+@compiled
+def complete_row(
+    barred: Barred, r_m: float, delta_m: float, node_m: Floats, leg_m: Floats, known: NDArray[np.bool_], n: int
+) -> int:
+    """Write the lengths of the open legs from node n to all others, infinite for the others; return the tests."""
+    tests = 0
+    for other in range(len(known)):
+        if known[other]:
+            leg_m[n, other] = leg_m[other, n]
+        else:
+            x0, y0, x, y = node_m[n, 0], node_m[n, 1], node_m[other, 0], node_m[other, 1]
+            is_open, spent = open_leg(barred, r_m, delta_m, x0, y0, x, y)
+            tests += spent + 1
+            leg_m[n, other] = norm(x - x0, y - y0) if is_open else np.inf
+    known[n] = True
+    return tests
+
+
+@compiled
+def measure_ways(
+    barred: Barred, r_m: float, delta_m: float, node_m: Floats, leg_m: Floats, known: NDArray[np.bool_],
+    goal_m: Floats, cost: Floats, after: Ints, closed: NDArray[np.bool_], budget: int,
+) -> tuple[bool, int]:  # fmt: skip
+    """Write the length `cost` (c,) of the shortest way from each node to the goal, and the node `after` it (c,).
+
+    Dijkstra's algorithm from the goal; `after` is -1 where the goal itself is next. It returns False, and the number of
+    tests of a leg against a barrier, if the budget ends first. Rows of `leg_m` that are complete stay so.
+    """
+    tests = 0
+    closed[:] = False
+    after[:] = -1
+    for n in range(len(known)):
+        x0, y0 = node_m[n, 0], node_m[n, 1]
+        is_open, spent = open_leg(barred, r_m, delta_m, x0, y0, goal_m[0], goal_m[1])
+        tests += spent + 1
+        cost[n] = norm(goal_m[0] - x0, goal_m[1] - y0) if is_open else np.inf
+    while tests <= budget:
+        node, least = -1, np.inf
+        for n in range(len(known)):
+            if not closed[n] and cost[n] < least:
+                node, least = n, cost[n]
+        if node < 0:
+            return True, tests
+        closed[node] = True
+        if not known[node]:
+            tests += complete_row(barred, r_m, delta_m, node_m, leg_m, known, node)
+        for n in range(len(known)):
+            far = least + leg_m[node, n]
+            if not closed[n] and far < cost[n]:
+                cost[n], after[n] = far, node
+    return False, tests
+
+
+@compiled
+def next_node(
+    barred: Barred, r_m: float, delta_m: float, node_m: Floats, cost: Floats, x: float, y: float,
+    tried: NDArray[np.bool_], budget: int,
+) -> tuple[int, float, int]:  # fmt: skip
+    """Return the first node of the shortest way from (x, y) to the goal of `cost`, its length, and the tests.
+
+    Of nodes that are equally good, the one nearest to the goal counts: a UAV at a node flies to the next one. The node
+    is -1 if there is none, or if the budget ends first.
+    """
+    tests = 0
+    tried[:] = False
+    while tests <= budget:
+        node, least, left = -1, np.inf, np.inf
+        for n in range(len(cost)):
+            if not tried[n] and cost[n] < np.inf:
+                far = cost[n] + norm(node_m[n, 0] - x, node_m[n, 1] - y)
+                if far < least - ROUNDING_M or (far < least + ROUNDING_M and cost[n] < left):
+                    node, least, left = n, far, cost[n]
+        if node < 0:
+            return -1, 0.0, tests
+        tried[node] = True
+        is_open, spent = open_leg(barred, r_m, delta_m, x, y, node_m[node, 0], node_m[node, 1])
+        tests += spent + 1
+        if is_open:
+            return node, least, tests
+    return -1, 0.0, tests
+
+
+@compiled
 def open_way(walls: Walls, k: int, x0: float, y0: float, x: float, y: float) -> bool:
     """Return True if no hull blocks vehicle k's straight flight from (x0, y0) to (x, y)."""
     a, b, bar = walls.a_m, walls.b_m, walls.bar_m
@@ -345,14 +582,17 @@ def open_way(walls: Walls, k: int, x0: float, y0: float, x: float, y: float) -> 
 
 
 @compiled
-def way_round(
-    walls: Walls, k: int, node_m: Floats, cost: Floats, parent: Ints, closed: NDArray[np.bool_], budget: int
-) -> tuple[int, float, int]:
+def way_round(  # noqa: PLR0912 (one loop over arrays)
+    walls: Walls, barred: Barred, r_m: float, delta_m: float, k: int, node_m: Floats, leg_m: Floats,
+    known: NDArray[np.bool_], cost: Floats, parent: Ints, closed: NDArray[np.bool_], budget: int,
+) -> tuple[int, float, int]:  # fmt: skip
     """Find vehicle k's shortest way from node 0 to node 1 over the other nodes, each leg an open way, by A*.
 
-    Returns the first node of the way, its length, and the number of tests of one leg against one hull; the node is -1
-    if there is no way, or if the budget ends first. `cost`, `parent` and `closed` are work space.
+    The last nodes are those of `leg_m` and `known` (`complete_row`). Returns the first node of the way, its length, and
+    the number of tests of one leg against one hull or barrier; the node is -1 if there is no way, or if the budget ends
+    first. `cost`, `parent` and `closed` are work space.
     """
+    base = len(cost) - len(known)
     cost[:] = np.inf
     closed[:] = False
     cost[0] = 0.0
@@ -376,6 +616,14 @@ def way_round(
         for n in range(len(cost)):
             far = cost[node] + norm(node_m[n, 0] - x, node_m[n, 1] - y)
             if not closed[n] and far < cost[n]:
+                if node >= base and n >= base and known[node - base]:
+                    if leg_m[node - base, n - base] == np.inf:
+                        continue
+                elif barred.a_m.shape[0] > 0:
+                    is_open, spent = open_leg(barred, r_m, delta_m, x, y, node_m[n, 0], node_m[n, 1])
+                    tests += spent + 1
+                    if not is_open:
+                        continue
                 tests += walls.a_m.shape[0]
                 if open_way(walls, k, x, y, node_m[n, 0], node_m[n, 1]):
                     cost[n], parent[n] = far, node
@@ -439,12 +687,12 @@ def first_conflict(world: World, k: int, track: Floats) -> int:
     """Return the first slot with a conflict of vehicle k's track, W + 1 if there is none."""
     rules, tracks, start_m, r_m, luck = world.rules, world.track, world.start_m, world.r_m, world.luck
     imminent, gamma, head, link = world.imminent, world.gamma, world.head, world.link
-    walled = world.walls.a_m.shape[0] > 0
+    walled = world.walls.a_m.shape[0] > 0 or world.barred.a_m.shape[0] > 0
     for t in range(1, track.shape[0]):
         x0, y0, x, y = track[t - 1, 0], track[t - 1, 1], track[t, 0], track[t, 1]
         if step_conflict(rules, tracks, start_m, r_m, luck, imminent, gamma, head, link, k, t, x0, y0, x, y) > 0.0:
             return t
-        if walled and wall_conflict(rules, world.walls, k, x0, y0, x, y) > 0.0:
+        if walled and still_conflict(world, k, x0, y0, x, y) > 0.0:
             return t
     return len(track)
 
@@ -533,7 +781,8 @@ def search(  # noqa: PLR0912, PLR0915 (one loop: splitting it costs a third of t
     stamp, cost, price, parent = scratch.stamp, scratch.cost, scratch.price, scratch.parent
     heap_cost, heap_node = scratch.heap_cost, scratch.heap_node
     move, move_length = scratch.move, scratch.move_length
-    walled = world.walls.a_m.shape[0] > 0
+    zoned = world.barred.a_m.shape[0] > 0
+    walled = world.walls.a_m.shape[0] > 0 or zoned
     half = side // 2
     area = side * side
     last = tracks.shape[1] - 1
@@ -577,14 +826,14 @@ def search(  # noqa: PLR0912, PLR0915 (one loop: splitting it costs a third of t
                         rules, tracks, start_m, r_m, luck, imminent, gamma, head, link, k, t, x0, y0, x1, y1
                     )
                     if walled:
-                        here += wall_conflict(rules, world.walls, k, x0, y0, x1, y1)
+                        here += still_conflict(world, k, x0, y0, x1, y1)
                     x0, y0 = x1, y1
             else:
                 # A layer is two slots: the three nearest slots stand for it.
                 for t in range(2 * layer - 1, min(2 * layer + 1, last) + 1):
                     here += conflict_at(rules, tracks, start_m, r_m, luck, imminent, gamma, head, link, k, t, x, y)
                 if walled:
-                    here += (min(1, last - 2 * layer) + 2) * wall_conflict(rules, world.walls, k, x, y, x, y)
+                    here += (min(1, last - 2 * layer) + 2) * still_conflict(world, k, x, y, x, y)
                 here *= 2.0 / 3.0
             price[node] = here
             stamp[node] = epoch + PRICED
@@ -598,6 +847,8 @@ def search(  # noqa: PLR0912, PLR0915 (one loop: splitting it costs a third of t
         spent += 1
         at_goal = a == ga and b == gb
         so_far = cost[node]
+        px, py = sx + a * spacing, sy + b * spacing
+        guarded = zoned and near_barrier(world, k, px, py)
         for m in range(len(move_length)):
             na = a + move[m, 0]
             nb = b + move[m, 1]
@@ -606,6 +857,8 @@ def search(  # noqa: PLR0912, PLR0915 (one loop: splitting it costs a third of t
             after = (layer + 1) * area + (na + half) * side + nb + half
             state = stamp[after] - epoch
             if state == CLOSED:
+                continue
+            if guarded and m > 0 and bars_move(world, k, px, py, sx + na * spacing, sy + nb * spacing):
                 continue
             g = so_far + wd * move_length[m] * unit
             if na != ga or nb != gb:
@@ -682,7 +935,8 @@ def reprice(world: World, k: int, draft: Draft, first: int, end: int, total: flo
     """Add the conflicts of the newly flown slots to their cost; return infinity as soon as it exceeds `limit`."""
     rules, tracks, start_m, r_m, luck = world.rules, world.track, world.start_m, world.r_m, world.luck
     imminent, gamma, head, link = world.imminent, world.gamma, world.head, world.link
-    track, price, walled = draft.new_track, draft.new_price, world.walls.a_m.shape[0] > 0
+    track, price = draft.new_track, draft.new_price
+    walled = world.walls.a_m.shape[0] > 0 or world.barred.a_m.shape[0] > 0
     x0, y0 = draft.track[first - 1, 0], draft.track[first - 1, 1]
     for t in range(first, end):
         if total > limit:
@@ -690,7 +944,7 @@ def reprice(world: World, k: int, draft: Draft, first: int, end: int, total: flo
         x, y = track[t, 0], track[t, 1]
         price[t] = step_conflict(rules, tracks, start_m, r_m, luck, imminent, gamma, head, link, k, t, x0, y0, x, y)
         if walled:
-            price[t] += wall_conflict(rules, world.walls, k, x0, y0, x, y)
+            price[t] += still_conflict(world, k, x0, y0, x, y)
         total += price[t]
         draft.work[0] += 1
         x0, y0 = x, y

@@ -68,7 +68,7 @@ def warm_up(mission: Mission) -> None:
 
 
 def _tiny(mission: Mission) -> Mission:
-    """Return the mission with two UAVs that meet."""
+    """Return the mission with two UAVs that meet, and without zones, in which they might start."""
     r_m, u_max_m = mission.r_m, mission.u_max_m
     apart_m = 2 * r_m + 0.5 * u_max_m
     ways_m = {"u001": (0.0, 4 * apart_m), "u002": (apart_m, -3 * apart_m)}
@@ -78,7 +78,7 @@ def _tiny(mission: Mission) -> Mission:
         )
         for uav, (from_m, to_m) in ways_m.items()
     ]
-    return msgspec.structs.replace(mission, roster=roster, uavs=len(roster))
+    return msgspec.structs.replace(mission, roster=roster, uavs=len(roster), zone=[])
 
 
 def _guarded(name: str, factory: PlannerFactory, mission: Mission, stopwatch: Stopwatch) -> Planner:

@@ -8,24 +8,43 @@ from typing import cast
 import numpy as np
 
 from edc_swarm.geometry import Floats
+from edc_swarm.mission.configuration import Mission
+from edc_swarm.mission.zones import barriers
 from edc_swarm.planner.interface import Plan, PlanStatus, Stopwatch, stopped
 from edc_swarm.planner.request import Arrays
 from edc_swarm.solver import certificate, slot_qp, solution
+from edc_swarm.solver.slot_qp import Airspace
+
+
+def airspace_of(mission: Mission) -> Airspace:
+    """Return the airspace that the mission's zones leave to its UAVs."""
+    r_m = max([mission.r_m, *(entry.r_m for entry in mission.roster)])
+    return Airspace.of(barriers(mission.zone), r_m, 2 * mission.u_max_m)
 
 
 class SafeSteps:
-    """Planner of the steps nearest to the preferred ones that keep all discs apart in every execution."""
+    """Planner of the steps nearest to the preferred ones that keep all discs apart in every execution.
 
-    def __init__(self, u_max_m: float, stopwatch: Stopwatch = stopped) -> None:
+    With an `airspace` (`airspace_of` the mission) the steps keep to the mission's zones too.
+    """
+
+    def __init__(self, u_max_m: float, stopwatch: Stopwatch = stopped, airspace: Airspace | None = None) -> None:
         self._u_max_m = u_max_m
         self._stopwatch = stopwatch
         self._duals = solution.Memory()
+        self._airspace = airspace
 
     def plan(self, arrays: Arrays, wish_m: Floats, guidance_ms: float = 0.0) -> Plan:
         """Plan for the UAVs of `arrays` with preferred waypoints `wish_m` (n, 2), at most u_max away."""
         ticks_ns = [self._stopwatch()]
         problem = slot_qp.slot_problem(
-            arrays.position_m, wish_m, arrays.r_m, self._u_max_m, arrays.obstacles, arrays.previous_m
+            arrays.position_m,
+            wish_m,
+            arrays.r_m,
+            self._u_max_m,
+            arrays.obstacles,
+            arrays.previous_m,
+            self._airspace,
         )
         program = None
         if not solution.keeps_every_row(problem):

@@ -10,6 +10,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Collection, Iterator
+from typing import assert_never
 
 import msgspec
 
@@ -65,6 +66,8 @@ class Admission:
                     yield from self._of_fault(message.detail)
             case MissionMessage():
                 return
+            case _:
+                assert_never(message)
 
     def _of_sender(self, uav: str, slot: int, sent_ns: int) -> Iterator[str]:
         """Yield reasons against the sender: not in the roster, or its clock says that the slot has not begun."""

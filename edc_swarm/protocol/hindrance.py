@@ -39,7 +39,7 @@ BUFFER_M = 0.02
 
 @dataclass(frozen=True, slots=True)
 class Place:
-    """Where the centre of a UAV's disc is or can be: all points within `radius_m` of the segment a-b.
+    """Place of the centre of a UAV's disc, now or possibly: all points within `radius_m` of the segment a-b.
 
     Attributes
     ----------

@@ -47,6 +47,8 @@ SCENES = "viz"
 """First part of the keys of scenes: the visualiser publishes them, and they are no messages of the swarm."""
 ALL_ALIVE = f"{PREFIX}/*/alive/**"
 """Liveliness tokens of every process of every mission at a router."""
+SESSION_LEASE_MS = 1000
+"""Time without a sign of life after which a router closes a session, whose liveliness tokens then vanish."""
 
 
 def _shape(parts: Sequence[str]) -> tuple[int, str, str]:

@@ -1,7 +1,7 @@
 """JSON schemas of the messages, in the subset that viewers accept.
 
 Foxglove and Lichtblick reject a whole topic if its schema has `$ref`, `anyOf`, an array of arrays, or a field
-without a type. So this module inlines references and keeps only types.
+without a type. So this module inlines references, keeps only types, and leaves out lists of points.
 """
 
 from __future__ import annotations
@@ -29,7 +29,13 @@ def _plain(schema: dict[str, Any], definitions: dict[str, Any]) -> dict[str, Any
         plain.setdefault("type", "string")
     if "properties" in schema:
         fields = schema["properties"].items()
-        plain["properties"] = {name: _plain(field, definitions) for name, field in fields}
+        plain["properties"] = {name: _plain(field, definitions) for name, field in fields if not _is_nested(field)}
     if "items" in schema:
         plain["items"] = _plain(schema["items"], definitions)
     return plain
+
+
+def _is_nested(field: dict[str, Any]) -> bool:
+    """Return True for an array of arrays."""
+    items = field.get("items")
+    return isinstance(items, dict) and items.get("type") == "array"

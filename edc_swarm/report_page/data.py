@@ -10,9 +10,12 @@ import numpy as np
 from msgspec import Struct
 from numpy.typing import NDArray
 
-from edc_swarm.analysis.metrics import Columns, HeadTerm, Timing, columns_of
+from edc_swarm.analysis.columns import Columns, columns_of
+from edc_swarm.analysis.metrics import HeadTerm
 from edc_swarm.analysis.separation import least_gaps_m
+from edc_swarm.analysis.timings import Timing
 from edc_swarm.foreign_text import MAX_LINE, shown
+from edc_swarm.mission.configuration import Zone, ZoneKind
 from edc_swarm.protocol.events import EventKind
 from edc_swarm.protocol.messages import MissionMessage
 from edc_swarm.recording.model import Recording
@@ -47,6 +50,30 @@ class FaultMark(Struct, frozen=True):
     text: str
 
 
+class Area(Struct, frozen=True):
+    """A zone on the map: a polygon of corners, or a circle."""
+
+    name: str
+    kind: ZoneKind
+    corners_m: list[tuple[float, float]]
+    centre_m: list[float]
+    radius_m: float
+    label_m: tuple[float, float, float]
+    """Centre (x, y) of the box around the zone, and its width."""
+    said: str
+    """Its shape, and the part of a UAV that keeps to it, in words."""
+
+    @classmethod
+    def of(cls, zone: Zone) -> Area:
+        """Return what the map shows of a zone."""
+        left_m, low_m, right_m, high_m = zone.bounds_m
+        label_m = (left_m + right_m) / 2, (low_m + high_m) / 2, right_m - left_m
+        shape = f"{len(zone.polygon)} corners" if zone.polygon else f"circle of radius {zone.radius_m:g} m"
+        side = "inside" if zone.kind == "inclusion" else "outside"
+        said = f"{shape}; the {'whole disc' if zone.keeps_disc else 'centre'} stays {side}"
+        return cls(shown(zone.name), zone.kind, zone.polygon, zone.centre, zone.radius_m, label_m, said)
+
+
 class Page(Struct, frozen=True, kw_only=True):
     """The data of one mission. `centres` is float32 (F, K, 2), `heard` uint8 (F, K), `leader` an index or -1 (F)."""
 
@@ -55,6 +82,7 @@ class Page(Struct, frozen=True, kw_only=True):
     r_m: list[float]
     target_m: list[tuple[float, float]]
     extent_m: tuple[float, float, float, float]
+    zones: list[Area]
     frames: int
     frame_s: float
     end_s: float
@@ -80,6 +108,7 @@ class Page(Struct, frozen=True, kw_only=True):
             r_m=[entry.r_m for entry in mission.roster],
             target_m=[(entry.target_x_m, entry.target_y_m) for entry in mission.roster],
             extent_m=_extent_m(mission, columns),
+            zones=[Area.of(zone) for zone in mission.zone],
             frames=len(heard),
             frame_s=mission.dt_s * every,
             end_s=mission.dt_s * slots,
@@ -94,14 +123,16 @@ class Page(Struct, frozen=True, kw_only=True):
 
 
 def _extent_m(mission: MissionMessage, columns: Columns) -> tuple[float, float, float, float]:
-    """Return (left, low, right, high), the bounding box of all discs and targets."""
+    """Return (left, low, right, high), the bounding box of all discs, targets and fences."""
     r_m = max((entry.r_m for entry in mission.roster), default=0.0)
     targets_m = np.array([(e.target_x_m, e.target_y_m) for e in mission.roster]).reshape(-1, 2)
     points_m = np.concatenate([columns.centre_m.reshape(-1, 2), targets_m])
     if not len(points_m):
         return 0.0, 0.0, 1.0, 1.0
-    (left, low), (right, high) = points_m.min(axis=0) - r_m, points_m.max(axis=0) + r_m
-    return float(left), float(low), float(right), float(high)
+    boxes_m = [(*(points_m.min(axis=0) - r_m).tolist(), *(points_m.max(axis=0) + r_m).tolist())]
+    boxes_m += [zone.bounds_m for zone in mission.zone if zone.kind == "inclusion"]
+    left_m, low_m, right_m, high_m = zip(*boxes_m, strict=True)
+    return min(left_m), min(low_m), max(right_m), max(high_m)
 
 
 def _leader(recording: Recording, columns: Columns) -> NDArray[np.int64]:

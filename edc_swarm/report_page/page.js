@@ -35,7 +35,7 @@
 
   const view = () => {
     const [left, low, right, high] = page.extent_m;
-    const width = map.clientWidth, height = map.clientHeight, pad = 30;
+    const width = map.clientWidth, height = map.clientHeight, pad = 36;
     const scale = Math.min((width - pad - 12) / (right - left), (height - pad - 12) / (high - low));
     const x0 = pad + (width - pad - 12 - scale * (right - left)) / 2;
     const y0 = 12 + (height - pad - 12 - scale * (high - low)) / 2;
@@ -50,6 +50,7 @@
     g.clearRect(0, 0, v.width, v.height);
     if (!page.frames || !K) return;
     drawGrid(g, v);
+    for (const zone of page.zones) drawZone(g, v, zone);
     const at = page.uavs.map((_, k) => centre(k, timeS));
     const hit = overlapping(at), i = frameAt(timeS);
     for (let k = 0; k < K; k++) drawTarget(g, v, k, at[k]);
@@ -83,6 +84,19 @@
     g.beginPath();
     points.forEach(([x, y], n) => (n ? g.lineTo(x, y) : g.moveTo(x, y)));
     g.stroke();
+  };
+  const drawZone = (g, v, zone) => {
+    const excludes = zone.kind === "exclusion", colour = colours[excludes ? "--amber" : "--green"];
+    g.strokeStyle = g.fillStyle = colour; g.lineWidth = excludes ? 1.2 : 2; g.setLineDash([]);
+    g.beginPath();
+    if (zone.corners_m.length) zone.corners_m.forEach(([x, y], n) => (n ? g.lineTo(v.x(x), v.y(y)) : g.moveTo(v.x(x), v.y(y))));
+    else g.arc(v.x(zone.centre_m[0]), v.y(zone.centre_m[1]), v.scale * zone.radius_m, 0, 2 * Math.PI);
+    g.closePath();
+    if (excludes) { g.globalAlpha = 0.25; g.fill(); g.globalAlpha = 1; }
+    g.stroke();
+    const [x, y, width] = zone.label_m;
+    g.font = "10px system-ui, sans-serif";
+    if (excludes && g.measureText(zone.name).width < v.scale * width) write(g, zone.name, "10px", v.x(x), v.y(y), colour);
   };
   const drawTarget = (g, v, k, at) => {
     const [x, y] = [v.x(page.target_m[k][0]), v.y(page.target_m[k][1])];
@@ -120,11 +134,11 @@
     if (named) write(g, words, `${px}px`, x, y + (leads ? 0.55 * px : 0));
     if (leads) write(g, "H", `700 ${Math.max(11, Math.min(14, 0.8 * r))}px`, x, y - (named ? 0.65 * px : 0));
   };
-  const write = (g, words, font, x, y) => {
+  const write = (g, words, font, x, y, colour = colours["--ink"]) => {
     g.font = `${font} system-ui, sans-serif`; g.textAlign = "center"; g.textBaseline = "middle";
     g.strokeStyle = colours["--panel"]; g.lineWidth = 2.5; g.lineJoin = "round"; g.setLineDash([]);
     g.strokeText(words, x, y);
-    g.fillStyle = colours["--ink"]; g.fillText(words, x, y);
+    g.fillStyle = colour; g.fillText(words, x, y);
   };
 
   // ---- plots ----
@@ -271,7 +285,7 @@
   };
   const layout = () => {
     const style = getComputedStyle(document.documentElement);
-    colours = Object.fromEntries(["--ink", "--panel", "--soft", "--line", "--blue", "--green", "--vermillion", "--grey"].map((n) => [n, style.getPropertyValue(n).trim()]));
+    colours = Object.fromEntries(["--ink", "--panel", "--soft", "--line", "--blue", "--green", "--vermillion", "--amber", "--grey"].map((n) => [n, style.getPropertyValue(n).trim()]));
     const [left, low, right, high] = page.extent_m;
     map.style.height = `${Math.round(Math.max(280, Math.min(map.clientWidth * (high - low) / Math.max(1e-9, right - left), map.clientWidth, 760)))}px`;
     const host = byId("plots");

@@ -19,6 +19,7 @@ from edc_swarm.report_page.data import Page
 
 MAX_WHERE = 20
 MAX_FACT = 300
+MAX_ZONE_ROWS = 30
 FACTS = ("command", "commit", "clock", "machine")
 
 
@@ -43,6 +44,8 @@ def render(
         metrics=_rows(metric_rows(metrics)),
         guarantees="".join(_guarantee(result) for result in guarantees),
         faults=_rows((f"{fault.time_s:.2f} s", fault.text) for fault in page.faults) or _rows([("none", "")]),
+        zone_legend=_zone_legend(page),
+        zones=_zones(page),
         facts=_rows((name, run[name][:MAX_FACT]) for name in FACTS if run.get(name)),
         metrics_json=_embedded(_printable(msgspec.to_builtins(metrics))),
         data=_embedded(page),
@@ -52,6 +55,23 @@ def render(
 def _subtitle(metrics: Metrics, guarantees: Sequence[GuaranteeResult]) -> str:
     arrived = f"{metrics.arrived} of {metrics.uavs} UAVs arrived in {metrics.duration_s:g} s"
     return f"{arrived}; {headline(guarantees)}"
+
+
+def _zone_legend(page: Page) -> str:
+    """Return the entries of the legend for the kinds of zones on the map."""
+    words = {"inclusion": "fence (inclusion zone)", "exclusion": "exclusion zone"}
+    kinds = {zone.kind for zone in page.zones}
+    return "".join(f'<li><i class="{kind}"></i>{said}</li>\n' for kind, said in words.items() if kind in kinds)
+
+
+def _zones(page: Page) -> str:
+    """Return the table of the zones; no table if there are none."""
+    if not page.zones:
+        return ""
+    rows = [(zone.name, f"{zone.kind}, {zone.said}") for zone in page.zones[:MAX_ZONE_ROWS]]
+    if len(page.zones) > MAX_ZONE_ROWS:
+        rows.append(("...", f"{len(page.zones)} in all"))
+    return f"<div><h2>Zones</h2><table id=zones>{_rows(rows)}</table></div>\n"
 
 
 def _rows(rows: Iterable[tuple[str, str]]) -> str:

@@ -27,19 +27,18 @@ from edc_swarm.agent.node import (
     WantPlanner,
 )
 from edc_swarm.agent.vehicle import LATE_FRACTION, Airframe, Promise, first_airframe, first_promise
-from edc_swarm.emulation.links import LinkEmulator
-from edc_swarm.mission.configuration import NS_PER_S, RosterEntry
+from edc_swarm.emulation.links import NS_PER_MS, LinkEmulator
+from edc_swarm.mission.configuration import RosterEntry
 from edc_swarm.mission.faults import Freeze, Kill, SlowSolver
 from edc_swarm.planner.interface import Planner
 from edc_swarm.protocol.events import EventKind
+from edc_swarm.protocol.keys import SESSION_LEASE_MS
 from edc_swarm.protocol.messages import MissionMessage, Report
 from edc_swarm.simulation.network import Network
 from edc_swarm.simulation.schedule import Schedule
 
 HINT_NS = 3_000_000
 """Time from a process's end to its peers' notice that its liveliness token is gone."""
-LEASE_NS = NS_PER_S
-"""Time after which the router closes the session of a frozen process."""
 MAX_BACKLOG = 100_000
 """Messages that are kept for a frozen process."""
 FOREVER_NS = 1 << 62
@@ -114,6 +113,8 @@ class Process:
         The fault that stops the process within its next step of several effects.
     busy_until_ns
         Time until which a slowed solver plans.
+    plan_effects
+        Effects of that plan, which the process carries out when it is ready.
     wake_ns
         Time of the wake-up that is scheduled, -1 for none.
     """
@@ -125,6 +126,7 @@ class Process:
     stopped_effects: list[Effect] = field(default_factory=list)
     stop_mid_step: Kill | Freeze | None = None
     busy_until_ns: int = 0
+    plan_effects: list[Effect] = field(default_factory=list)
     wake_ns: int = -1
 
 
@@ -234,7 +236,7 @@ class Computer:
             self.process.frozen_until_ns = max(self.process.frozen_until_ns, until_ns)
             return
         self.process.frozen, self.process.frozen_until_ns = True, until_ns
-        self._announce_end_after(LEASE_NS)
+        self._announce_end_after(SESSION_LEASE_MS * NS_PER_MS)
 
     def _thaw(self) -> None:
         """End one freeze: go on unless another lasts."""
@@ -254,9 +256,14 @@ class Computer:
             self.step(event)
 
     def close(self) -> None:
-        """Publish the last sequence numbers, unless the process is dead, frozen or in the middle of a plan."""
+        """Publish a plan that is not ready yet, then the last sequence numbers; a dead or frozen process does neither.
+
+        A real process that is told to end in the middle of a plan finishes that plan first, too.
+        """
+        if self.process is not None:
+            self._carry_out_plan(self.process)
         process = self.process
-        if process is not None and not process.frozen and process.busy_until_ns <= self._schedule.now_ns:
+        if process is not None and not process.frozen:
             last = msgspec.json.encode(process.node.last_seqs).decode()
             self._carry_out(process, [process.node.event(EventKind.CLOSED, last)])
 
@@ -287,15 +294,17 @@ class Computer:
         slow = self.slow
         if slow is not None and slow.by_ms and _planned(effects) and self._schedule.mission_s < slow.end_s:
             process.busy_until_ns = now_ns + round(slow.by_ms * 1e6)
-            self._schedule.at(process.busy_until_ns, partial(self._carry_out_later, process, effects))
+            process.plan_effects = effects
+            self._schedule.at(process.busy_until_ns, partial(self._carry_out_plan, process))
         else:
             self._carry_out(process, effects)
         self._schedule_wakeup()
 
-    def _carry_out_later(self, process: Process, effects: list[Effect]) -> None:
+    def _carry_out_plan(self, process: Process) -> None:
         """Carry out the effects of a plan that took long, if its process is still the one that runs."""
         if self.process is not process:
             return
+        effects, process.plan_effects = process.plan_effects, []
         if process.frozen:
             process.stopped_effects.extend(effects)
         else:

@@ -63,7 +63,7 @@ def least_gap_m(problem: Problem, waypoint_m: Floats) -> float:
     step_m = waypoint_m - problem.position_m
     closing_first_m, closing_second_m = problem.closing_m(step_m)
     pairs_m = problem.room_m - closing_first_m - closing_second_m
-    rows_m = problem.row_room_m - problem.row_closing_m(step_m)
+    rows_m = (problem.row_room_m - problem.row_closing_m(step_m))[: problem.hull_rows]
     return float(min(pairs_m.min(initial=math.inf), rows_m.min(initial=math.inf)))
 
 
@@ -219,7 +219,7 @@ def limited_waypoints(position_m: Floats, wish_m: Floats, u_max_m: float) -> Flo
     none = np.empty(0, np.int64)
     problem = Problem(
         position_m, wish_m, u_max_m, none, none, np.empty((0, 2)), np.empty(0),
-        none, np.empty((0, 2)), np.empty(0), np.zeros(len(position_m), dtype=bool),
+        none, np.empty((0, 2)), np.empty(0), np.zeros(len(position_m), dtype=bool), 0,
     )  # fmt: skip
     return certify(problem, problem.wish_step_m).waypoint_m
 

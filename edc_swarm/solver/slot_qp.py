@@ -15,6 +15,9 @@ buffered Voronoi cell (D. Zhou et al., IEEE RA-L 2(2), 2017), and u = 0 is alway
 optimum |u_k| <= |v_k| (scaling u_k down keeps every row), so no speed constraint is needed, and a
 pair with |p_k - p_l| - R - delta >= |v_k| + |v_l| can never be active.
 
+A barrier of a zone never moves, so it gives a row of one UAV: -n.u <= g with g = min n.(p - x) - D - delta over its
+points x, where D is the distance that the UAV keeps. That is one corner of the box, and holds for every part of a step.
+
 It replaces eq. 29-43 of the paper, whose convexification does not separate anything.
 """
 
@@ -27,19 +30,25 @@ import numpy as np
 from numpy.typing import NDArray
 
 from edc_swarm.geometry import (
+    BarrierIndex,
+    Barriers,
     Floats,
     Indices,
     by_libm,
     closest_points_of_segments,
     dot,
+    indexed,
     length_m,
     near_pairs,
     nearest_on_segment,
+    point_segment_distance_m,
     rotated,
 )
 
 DELTA_M = 0.02
 """Buffer of the rows for the solver's error, so that the separation stays above R."""
+ON_EDGE_M = 1e-9
+"""Distance from an edge up to which a UAV is on it: it may only fly into the airspace."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -61,6 +70,30 @@ class Obstacles:
 
 
 @dataclass(frozen=True, slots=True)
+class Airspace:
+    """The barriers of a mission, and an index of those that a UAV with a radius up to `r_m` can be near to."""
+
+    barriers: Barriers
+    index: BarrierIndex
+    r_m: float
+
+    @staticmethod
+    def of(barriers: Barriers, r_m: float, reach_m: float) -> Airspace:
+        """Return the airspace for UAVs with radii up to `r_m` that look `reach_m` further than they keep away."""
+        least_m = barriers.least_m(np.full(1, r_m))[0]
+        return Airspace(barriers, indexed(barriers, least_m + reach_m + DELTA_M), r_m)
+
+    @staticmethod
+    def unbounded() -> Airspace:
+        """Return an airspace without barriers."""
+        return Airspace.of(Barriers.none(), 0.0, 0.0)
+
+    def contains(self, point_m: Floats) -> NDArray[np.bool_]:
+        """Return a mask (n,) of the points that lie in the airspace, by the zones' polygons and circles."""
+        return self.barriers.airspace_contains(point_m)
+
+
+@dataclass(frozen=True, slots=True)
 class Problem:
     """One slot QP with everything that its certificate needs.
 
@@ -77,7 +110,9 @@ class Problem:
     room_m
         (p,) n.(p_k - p_l) - R, without buffer.
     row_uav, row_normal, row_room_m
-        (h,), (h, 2), (h,): the same for UAVs against hulls, where only the UAV moves.
+        (h,), (h, 2), (h,): the same for UAVs against hulls and barriers, where only the UAV moves.
+    hull_rows
+        Number of the first rows that are of hulls.
     frozen
         (n,) UAVs inside a hull, which must hold.
     """
@@ -93,6 +128,7 @@ class Problem:
     row_normal: Floats
     row_room_m: Floats
     frozen: NDArray[np.bool_]
+    hull_rows: int
 
     @property
     def wish_step_m(self) -> Floats:
@@ -107,7 +143,7 @@ class Problem:
         )
 
     def row_closing_m(self, step_m: Floats) -> Floats:
-        """Return the distance by which each hull row's UAV closes in, (h,)."""
+        """Return the distance by which the UAV of each hull or barrier closes in, (h,)."""
         return np.maximum(-dot(self.row_normal, step_m[self.row_uav]), 0.0)
 
 
@@ -118,6 +154,7 @@ def slot_problem(
     u_max_m: float,
     obstacles: Obstacles | None = None,
     previous_m: Floats | None = None,
+    airspace: Airspace | None = None,
 ) -> Problem:
     """Assemble the QP of one slot.
 
@@ -130,8 +167,23 @@ def slot_problem(
     else:
         first, second, gap_m = _segment_pairs(previous_m, position_m, r_m, u_max_m)
         normal, room_m = _normals(previous_m, position_m, wish_m, r_m, first, second, gap_m)
-    rows = _obstacle_rows(position_m, wish_m, r_m, u_max_m, obstacles or Obstacles.none())
-    return Problem(position_m, wish_m, u_max_m, first, second, normal, room_m, *rows)
+    hull_uav, *hull_rows, frozen = _obstacle_rows(position_m, wish_m, r_m, u_max_m, obstacles or Obstacles.none())
+    uav, *rows, at_centre = _barrier_rows(position_m, wish_m, r_m, u_max_m, airspace or Airspace.unbounded())
+    row_normal, row_room_m = (np.concatenate(both) for both in zip(hull_rows, rows, strict=True))
+    return Problem(
+        position_m,
+        wish_m,
+        u_max_m,
+        first,
+        second,
+        normal,
+        room_m,
+        np.concatenate([hull_uav, uav]),
+        row_normal,
+        row_room_m,
+        frozen | at_centre,
+        len(hull_uav),
+    )
 
 
 def _point_pairs(position_m: Floats, r_m: Floats, u_max_m: float) -> tuple[Indices, Indices, Floats]:
@@ -317,4 +369,55 @@ def _tangent_normals(point_m: Floats, obstacles: Obstacles, which: Indices) -> t
     return (
         np.stack([by_libm(math.cos, low), by_libm(math.sin, low)], axis=-1),
         np.stack([by_libm(math.cos, high), by_libm(math.sin, high)], axis=-1),
+    )
+
+
+def _barrier_rows(
+    position_m: Floats, wish_m: Floats, r_m: Floats, u_max_m: float, airspace: Airspace
+) -> tuple[Indices, Floats, Floats, NDArray[np.bool_]]:
+    """Return the rows of the UAVs within reach of a barrier, and a mask of the UAVs at the centre of a circle.
+
+    A normal n separates the UAV from the barrier if the least n.(p - x) over its points x, which is at one of its
+    ends, is above `ON_EDGE_M`. The row has the normal of these that leaves the most room after the preferred step.
+    It keeps the distance D, or, for a UAV that starts nearer, the present distance. A UAV on an edge has no normal
+    that separates: it may fly to the side of the airspace.
+    """
+    assert r_m.max(initial=0.0) <= airspace.r_m or not len(airspace.index.which)
+    uav, which = airspace.index.near(position_m)
+    barriers = airspace.barriers
+    keep_m = barriers.radius_m[which] + barriers.keeps_disc[which] * r_m[uav]
+    away_m = point_segment_distance_m(position_m[uav], barriers.a_m[which], barriers.b_m[which])
+    near = away_m < keep_m + u_max_m + DELTA_M
+    uav, which, keep_m = uav[near], which[near], keep_m[near]
+    point_m, a_m, b_m = position_m[uav], barriers.a_m[which], barriers.b_m[which]
+    side = barriers.side[which]
+    candidate = _barrier_normals(point_m, wish_m[uav], a_m, b_m, side)
+    apart_m = np.minimum(dot(candidate, point_m - a_m), dot(candidate, point_m - b_m))
+    largest_m = np.maximum(np.abs(a_m), np.abs(b_m)).max(axis=1, initial=0.0) + np.abs(point_m).max(axis=1, initial=0.0)
+    apart_m = apart_m - 16 * np.spacing(largest_m)
+    step_m = wish_m[uav] - point_m
+    left_m = apart_m - np.maximum(-dot(candidate, step_m), 0.0)
+    least_m = np.maximum(np.minimum(keep_m, apart_m.max(axis=0, initial=-np.inf)), ON_EDGE_M)
+    best = np.argmax(np.where(apart_m >= least_m, left_m, -np.inf), axis=0)
+    pick = np.arange(len(uav))
+    separates = apart_m[best, pick] >= least_m
+    normal = np.where(separates[:, None], candidate[best, pick], side)
+    room_m = np.where(separates, np.maximum(apart_m[best, pick] - keep_m, 0.0), 0.0)
+    frozen = np.zeros(len(position_m), dtype=bool)
+    frozen[uav[~separates & (side == 0).all(axis=1)]] = True
+    return uav, normal, room_m, frozen
+
+
+def _barrier_normals(point_m: Floats, wish_m: Floats, a_m: Floats, b_m: Floats, side: Floats) -> Floats:
+    """Return the unit normals (4, h, 2) that a row may have.
+
+    These are both normals of an edge, the direction from its nearest point, and that from where the preferred step is
+    nearest. The first two are exact even where a UAV almost touches an edge.
+    """
+    straight = point_m - nearest_on_segment(point_m, a_m, b_m)
+    on_step, on_edge = closest_points_of_segments(point_m, wish_m, a_m, b_m)
+    towards = np.stack([straight, on_step - on_edge])
+    length = length_m(towards)[..., None]
+    return np.concatenate(
+        [np.stack([side, -side]), np.where(length > 0, towards / np.where(length > 0, length, 1), 0.0)]
     )

@@ -7,6 +7,7 @@ from __future__ import annotations
 
 import math
 from collections import deque
+from collections.abc import Iterable
 from dataclasses import dataclass, field
 
 import msgspec
@@ -38,6 +39,7 @@ from edc_swarm.viz.shapes import (
     stamp,
     text,
 )
+from edc_swarm.viz.zones import zone_entities
 
 TICK_NS = NS_PER_S // 2
 """Period of the scenes of UAVs, commands and hulls."""
@@ -87,6 +89,7 @@ class Scenery:
     def __init__(self) -> None:
         self._mission: MissionMessage | None = None
         self._uavs: dict[str, _Uav] = {}
+        self._zones: list[SceneEntity] = []
         self._label_m = 0.0
         self._report: Report | None = None
         self._said: list[Shown] = []
@@ -133,6 +136,7 @@ class Scenery:
     def _begin(self, mission: MissionMessage, now_ns: int) -> None:
         if self._mission is None:
             self._mission = mission
+            self._zones = list(zone_entities(mission.zone, now_ns))
             (left_m, low_m), (right_m, high_m) = extent_m(mission)
             self._label_m = max(right_m - left_m, high_m - low_m) / LABELS_HIGH
             self._uavs = {entry.uav: _Uav(entry, index) for index, entry in enumerate(mission.roster)}
@@ -161,11 +165,11 @@ class Scenery:
         if self._ticks % SLOW_TICKS == 0:
             for name, uav in self._uavs.items():
                 uav.leave_trail(now_ns, centres[name])
-            scenes[channels.TRAILS] = self._trails(now_ns)
+            scenes[channels.TRAILS] = _trails(self._uavs.values(), now_ns)
         if self._ticks % STATIC_TICKS == 0:
             scenes[channels.AREA] = self._area(now_ns)
         shown = [Shown(ROOT + name, now_ns, scene(entities, now_ns)) for name, entities in scenes.items()]
-        return [*shown, *self._locations(now_ns)] if self._ticks % SLOW_TICKS == 0 else shown
+        return [*shown, *_locations(self._uavs.values(), now_ns)] if self._ticks % SLOW_TICKS == 0 else shown
 
     def _discs(self, centres: dict[str, Point], now_ns: int) -> list[SceneEntity]:
         overlapping = self._gaps(centres).overlapping
@@ -220,31 +224,21 @@ class Scenery:
                 shown[-1].lines.append(line(outline, AMBER, 3.0, closed=True))
         return shown
 
-    def _trails(self, now_ns: int) -> list[SceneEntity]:
-        shown = []
-        for name, uav in self._uavs.items():
-            recent = [(then_ns, point) for then_ns, point in uav.trail if now_ns - then_ns <= TRAIL_S * NS_PER_S]
-            alphas = [0.8 * (1 - (now_ns - then_ns) / NS_PER_S / TRAIL_S) for then_ns, _ in recent]
-            shown.append(entity(name, now_ns))
-            shown[-1].lines.append(line([p for _, p in recent], colour_of(uav.index), 2.0, alphas=alphas))
-        return shown
-
     def _area(self, now_ns: int) -> list[SceneEntity]:
-        """Return the geofence, which contains the area, all starts and all targets, and a mark at every target."""
+        """Return the zones, a frame around all starts and targets if there is no fence, and a mark at every target."""
         assert self._mission is not None
-        (left_m, low_m), (right_m, high_m) = extent_m(self._mission)
-        fence = entity("geofence", now_ns)
-        corners = [(left_m, low_m), (right_m, low_m), (right_m, high_m), (left_m, high_m)]
-        fence.lines.append(line(corners, GREY, 2.0, closed=True))
+        shown = [*self._zones]
+        if not any(zone.kind == "inclusion" for zone in self._mission.zone):
+            (left_m, low_m), (right_m, high_m) = extent_m(self._mission)
+            frame = entity("frame", now_ns)
+            corners = [(left_m, low_m), (right_m, low_m), (right_m, high_m), (left_m, high_m)]
+            frame.lines.append(line(corners, GREY, 2.0, closed=True))
+            shown.append(frame)
         targets = entity("targets", now_ns)
         for uav in self._uavs.values():
             at = (uav.entry.target_x_m, uav.entry.target_y_m)
             targets.lines.append(ring(at, 0.6, colour_of(uav.index), 2.0, z_m=0.02))
-        return [fence, targets]
-
-    def _locations(self, now_ns: int) -> list[Shown]:
-        fixes = [uav.fix for uav in self._uavs.values() if uav.fix is not None]
-        return [Shown(f"{ROOT}{channels.LOCATION}/{fix.uav}", now_ns, _location(fix, now_ns)) for fix in fixes]
+        return [*shown, targets]
 
     # --- positions --------------------------------------------------------------------
 
@@ -324,11 +318,28 @@ def gaps(discs: list[tuple[Point, float, str]]) -> Gaps:
 
 
 def extent_m(mission: MissionMessage) -> tuple[Point, Point]:
-    """Return the lower left and upper right corner of the area and of everything in it."""
-    side_m = mission.area_m2**0.5
-    xs_m = [x_m for entry in mission.roster for x_m in (entry.start_x_m, entry.target_x_m)]
-    ys_m = [y_m for entry in mission.roster for y_m in (entry.start_y_m, entry.target_y_m)]
-    return (min([0.0, *xs_m]), min([0.0, *ys_m])), (max([side_m, *xs_m]), max([side_m, *ys_m]))
+    """Return the lower left and upper right corner of all starts, targets and fences; without fences, of the area."""
+    fences = [zone.bounds_m for zone in mission.zone if zone.kind == "inclusion"]
+    boxes_m = fences or [(0.0, 0.0, *mission.area_size_m)]
+    points_m = [point for e in mission.roster for point in ((e.start_x_m, e.start_y_m), (e.target_x_m, e.target_y_m))]
+    points_m += [point for left, low, right, high in boxes_m for point in ((left, low), (right, high))]
+    xs_m, ys_m = zip(*points_m, strict=True)
+    return (min(xs_m), min(ys_m)), (max(xs_m), max(ys_m))
+
+
+def _trails(uavs: Iterable[_Uav], now_ns: int) -> list[SceneEntity]:
+    shown = []
+    for uav in uavs:
+        recent = [(then_ns, point) for then_ns, point in uav.trail if now_ns - then_ns <= TRAIL_S * NS_PER_S]
+        alphas = [0.8 * (1 - (now_ns - then_ns) / NS_PER_S / TRAIL_S) for then_ns, _ in recent]
+        shown.append(entity(uav.entry.uav, now_ns))
+        shown[-1].lines.append(line([p for _, p in recent], colour_of(uav.index), 2.0, alphas=alphas))
+    return shown
+
+
+def _locations(uavs: Iterable[_Uav], now_ns: int) -> list[Shown]:
+    fixes = [uav.fix for uav in uavs if uav.fix is not None]
+    return [Shown(f"{ROOT}{channels.LOCATION}/{fix.uav}", now_ns, _location(fix, now_ns)) for fix in fixes]
 
 
 def _location(fix: Fix, now_ns: int) -> bytes:

@@ -16,6 +16,7 @@ from foxglove_schemas_protobuf.SceneEntity_pb2 import SceneEntity
 from foxglove_schemas_protobuf.SceneEntityDeletion_pb2 import SceneEntityDeletion
 from foxglove_schemas_protobuf.SceneUpdate_pb2 import SceneUpdate
 from foxglove_schemas_protobuf.TextPrimitive_pb2 import TextPrimitive
+from foxglove_schemas_protobuf.TriangleListPrimitive_pb2 import TriangleListPrimitive
 from foxglove_schemas_protobuf.Vector3_pb2 import Vector3
 from google.protobuf.timestamp_pb2 import Timestamp
 
@@ -29,6 +30,7 @@ FRAME = "map"
 VERTICES = 24
 LABEL_PX = 13
 WHITE, RED, AMBER, GREY = (1.0, 1.0, 1.0), (1.0, 0.15, 0.15), (1.0, 0.75, 0.2), (0.6, 0.63, 0.68)
+GREEN = (0.35, 0.8, 0.5)
 _UPRIGHT = Quaternion(w=1.0)
 _UNIT_RING = [(math.cos(math.tau * i / VERTICES), math.sin(math.tau * i / VERTICES)) for i in range(VERTICES)]
 
@@ -96,6 +98,13 @@ def line(
         points=[Point3(x=x, y=y) for x, y in points],
         color=_colour(colour, alpha),
         colors=[_colour(colour, each) for each in alphas],
+    )
+
+
+def triangles(corners: Sequence[Point], colour: Rgb, alpha: float) -> TriangleListPrimitive:
+    """Return filled triangles, three corners for each."""
+    return TriangleListPrimitive(
+        pose=_pose((0.0, 0.0), 0.0), points=[Point3(x=x, y=y) for x, y in corners], color=_colour(colour, alpha)
     )
 
 

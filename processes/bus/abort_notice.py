@@ -19,12 +19,12 @@ from edc_swarm.protocol.keys import PREFIX
 from processes.bus.address import parse_endpoint
 from processes.bus.credentials import TLS, credentials
 from processes.runtime.console import BAD_INPUT
+from processes.runtime.loop import LOOK_EVERY_S
 
 OPTION = "--operate"
 NOTICE_KEY = f"{PREFIX}/-/alive/giving-up"
 CONNECT_TIMEOUT_S = 5.0
 """Longest wait for a router, which may still be starting."""
-LOOK_EVERY_S = 0.1
 HOLD_S = 2.0
 """Time for which the command holds its token: a router that has just begun to listen sees tokens a moment later."""
 
@@ -35,13 +35,13 @@ def send_abort_notice(arguments: Sequence[str]) -> None:
     SIGTERM does not shorten the hold: a router that has just started might never see a shorter one. SIGTERM does not
     change the exit status: compose sends it when another service has ended.
     """
-    endpoint = _router(arguments)
+    endpoint = operated_router(arguments)
     if endpoint is None:
         return
     from processes.bus.session import try_client  # noqa: PLC0415  (no other command that fails needs Zenoh)
 
     signal.signal(signal.SIGTERM, lambda *_: sys.exit(BAD_INPUT))
-    own = credentials(_word_after("--certs", arguments), OPERATOR)
+    own = credentials(word_after("--certs", arguments), OPERATOR)
     end_s = time.monotonic() + CONNECT_TIMEOUT_S
     while (session := try_client(endpoint, own)) is None and time.monotonic() < end_s:
         time.sleep(LOOK_EVERY_S)
@@ -53,8 +53,9 @@ def send_abort_notice(arguments: Sequence[str]) -> None:
         session.close()
 
 
-def _router(arguments: Sequence[str]) -> str | None:
-    endpoint = _word_after(OPTION, arguments)
+def operated_router(arguments: Sequence[str]) -> str | None:
+    """Return the router after `--operate` in a command line, None without a valid one."""
+    endpoint = word_after(OPTION, arguments)
     try:
         parse_endpoint(OPTION, endpoint, "tls" if endpoint.startswith(TLS) else "tcp")
     except InputError:
@@ -62,6 +63,7 @@ def _router(arguments: Sequence[str]) -> str | None:
     return endpoint
 
 
-def _word_after(option: str, arguments: Sequence[str]) -> str:
+def word_after(option: str, arguments: Sequence[str]) -> str:
+    """Return the value of an option in a command line, empty without one."""
     words = [word for argument in arguments for word in argument.split("=", 1)]
     return words[words.index(option) + 1] if option in words[:-1] else ""

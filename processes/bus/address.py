@@ -9,7 +9,7 @@ from edc_swarm.errors import InputError
 
 FREE = " with a port that is free"
 PROBE_S = 1.0
-SILENT = {
+NO_ANSWER = {
     "tcp": "something listens there and does not answer: one that is secured takes tls/HOST:PORT and --certs",
     "tls": "something listens there and does not answer, or not to these certificates",
 }
@@ -88,7 +88,7 @@ def unreachable_router(endpoint: str) -> str:
     host, _, port = address.rpartition(":")
     try:
         socket.create_connection((host.strip("[]"), int(port)), PROBE_S).close()
-        why = SILENT[protocol]
+        why = NO_ANSWER[protocol]
     except OSError as error:
         why = (error.strerror or str(error)).lower()
     return f"a router at {endpoint} ({why})"

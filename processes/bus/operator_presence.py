@@ -10,6 +10,7 @@ from edc_swarm.errors import InputError, SwarmError
 from edc_swarm.mission.configuration import OPERATOR
 from edc_swarm.protocol.keys import PREFIX
 from processes.bus.session import hand_over
+from processes.runtime.console import MAX_NAMES
 
 LINGER_S = 1.0
 """Time that a part stays after its operator has left, so that the operator is the first to leave."""
@@ -17,8 +18,6 @@ OPERATOR_LOST_S = 60.0
 """Longest absence of an operator after which it may still come back."""
 MAX_OPERATORS = 1000
 """Most operators that are remembered: a flood of tokens fills no memory."""
-MAX_NAMES = 10
-"""Most missions that an error text names."""
 GAVE_UP = f"{PREFIX}/-/alive/gave-up"
 """Token of a router without a mission: its operator has ended without one, or has not come."""
 

@@ -88,14 +88,15 @@ class Outbox:
             query.reply(self._key, encode(self._ring.answer(ask)))
             query.drop()
 
-    def stay(self, inbox: Inbox[Any]) -> None:
-        """Answer requests after the last message, until the recorder wants no more or `STAY_S` is over."""
+    def stay(self, inbox: Inbox[Any]) -> bool:
+        """Answer requests after the last message for at most `STAY_S`; return True once the recorder wants no more."""
         end_s = time.monotonic() + STAY_S
         while self._sent_any and not self._released and (left_s := end_s - time.monotonic()) > 0:
             for item in inbox.wait(min(left_s, STAY_RETRY_S) if self._waiting else left_s):
                 if isinstance(item, zenoh.Query) and self.hear(item):
                     self.answer()
             self.flush()
+        return self._released
 
     def _may_send(self) -> bool:
         connected = is_connected(self._session)

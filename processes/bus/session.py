@@ -20,9 +20,9 @@ from typing import Any, TypeVar
 
 import zenoh
 
+from edc_swarm.protocol.keys import SESSION_LEASE_MS
 from processes.bus.credentials import Credentials
 
-LEASE_MS = 1000
 TRY_MS = 1000
 RUNTIME = "ZENOH_RUNTIME"
 CLIENT_RX_WORKERS = 2
@@ -50,7 +50,7 @@ def open_client(
     *,
     timeout_ms: int = -1,
     observer: bool = False,
-    lease_ms: int = LEASE_MS,
+    lease_ms: int = SESSION_LEASE_MS,
 ) -> zenoh.Session:
     """Connect to the router at `endpoint`; wait without a time limit unless `timeout_ms` is given."""
     return _open(
@@ -83,7 +83,7 @@ def open_router(
     credentials: Credentials | None = None,
     access: Mapping[str, Any] | None = None,
     *,
-    lease_ms: int = LEASE_MS,
+    lease_ms: int = SESSION_LEASE_MS,
 ) -> zenoh.Session:
     """Open the session of a router that listens at `endpoint`; raise `zenoh.ZError` if it cannot listen.
 

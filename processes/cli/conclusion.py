@@ -6,7 +6,8 @@ from pathlib import Path
 
 import msgspec
 
-from edc_swarm.analysis.metrics import OVERLOADED_PCT, Metrics, compute_metrics, load_timings
+from edc_swarm.analysis.metrics import OVERLOADED_PCT, Metrics, compute_metrics
+from edc_swarm.analysis.timings import load_timings
 from edc_swarm.protocol.events import EventKind
 from edc_swarm.recording.model import Recording
 from edc_swarm.recording.reader import read_recording

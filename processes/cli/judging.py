@@ -14,7 +14,7 @@ from processes.runtime.run_facts import simulated_otherwise
 
 
 def judged(recording: Recording, *, show_progress: bool = True, load_planner: bool = False) -> list[GuaranteeResult]:
-    """Return the verdict on every guarantee, G1 to G7; on a terminal a bar shows how far the second simulation is.
+    """Return the verdict on every guarantee, G1 to G8; on a terminal a bar shows how far the second simulation is.
 
     A planner that is not this project's is loaded, to judge G6, only with `load_planner`.
     """

@@ -14,7 +14,9 @@ from msgspec import Struct, to_builtins
 
 from edc_swarm.emulation.energy import check_batteries, stranded
 from edc_swarm.errors import InputError
-from edc_swarm.mission.configuration import Link, Mission
+from edc_swarm.foreign_text import listed
+from edc_swarm.mission.airspace import check_zones
+from edc_swarm.mission.configuration import AREA_M2, Link, Mission
 from edc_swarm.mission.declarations import declarations, option_names
 from edc_swarm.mission.faults import parse_faults
 from edc_swarm.mission.roster import complete_mission
@@ -29,7 +31,6 @@ FIELDS = option_names(Mission)
 """Name of the option that sets each field of the mission, for fields that have one."""
 LINK_FIELDS = option_names(Link)
 """Name of the option that sets each field of every link of the mission, for fields that have one."""
-MOST_LISTED = 5
 
 
 @contextmanager
@@ -53,9 +54,8 @@ def _warn_of_batteries(mission: Mission) -> None:
     if not needed_j:
         return
     battery_j = {entry.uav: entry.energy_j for entry in mission.roster}
-    named = [f"{uav} ({battery_j[uav]:.4g} of {needed_j[uav]:.4g} J)" for uav in [*needed_j][:MOST_LISTED]]
-    more = f" and {len(needed_j) - MOST_LISTED} more" if len(needed_j) > MOST_LISTED else ""
-    note(f"warning: no battery for the straight flight to the target at full speed: {', '.join(named)}{more}")
+    named = [f"{uav} ({battery_j[uav]:.4g} of {needed_j[uav]:.4g} J)" for uav in needed_j]
+    note(f"warning: no battery for the straight flight to the target at full speed: {listed(named)}")
 
 
 def swept(name: str) -> Parameter:
@@ -129,6 +129,8 @@ class MissionOptions(_FieldOptions):  # type: ignore[misc]  # The declarations d
             check_planner(mission)
             check_batteries(mission)
         _warn_of_batteries(mission)
+        for said in check_zones(mission):
+            note(f"warning: {said}")
         return mission
 
     def _options(self) -> dict[str, str]:
@@ -138,6 +140,10 @@ class MissionOptions(_FieldOptions):  # type: ignore[misc]  # The declarations d
 
     def _given(self, base: Mission) -> dict[str, Any]:
         given = {name: value for name, option in FIELDS.items() if (value := self._value(option)) is not None}
+        if "area_m2" in given:
+            given = {"area_x_m": 0.0, "area_y_m": 0.0, **given}
+        elif "area_x_m" in given or "area_y_m" in given:
+            given["area_m2"] = AREA_M2
         given["fault"] = [*base.fault, *given["fault"]]
         stated = {name: value for name, option in LINK_FIELDS.items() if (value := self._value(option)) is not None}
         if stated:

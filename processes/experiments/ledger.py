@@ -171,12 +171,13 @@ def user_code_digest(key: str) -> str:
     measure, _, fields = key.partition(" ")
     names = (measure, str(msgspec.json.decode(fields or "{}").get("planner", "")))
     modules = {name.partition(":")[0] for name in names if ":" in name}
-    digests = [_file_digest(module) for module in sorted(modules) if module.partition(".")[0] not in OWN]
+    digests = [file_digest(module) for module in sorted(modules) if module.partition(".")[0] not in OWN]
     return "".join(f"-{digest}" for digest in digests)
 
 
 @lru_cache(maxsize=64)
-def _file_digest(module: str) -> str:
+def file_digest(module: str) -> str:
+    """Return the digest of a module's file, "missing" without one; it is computed once."""
     try:
         spec = importlib.util.find_spec(module)
     except (ImportError, ValueError):

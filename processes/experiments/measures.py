@@ -13,9 +13,11 @@ from typing import Any
 import msgspec
 import numpy as np
 
+from edc_swarm.analysis.columns import columns_of
 from edc_swarm.analysis.energy_bill import energy_bills, exhausted
 from edc_swarm.analysis.latency_sample import sample_of
-from edc_swarm.analysis.metrics import Timing, columns_of, compute_metrics
+from edc_swarm.analysis.metrics import compute_metrics
+from edc_swarm.analysis.timings import Timing
 from edc_swarm.emulation.energy import compute_energy_j
 from edc_swarm.geometry import length_m
 from edc_swarm.mission.configuration import ARRIVED_M, Mission

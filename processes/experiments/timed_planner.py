@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import time
 
-from edc_swarm.analysis.metrics import Timing
+from edc_swarm.analysis.timings import Timing
 from edc_swarm.mission.configuration import Mission
 from edc_swarm.planner.interface import Plan, Planner, PlanRequest, timeless
 from edc_swarm.planner.registry import make_planner

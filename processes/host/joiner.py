@@ -30,15 +30,12 @@ from processes.host.pool import UavPool
 from processes.operator import host_requests
 from processes.runtime.children import Child, ChildExited, PartEndedError
 from processes.runtime.clock import MissionClock
-from processes.runtime.console import note
-from processes.runtime.loop import Interrupted, Loop
+from processes.runtime.console import MAX_NAMES, note
+from processes.runtime.loop import LOOK_EVERY_S, Interrupted, Loop
 from processes.runtime.output import log_tail
 from processes.services.orders import asked
 from processes.uav.process import UavSettings
 
-LOOK_EVERY_S = 0.1
-MAX_NAMES = 10
-"""Most UAVs that a note names."""
 LEAVE_TIMEOUT_S = 60.0
 """Longest wait for the operator to leave after the end of the mission: it may have much to read."""
 

@@ -22,11 +22,11 @@ from processes.host.run_report import RunReport, report_on
 from processes.host.run_setup import Bus, Protection, RunSetup, View
 from processes.host.run_state import RunState
 from processes.host.start import RunStart
-from processes.host.watch import LOOK_EVERY_S, MissionWatch
+from processes.host.watch import MissionWatch
 from processes.operator.bus_client import Operator
 from processes.operator.takeover import new_mission_id
 from processes.runtime.children import ChildExited, ChildReady, PartEndedError
-from processes.runtime.loop import Interrupted, Loop
+from processes.runtime.loop import LOOK_EVERY_S, Interrupted, Loop
 from processes.runtime.output import Output
 from processes.services.recorder import CANNOT_WRITE
 from processes.services.recorder import NAME as RECORDER
@@ -157,7 +157,7 @@ class Launcher:
         self._state.publish_end("interrupted" if self._loop.interrupted else "failed")
         remote = set(self._setup.elsewhere) & operator.alive
         publishers = {*self._parts.pool.living, *remote, *self._state.visualiser}
-        self._loop.wait_quietly(lambda: operator.closed >= publishers, CLOSE_TIMEOUT_S)
+        self._loop.wait_quietly(lambda: operator.seen.closed >= publishers, CLOSE_TIMEOUT_S)
         operator.close()
         timeout_s = CLOSE_TIMEOUT_S if self._loop.interrupted or self._loop.failure else RECORDER_TIMEOUT_S
         self._loop.wait_quietly(self._is_recorded, timeout_s, LOOK_EVERY_S)

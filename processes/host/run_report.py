@@ -35,7 +35,7 @@ def report_on(state: RunState) -> RunReport:
         warm_s=times.warm_s,
         connected_s=times.connected_at_s - times.ready_at_s,
         publishing_s=None if publishing_at_s is None else publishing_at_s - times.ready_at_s,
-        first_flown_slot=operator.first_flown_slot if operator is not None else -1,
+        first_flown_slot=operator.seen.first_flown_slot if operator is not None else -1,
         interrupted=state.loop.interrupted,
         failed=state.failed,
         last_slot=monitor.slot if monitor is not None else -1,

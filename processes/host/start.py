@@ -9,6 +9,7 @@ import msgspec
 import zenoh
 
 from edc_swarm.errors import InputError, SwarmError
+from edc_swarm.foreign_text import listed
 from edc_swarm.mission.configuration import LIVE, OPERATOR
 from processes.bus.address import advertised_endpoint, connect_endpoint, unreachable_router
 from processes.bus.credentials import credentials
@@ -18,7 +19,7 @@ from processes.host.run_setup import Bus
 from processes.host.run_state import RunState
 from processes.operator.bus_client import Operator
 from processes.operator.registration import Desk
-from processes.runtime.console import note
+from processes.runtime.console import MAX_NAMES, note
 from processes.services.live import ANY_HOST
 from processes.services.live import PORT as LIVE_PORT
 from processes.services.recorder import NAME as RECORDER
@@ -27,8 +28,6 @@ from processes.services.visualiser import NAME as VIZ
 from processes.services.visualiser import VizSettings
 
 OPEN_TIMEOUT_MS = 5000
-MAX_NAMES = 10
-"""Most missing parts that a note names."""
 
 
 class RunStart:
@@ -105,8 +104,7 @@ class RunStart:
         """Return in words the parts that have yet to connect; an id may be claimed before its UAV connects."""
         bus = self._state.bus
         missing = [f"{who} (claimed)" if who in bus.claimed else who for who in sorted(self._everyone() - bus.alive)]
-        more = f" and {len(missing) - MAX_NAMES} more" if len(missing) > MAX_NAMES else ""
-        return f"{', '.join(missing[:MAX_NAMES])}{more} to connect"
+        return f"{listed(missing, MAX_NAMES)} to connect"
 
     def _note_remote(self) -> None:
         """Tell the user the command that joins the UAVs of other hosts."""

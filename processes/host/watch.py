@@ -18,12 +18,12 @@ from processes.operator.fault_injector import Injector
 from processes.operator.remote_parts import Remote
 from processes.runtime.children import PartEndedError
 from processes.runtime.console import note
+from processes.runtime.loop import LOOK_EVERY_S
 from processes.runtime.progress_bar import ProgressBar
 from processes.services.recorder import NAME as RECORDER
 
 EPOCH_AHEAD_NS = 200_000_000
 """Time from the mission's publication to its slot 0."""
-LOOK_EVERY_S = 0.1
 
 
 class MissionWatch:
@@ -49,7 +49,7 @@ class MissionWatch:
                 self._check_remote()
                 bar.show(monitor)
                 state.loop.pump(min(LOOK_EVERY_S, injector.next_in_s()))
-                if state.times.publishing_at_s is None and len(self.bus.heard) == len(mission.roster):
+                if state.times.publishing_at_s is None and len(self.bus.seen.heard) == len(mission.roster):
                     state.times.publishing_at_s = time.monotonic()
         state.publish_end(why)
 

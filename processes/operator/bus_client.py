@@ -2,11 +2,9 @@
 
 from __future__ import annotations
 
-import os
-import secrets
 from collections.abc import Sequence
+from dataclasses import dataclass, field
 from functools import partial
-from itertools import count
 
 import msgspec
 import zenoh
@@ -18,12 +16,38 @@ from edc_swarm.protocol.completion import MissionMonitor
 from edc_swarm.protocol.events import EventKind
 from edc_swarm.protocol.keys import Keys
 from edc_swarm.protocol.messages import Command, Event, Fix, MissionMessage, Report
+from processes.bus.event_source import EventSource
 from processes.bus.outbox import Outbox
 from processes.bus.session import hand_over
 from processes.bus.subscriptions import MAX_TOKENS, Gate, Heard, Token, heard_from
 from processes.operator.registration import Desk
 from processes.runtime.clock import MissionClock
 from processes.runtime.inbox import Inbox
+
+
+@dataclass(slots=True)
+class Seen:
+    """Firsts and lasts of the mission that the operator has received.
+
+    Attributes
+    ----------
+    heard
+        UAVs that have published a fix.
+    first_flown_slot
+        First slot in which any UAV executed a command, -1 before it.
+    closed
+        Publishers that have published their last sequence numbers.
+    """
+
+    heard: set[str] = field(default_factory=set)
+    first_flown_slot: int = -1
+    closed: set[str] = field(default_factory=set)
+
+    def hear_fix(self, fix: Fix) -> None:
+        """Note a fix."""
+        self.heard.add(fix.uav)
+        if fix.executing and self.first_flown_slot < 0:
+            self.first_flown_slot = fix.slot
 
 
 class Operator:
@@ -33,12 +57,10 @@ class Operator:
     ----------
     clock
         The mission's clock of this host.
-    closed
-        Publishers that have published their last sequence numbers.
     monitor
         Progress of the mission: its head, the UAVs that have arrived; None before the mission.
-    first_flown_slot
-        First slot in which any UAV executed a command.
+    seen
+        Firsts and lasts of the mission that the operator has received.
     """
 
     def __init__(self, session: zenoh.Session, desk: Desk, inbox: Inbox[object], clock: MissionClock) -> None:
@@ -46,21 +68,17 @@ class Operator:
         self._desk = desk
         self._inbox = inbox
         self.clock = clock
-        self._instance = f"{os.getpid()}-{secrets.token_hex(4)}"
-        self._event_seq = count()
-        self._last_event_seq = -1
+        self._events = EventSource(OPERATOR, clock)
         self._mission: MissionMessage | None = None
         self._in_force: list[bytes] = []
         self._tokens: set[tuple[str, str]] = set()
         self._gate = Gate(partial(self.publish_event, EventKind.MALFORMED))
-        self.closed: set[str] = set()
-        self.heard: set[str] = set()
-        self.first_flown_slot = -1
+        self.seen = Seen()
         self.monitor: MissionMonitor | None = None
         self._session = session
-        self._outbox = Outbox(self._session, self._keys.again(OPERATOR, self._instance), inbox)
+        self._outbox = Outbox(self._session, self._keys.again(OPERATOR, self._events.instance), inbox)
         self._declare()
-        self._token = session.liveliness().declare_token(self._keys.alive(OPERATOR, self._instance))
+        self._token = session.liveliness().declare_token(self._keys.alive(OPERATOR, self._events.instance))
 
     def _declare(self) -> None:
         keys, session = self._keys, self._session
@@ -78,7 +96,7 @@ class Operator:
         self._mission = msgspec.structs.replace(
             mission,
             claimants=claims.claimants([entry.uav for entry in mission.roster]),
-            instance=self._instance,
+            instance=self._events.instance,
             sent_ns=self.clock.now_ns(),
         )
         self.monitor = MissionMonitor(mission)
@@ -96,16 +114,7 @@ class Operator:
 
     def publish_event(self, kind: EventKind, detail: str = "") -> None:
         """Publish an event, for the swarm and the recording."""
-        self._last_event_seq = next(self._event_seq)
-        event = Event(
-            source=OPERATOR,
-            instance=self._instance,
-            seq=self._last_event_seq,
-            sent_ns=self.clock.now_ns(),
-            slot=self.slot_now(),
-            kind=kind,
-            detail=detail,
-        )
+        event = self._events.event(kind, detail, self.slot_now())
         payload = encode(event)
         if is_in_force(event):
             self._in_force.append(payload)
@@ -113,8 +122,8 @@ class Operator:
 
     def close(self) -> None:
         """Publish the last sequence numbers; the recorder ends with this."""
-        started = self._mission is not None and self._mission.instance == self._instance
-        last = {self._keys.event(OPERATOR): self._last_event_seq, self._keys.mission: 0 if started else -1}
+        started = self._mission is not None and self._mission.instance == self._events.instance
+        last = {self._keys.event(OPERATOR): self._events.last_seq, self._keys.mission: 0 if started else -1}
         known = {key: seq for key, seq in last.items() if seq >= 0}
         self.publish_event(EventKind.CLOSED, msgspec.json.encode(known).decode())
 
@@ -174,16 +183,14 @@ class Operator:
             return
         match self._gate.admit(Heard(key, payload)):
             case Fix() as fix:
-                self.heard.add(fix.uav)
+                self.seen.hear_fix(fix)
                 self.monitor.hear_fix(fix)
-                if fix.executing and self.first_flown_slot < 0:
-                    self.first_flown_slot = fix.slot
             case Command() as command:
                 self.monitor.hear_command(command)
             case Report() as report:
                 self.monitor.hear_report(report)
             case Event(kind=EventKind.CLOSED, source=source):
-                self.closed.add(source)
+                self.seen.closed.add(source)
 
     def _answer(self, query: zenoh.Query) -> None:
         """Answer a query: with the mission or the faults in force for a late UAV, with ids or orders for a claimant."""

@@ -20,6 +20,9 @@ NOT_JUDGED = 3
 UNREAD = 128 + 13
 """Exit status: the reader closed the pipe of standard output (a shell's status for a process ended by SIGPIPE)."""
 
+MAX_NAMES = 10
+"""Most names of UAVs or missions in a note."""
+
 
 def note(text: str) -> None:
     """Print `text` for the user on standard error."""

@@ -20,6 +20,8 @@ START_TIMEOUT_S = 600.0
 """Longest wait at the start: on a new machine the planner is compiled first, which takes a minute."""
 PATIENCE_S = 4.0
 """Wait after which the loop tells the user the reason for it."""
+LOOK_EVERY_S = 0.1
+"""Period of looks for a change that comes without a message."""
 
 
 Awaited = str | Callable[[], str]

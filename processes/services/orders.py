@@ -29,9 +29,8 @@ from processes.bus.credentials import Credentials, check_certificates, credentia
 from processes.bus.operator_presence import LINGER_S, OperatorPresence
 from processes.bus.session import try_client
 from processes.runtime.console import note
-from processes.runtime.loop import PATIENCE_S, START_TIMEOUT_S, Awaited, in_words
+from processes.runtime.loop import LOOK_EVERY_S, PATIENCE_S, START_TIMEOUT_S, Awaited, in_words
 
-LOOK_EVERY_S = 0.1
 ASK_TIMEOUT_S = 2.0
 
 

@@ -11,10 +11,10 @@ from __future__ import annotations
 import errno
 import math
 import os
-import secrets
 import signal
 import sys
 import time
+from collections.abc import Callable
 from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
@@ -35,6 +35,7 @@ from edc_swarm.protocol.messages import Event
 from edc_swarm.recording.sequences import tails_in
 from edc_swarm.recording.writer import Stamp, TooLarge
 from processes.bus.credentials import credentials
+from processes.bus.event_source import EventSource
 from processes.bus.operator_presence import OPERATOR_LOST_S, OperatorPresence
 from processes.bus.session import hand_over, open_client, put, query_in_background
 from processes.bus.subscriptions import Gate, Heard
@@ -111,22 +112,20 @@ class Recorder:
         self._clock = MissionClock(settings.clock_ahead_ns)
         self.file = RecordingFile(stream, self._keys, settings.run)
         self._inbox: Inbox[Item] = Inbox(QUEUE_LIMIT)
-        self._instance = f"{os.getpid()}-{secrets.token_hex(4)}"
-        self._seq = -1
+        self._events = EventSource(NAME, self._clock)
         self._reported = _Losses(0, 0)
         self._gate = Gate(partial(self.tell, EventKind.MALFORMED))
         self._holes = Holes(settings.mission, self.file.known)
         self._end_s = self._stop_s = math.inf
-        self._mission = settings.mission
         self._session = open_client(settings.endpoint, credentials(settings.certs, NAME), observer=True)
         self._session.declare_subscriber(self._keys.everything, hand_over(self._take))
         self._answers = {self._keys.orders(NAME): msgspec.json.encode(settings)}
-        self._operators = None
+        self._away_s: Callable[[], float] | None = None
         if not settings.parent:
-            self._operators = OperatorPresence(self._session)
+            self._away_s = partial(OperatorPresence(self._session).away_s, settings.mission)
             for key in (self._keys.mission, *self._answers):
                 self._session.declare_queryable(key, hand_over(self._inbox.put))
-        self._token = self._session.liveliness().declare_token(self._keys.alive(NAME, self._instance))
+        self._token = self._session.liveliness().declare_token(self._keys.alive(NAME, self._events.instance))
 
     def stop(self) -> None:
         """Request the end after all queued messages; may be called from a signal handler."""
@@ -168,7 +167,7 @@ class Recorder:
             case zenoh.Query():
                 self._answer(item)
             case StopRecording():
-                self._stop_s = min(self._stop_s, time.monotonic() + (STOPPING_S if self._operators else 0.0))
+                self._stop_s = min(self._stop_s, time.monotonic() + (STOPPING_S if self._away_s else 0.0))
 
     def finish(self) -> None:
         """Complete the file with the facts of the run's end."""
@@ -182,19 +181,15 @@ class Recorder:
 
     def tell(self, kind: EventKind, detail: str) -> None:
         """Publish an event of the recorder."""
-        self._seq += 1
-        event = Event(
-            source=NAME, instance=self._instance, seq=self._seq, sent_ns=self._clock.now_ns(), kind=kind, detail=detail
-        )
-        put(self._session, self._keys.event(NAME), encode(event))
+        put(self._session, self._keys.event(NAME), encode(self._events.event(kind, detail)))
 
     def _is_deserted(self) -> bool:
         """Return True if the operator has been away for too long without a `closed` event."""
-        return self._operators is not None and self._operators.away_s(self._mission) > OPERATOR_LOST_S
+        return self._away_s is not None and self._away_s() > OPERATOR_LOST_S
 
     def _is_stopped(self) -> bool:
         """Return True after `stop`, once the operator has left or its time is over."""
-        gone = self._operators is None or self._operators.away_s(self._mission) > 0
+        gone = self._away_s is None or self._away_s() > 0
         return self._stop_s < math.inf and (gone or time.monotonic() >= self._stop_s)
 
     def _answer(self, query: zenoh.Query) -> None:
@@ -221,7 +216,9 @@ class Recorder:
             query_in_background(self._session, self._keys.again(*publisher), retransmission.encode(ask), take)
 
     def _take_reply(self, publisher: Publisher, reply: zenoh.Reply) -> None:
-        if reply.ok is not None and len(reply.ok.payload) <= MAX_ANSWER_BYTES:
+        if reply.ok is not None and len(reply.ok.payload) > MAX_ANSWER_BYTES:
+            self._inbox.dropped += 1
+        elif reply.ok is not None:
             payload = reply.ok.payload.to_bytes()
             self._inbox.put(RetransmissionAnswer(publisher, payload), len(payload))
 

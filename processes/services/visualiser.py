@@ -6,14 +6,12 @@ With `live_port` it also serves the Foxglove WebSocket protocol; as `live` it do
 
 from __future__ import annotations
 
-import os
-import secrets
 import signal
 import sys
 import time
+from collections.abc import Callable
 from dataclasses import dataclass
 from functools import partial
-from itertools import count
 
 import msgspec
 import zenoh
@@ -29,6 +27,7 @@ from edc_swarm.recording.writer import Stamp
 from edc_swarm.viz.channels import ROOT
 from edc_swarm.viz.scenery import Scenery, Shown
 from processes.bus.credentials import credentials
+from processes.bus.event_source import EventSource
 from processes.bus.operator_presence import OPERATOR_LOST_S, OperatorPresence
 from processes.bus.outbox import Outbox
 from processes.bus.session import hand_over, open_client
@@ -80,6 +79,39 @@ class _StopShowing:
 Item = _Received | Subscribed | _StopShowing | zenoh.Query
 
 
+class SceneStream:
+    """Scenes on the bus, each with a sequence number of its topic.
+
+    Attributes
+    ----------
+    last
+        Sequence number of the newest scene, by key.
+    """
+
+    def __init__(self, outbox: Outbox, root: str, instance: str) -> None:
+        self._outbox = outbox
+        self._root = root
+        self._instance = instance
+        self._unsent_bytes = 0
+        self.last: dict[str, int] = {}
+
+    def put(self, shown: Shown) -> None:
+        """Publish a scene."""
+        key = f"viz/{shown.topic.removeprefix(ROOT)}"
+        seq = self.last[key] = self.last.get(key, -1) + 1
+        stamp = msgspec.json.encode(Stamp(self._instance, seq, shown.time_ns))
+        self._outbox.put(f"{self._root}/{key}", shown.payload, seq, stamp)
+        self._outbox.flush()
+        self._pause(len(shown.payload))
+
+    def _pause(self, size_bytes: int) -> None:
+        """Wait until the bus has taken a scene, since it drops large messages that come too fast."""
+        self._unsent_bytes += size_bytes + MESSAGE_COST_BYTES
+        if self._unsent_bytes >= BURST_BYTES:
+            self._unsent_bytes = 0
+            time.sleep(PAUSE_S)
+
+
 class Visualiser:
     """The visualiser of one mission."""
 
@@ -88,26 +120,24 @@ class Visualiser:
         self._clock = MissionClock(settings.clock_ahead_ns)
         self._inbox: Inbox[Item] = Inbox()
         self._scenery = Scenery()
-        self._last: dict[str, int] = {}
-        self._instance = f"{os.getpid()}-{secrets.token_hex(4)}"
-        self._event_seq = count()
+        self._events = EventSource(NAME, self._clock)
         self._gate = Gate(partial(self._tell, EventKind.MALFORMED))
         self._over = False
-        self._unsent = 0
-        self._records = settings.records
         self._live = None
         if settings.live_port:
             self._live = Live(settings.live_host, settings.live_port, self._inbox.put_always)
         self._session = open_client(settings.endpoint, credentials(settings.certs, NAME), observer=True)
         keys, heard = self._keys, hand_over(self._take)
-        self._outbox = Outbox(self._session, keys.again(NAME, self._instance), self._inbox, KEPT_SCENES_BYTES)
+        self._outbox = Outbox(self._session, keys.again(NAME, self._events.instance), self._inbox, KEPT_SCENES_BYTES)
+        self._scenes = SceneStream(self._outbox, keys.root, self._events.instance) if settings.records else None
         for key in (keys.mission, f"{keys.root}/uav/**", f"{keys.root}/head/**", keys.event("*")):
             self._session.declare_subscriber(key, heard, allowed_origin=zenoh.Locality.REMOTE)
         self._session.get(keys.mission, hand_over(self._take_reply), consolidation=zenoh.ConsolidationMode.NONE)
         if settings.records:
-            self._token = self._session.liveliness().declare_token(keys.alive(NAME, self._instance))
-        self._mission = settings.mission
-        self._operators = None if settings.parent else OperatorPresence(self._session)
+            self._token = self._session.liveliness().declare_token(keys.alive(NAME, self._events.instance))
+        self._away_s: Callable[[], float] | None = None
+        if not settings.parent:
+            self._away_s = partial(OperatorPresence(self._session).away_s, settings.mission)
 
     def stop(self) -> None:
         """Request the end; may be called from a signal handler."""
@@ -127,7 +157,7 @@ class Visualiser:
 
     def _is_deserted(self) -> bool:
         """Return True if the operator has been away for too long without a `closed` event."""
-        return self._operators is not None and self._operators.away_s(self._mission) > OPERATOR_LOST_S
+        return self._away_s is not None and self._away_s() > OPERATOR_LOST_S
 
     def _patience_s(self) -> float:
         due_ns = self._scenery.next_ns
@@ -158,30 +188,15 @@ class Visualiser:
 
     def _publish(self, shown: list[Shown]) -> None:
         for each in shown:
-            if self._records:
-                self._put(each)
+            if self._scenes is not None:
+                self._scenes.put(each)
             if self._live is not None:
                 self._live.show(each)
-
-    def _put(self, shown: Shown) -> None:
-        key = f"viz/{shown.topic.removeprefix(ROOT)}"
-        seq = self._last[key] = self._last.get(key, -1) + 1
-        stamp = msgspec.json.encode(Stamp(self._instance, seq, shown.time_ns))
-        self._outbox.put(f"{self._keys.root}/{key}", shown.payload, seq, stamp)
-        self._outbox.flush()
-        self._pause(len(shown.payload))
-
-    def _pause(self, size: int) -> None:
-        """Wait until the bus has taken a scene, since it drops large messages that come too fast."""
-        self._unsent += size + MESSAGE_COST_BYTES
-        if self._unsent >= BURST_BYTES:
-            self._unsent = 0
-            time.sleep(PAUSE_S)
 
     def _close(self) -> None:
         """Publish the number of scenes of each topic in a `closed` event, since scenes carry no sequence numbers."""
         self._publish(self._scenery.advance(self._clock.now_ns()))
-        self._tell(EventKind.CLOSED, msgspec.json.encode(self._last).decode())
+        self._tell(EventKind.CLOSED, msgspec.json.encode(self._scenes.last if self._scenes else {}).decode())
         self._outbox.flush()
         self._outbox.stay(self._inbox)
         self._session.close()
@@ -190,11 +205,9 @@ class Visualiser:
 
     def _tell(self, kind: EventKind, detail: str) -> None:
         """Publish an event; a live view only publishes nothing on the bus."""
-        if not self._records:
-            return
-        seq, now_ns = next(self._event_seq), self._clock.now_ns()
-        event = Event(source=NAME, instance=self._instance, seq=seq, sent_ns=now_ns, kind=kind, detail=detail)
-        self._outbox.put(self._keys.event(NAME), encode(event), seq)
+        if self._scenes is not None:
+            event = self._events.event(kind, detail)
+            self._outbox.put(self._keys.event(NAME), encode(event), event.seq)
 
     def _take(self, sample: zenoh.Sample) -> None:
         heard = heard_from(sample)

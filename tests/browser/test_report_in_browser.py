@@ -37,13 +37,14 @@ pytestmark = [
 ]
 MISSIONS = {
     "10": ["--fault", "kill head @8"],
+    "zones": ["scenarios/courtyard.toml", "--planner", "straight", "--fault", "kill head @8"],
     "50": ["--uavs", "50", "--area", "40000", "--speed-max", "20", "--fault", "freeze u007 @4 for 6"],
 }
 
 
 @pytest.fixture(scope="module", params=MISSIONS)
 def page(request: pytest.FixtureRequest, tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """Return the page of a mission of 10 and of 50 UAVs."""
+    """Return the page of a mission of 10 UAVs, of one with zones, and of one of 50 UAVs."""
     recording = tmp_path_factory.mktemp("report") / "run.mcap"
     main(["sim", *MISSIONS[request.param], "--out", str(recording), "--no-viz", "--json"])
     assert main(["report", str(recording)]) == 0
@@ -74,6 +75,30 @@ def test_the_page_draws_and_its_slider_moves_everything(page: Path, browser: Any
     assert before != after
     assert "3.0 s" in browser.find_element(By.ID, "clock").text
     assert browser.get_log("browser") == []
+
+
+@pytest.mark.parametrize("scheme", ["light", "dark"])
+def test_exclusion_zones_are_drawn_in_their_colour(page: Path, browser: Any, scheme: str) -> None:
+    """The map has the colour of the legend's exclusion zones if the mission has some, and none of it otherwise."""
+    feature = {"name": "prefers-color-scheme", "value": scheme}
+    browser.execute_cdp_cmd("Emulation.setEmulatedMedia", {"features": [feature]})
+    browser.get(page.as_uri())
+    count = browser.execute_script(
+        """
+        const amber = getComputedStyle(document.documentElement).getPropertyValue("--amber").trim();
+        const wanted = [1, 3, 5].map((at) => parseInt(amber.slice(at, at + 2), 16));
+        const map = document.getElementById("map");
+        const { data } = map.getContext("2d").getImageData(0, 0, map.width, map.height);
+        let count = 0;
+        const isNear = (i) => data[i + 3] > 0 && wanted.every((value, n) => Math.abs(value - data[i + n]) < 3);
+        for (let i = 0; i < data.length; i += 4) count += isNear(i);
+        return count;
+        """
+    )
+    excludes = browser.execute_script("return document.querySelectorAll('.legend .exclusion').length > 0")
+    browser.execute_cdp_cmd("Emulation.setEmulatedMedia", {"features": []})
+    assert (count > 100) == excludes
+    assert excludes == ("pond" in page.read_text(encoding="utf-8"))
 
 
 def test_nothing_is_cut_off_or_lies_over_another(page: Path, browser: Any) -> None:

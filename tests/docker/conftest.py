@@ -9,6 +9,7 @@ import uuid
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass, field
 from pathlib import Path
+from typing import Any
 
 import pytest
 
@@ -24,9 +25,11 @@ OWNER = 4711
 """Who the folder of recordings belongs to, where the tests may choose."""
 
 
-def said(*command: str, check: bool = True, **options: object) -> str:
+def said(*command: str, check: bool = True, **options: Any) -> str:
     """What a command says on standard output."""
-    ended = subprocess.run(command, capture_output=True, text=True, check=False, **options)  # type: ignore[call-overload]
+    ended: subprocess.CompletedProcess[str] = subprocess.run(
+        command, capture_output=True, text=True, check=False, **options
+    )
     assert ended.returncode == 0 or not check, f"{command}: {ended.stdout[-3000:]}{ended.stderr[-3000:]}"
     return ended.stdout
 

@@ -25,7 +25,7 @@ def broken(swarm: Swarm) -> set[str]:
 
 
 @pytest.mark.parametrize("uavs", [10, 40])
-def test_compose_up(swarm: Make, uavs: int):
+def test_compose_up(swarm: Make, uavs: int) -> None:
     """The mission's status, its summary, a recording that belongs to the user, and everything stops."""
     flown = swarm(UAVS=str(uavs))
     up = flown.compose("up", "--exit-code-from", "operator", check=False)
@@ -41,7 +41,7 @@ def test_compose_up(swarm: Make, uavs: int):
     assert broken(flown) == set()
 
 
-def test_everything_stops_without_being_told(swarm: Make):
+def test_everything_stops_without_being_told(swarm: Make) -> None:
     """Also where nobody asked compose for the operator's status."""
     flown = swarm(UAVS="4", **FAST)
     flown.compose("up", "--detach")
@@ -49,7 +49,7 @@ def test_everything_stops_without_being_told(swarm: Make):
 
 
 @pytest.mark.parametrize("arguments", [("--exit-code-from", "operator"), ()], ids=["status", "plain"])
-def test_a_bad_option_ends_everything(swarm: Make, arguments: tuple[str, ...]):
+def test_a_bad_option_ends_everything(swarm: Make, arguments: tuple[str, ...]) -> None:
     """Its one line is seen, and nobody waits for an operator that will not come."""
     flown = swarm(UAVS="3", PLANNER="nonsense")
     up = flown.compose("up", *arguments, check=False)
@@ -59,7 +59,7 @@ def test_a_bad_option_ends_everything(swarm: Make, arguments: tuple[str, ...]):
     assert list(flown.folder.iterdir()) == []
 
 
-def test_latency_experiments(swarm: Make):
+def test_latency_experiments(swarm: Make) -> None:
     """Tables, plots and page, where recordings go, and as their owner."""
     grid = "--delays 0,300 --jitters 0 --losses 0 --slots 0.5 --uavs 3 --repeats 1 --max-slots 60 --hold-slots 10"
     flown = swarm(OPTIONS=grid)
@@ -72,7 +72,7 @@ def test_latency_experiments(swarm: Make):
     assert len((flown.folder / "latency" / "cells.csv").read_text().splitlines()) == 3
 
 
-def test_the_heads_container_is_killed(swarm: Make):
+def test_the_heads_container_is_killed(swarm: Make) -> None:
     """The others finish the mission without it; it is not home, which the status says."""
     flown = swarm(**FAST)
     flown.compose("up", "--detach")
@@ -85,7 +85,7 @@ def test_the_heads_container_is_killed(swarm: Make):
     assert broken(flown) == set()
 
 
-def test_a_container_is_cut_off_and_connected_again(swarm: Make):
+def test_a_container_is_cut_off_and_connected_again(swarm: Make) -> None:
     """Its UAV holds meanwhile, and arrives in the end; what was on the wire is fetched again and recorded."""
     flown = swarm(**FAST)
     flown.compose("up", "--detach")
@@ -98,12 +98,13 @@ def test_a_container_is_cut_off_and_connected_again(swarm: Make):
     flown.await_end()
     metrics = compute_metrics(flown.recording)
     assert (metrics.arrived, metrics.gaps) == (10, 0)
+    assert metrics.fetched is not None
     assert metrics.fetched > 0
     assert broken(flown) == set()
     assert len({report.head for report in flown.recording.reports if report.has_quorum}) > 1
 
 
-def test_a_container_started_again_flies_the_same_uav(swarm: Make):
+def test_a_container_started_again_flies_the_same_uav(swarm: Make) -> None:
     """Its promise is in the container's file system."""
     flown = swarm(**FAST)
     flown.compose("up", "--detach")
@@ -117,7 +118,7 @@ def test_a_container_started_again_flies_the_same_uav(swarm: Make):
     assert compute_metrics(flown.recording).arrived == 10
 
 
-def test_faults_reach_containers(swarm: Make):
+def test_faults_reach_containers(swarm: Make) -> None:
     """The operator's faults are carried out by whoever flies the UAV."""
     flown = swarm(UAVS="6", OPTIONS="--fault 'kill head @8' --fault 'freeze u002 @8 for 2s'", **FAST)
     up = flown.compose("up", "--exit-code-from", "operator", check=False)
@@ -127,7 +128,7 @@ def test_faults_reach_containers(swarm: Make):
     assert [who.cause for who in metrics.not_home] == ["killed"]
 
 
-def test_secured(swarm: Make):
+def test_secured(swarm: Make) -> None:
     """With certificates made beforehand in a volume; whoever is on the network without one is not let in."""
     flown = swarm(UAVS="5", **FAST)
     flown.secure()
@@ -141,7 +142,7 @@ def test_secured(swarm: Make):
     assert broken(flown) == set()
 
 
-def test_each_service_has_its_own_key_alone(swarm: Make):
+def test_each_service_has_its_own_key_alone(swarm: Make) -> None:
     """Its volume holds nothing else; all UAVs share theirs, the router knows them by their certificates."""
     flown = swarm(UAVS="2")
     flown.secure()
@@ -173,7 +174,7 @@ def _gets_in(flown: Swarm, endpoint: str, credentials: str) -> bool:
     return subprocess.run(command, capture_output=True, check=False).returncode == 0
 
 
-def test_stopped_by_hand(swarm: Make):
+def test_stopped_by_hand(swarm: Make) -> None:
     """All services are told at once, as by Ctrl-C; what was flown is recorded, and none has to be killed."""
     flown = swarm(UAVS="4")
     flown.compose("up", "--detach")
@@ -187,7 +188,7 @@ def test_stopped_by_hand(swarm: Make):
 
 
 @pytest.mark.parametrize("secured", [False, True], ids=["open", "secured"])
-def test_watched_live(swarm: Make, secured: bool):
+def test_watched_live(swarm: Make, secured: bool) -> None:
     """The profile adds a service that viewers connect to, and changes nothing else."""
     from tests.processes.test_live import connected, first_scene  # noqa: PLC0415  (skips where its client is missing)
 
@@ -204,7 +205,7 @@ def test_watched_live(swarm: Make, secured: bool):
     assert broken(flown) == set()
 
 
-def test_the_image(image: str):
+def test_the_image(image: str) -> None:
     """Not root, no wheels left, and the compiled guidance is there for any user and processor."""
 
     def run(script: str, *options: str) -> str:

@@ -42,7 +42,8 @@ class Ended:
     @property
     def json(self) -> dict[str, Any]:
         """The standard output, decoded."""
-        return json.loads(self.stdout)
+        decoded: dict[str, Any] = json.loads(self.stdout)
+        return decoded
 
     @property
     def recording(self) -> Recording:
@@ -69,9 +70,10 @@ class Started:
 
     def await_flight(self, uavs: int) -> None:
         """Wait until the UAV processes run and the recorder has flushed fixes."""
-        self.await_file(lambda: len(self.uav_pids()) == uavs and self._has_fixes())
+        self.await_file(lambda: len(self.uav_pids()) == uavs and self.has_fixes())
 
-    def _has_fixes(self) -> bool:
+    def has_fixes(self) -> bool:
+        """Return True if the recorder has flushed fixes."""
         try:
             return bool(read_recording(self.path.with_name(self.path.name + ".part"), salvage=True).fixes)
         except RecordingError:
@@ -93,6 +95,7 @@ class Started:
 
 
 Fly = Callable[..., Started]
+FlyToEnd = Callable[..., Ended]
 
 
 @pytest.fixture
@@ -113,7 +116,7 @@ def start(tmp_path: Path) -> Iterator[Fly]:
 
 
 @pytest.fixture
-def run(start: Fly) -> Callable[..., Ended]:
+def run(start: Fly) -> FlyToEnd:
     """Fly a mission at time scale 4 to its end; the recording must have no sequence gap."""
 
     def go(*arguments: str, **options: Any) -> Ended:

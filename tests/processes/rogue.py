@@ -21,7 +21,7 @@ from edc_swarm.mission.configuration import JOIN
 from edc_swarm.protocol.claims import IdClaim
 from edc_swarm.protocol.codec import encode
 from edc_swarm.protocol.keys import Keys
-from edc_swarm.protocol.messages import Command, Event, Fix, Message, Report, Truth
+from edc_swarm.protocol.messages import Command, Event, Fix, Message, Report, Status, Truth
 from edc_swarm.protocol.retransmission import Ask, Span
 from edc_swarm.protocol.retransmission import encode as encode_ask
 from edc_swarm.recording.reader import read_recording
@@ -46,18 +46,25 @@ def main() -> int:
     mission = recording.mission.name
     keys, heard = Keys(mission), Counter[str]()
     newest = {fix.uav: fix for fix in recording.fixes}
+
+    def take(sample: zenoh.Sample) -> None:
+        _hear(sample, heard, newest)
+
+    def take_again(reply: zenoh.Reply) -> None:
+        heard.update([f"reply {reply.ok.key_expr}" if reply.ok else "error"])
+
+    def take_claim(reply: zenoh.Reply) -> None:
+        heard.update(["claim answered"] if reply.ok else [])
+
     for key in (keys.all_fixes, keys.commands_to("u001"), keys.truth("*"), f"{keys.root}/**", "swarm/**", "**"):
-        session.declare_subscriber(
-            key, hand_over(lambda s: _hear(s, heard, newest)), allowed_origin=zenoh.Locality.REMOTE
-        )
+        session.declare_subscriber(key, hand_over(take), allowed_origin=zenoh.Locality.REMOTE)
     again = encode_ask(Ask([Span(keys.command("u001", uav), 0, 9) for uav in ("u001", "u002", "u003")]))
     for key in (keys.mission, f"{keys.root}/**", keys.again("u001", "*"), keys.again("*", "*")):
-        take = hand_over(lambda r: heard.update([f"reply {r.ok.key_expr}" if r.ok else "error"]))
-        session.get(key, take, payload=again)
+        session.get(key, hand_over(take_again), payload=again)
     time.sleep(LISTENS_S)
     stolen = [session.liveliness().declare_token(keys.alive(who, f"{INSTANCE}-{name}")) for who in ("u001", JOIN)]
     claim = msgspec.json.encode(IdClaim(claimant=CLAIMANT, uavs=1, among=["u001"]))
-    session.get(keys.claims, hand_over(lambda r: heard.update(["claim answered"] if r.ok else [])), payload=claim)
+    session.get(keys.claims, hand_over(take_claim), payload=claim)
     for message in _forged(newest, "u001"):
         put(session, keys.of(message), encode(message))
         put(session, keys.of(message).replace(mission, "*"), encode(message))
@@ -84,10 +91,9 @@ def _hear(sample: zenoh.Sample, heard: Counter[str], newest: dict[str, Fix]) -> 
 def _forged(newest: dict[str, Fix], victim: str) -> list[Message]:
     """Return messages that only the victim, its head, or the operator may publish."""
     now: dict[str, Any] = {"instance": INSTANCE, "slot": newest[victim].slot, "sent_ns": time.time_ns()}
-    ends = {"from_x_m": 0.0, "from_y_m": 0.0, "to_x_m": 9.0, "to_y_m": 9.0}
     return [
         msgspec.structs.replace(newest[victim], instance=INSTANCE, term=TERM, waypoint_x_m=1.0),
-        Truth(uav=victim, **now, **ends),
+        Truth(uav=victim, from_x_m=0.0, from_y_m=0.0, to_x_m=9.0, to_y_m=9.0, **now),
         *_commands(newest, victim),
         Report(head=victim, term=TERM, status="planned", grants=sorted(newest), quorum=3, **now),
         Event(source=victim, kind="closed", detail="{}", **now),
@@ -99,7 +105,8 @@ def _claims(newest: dict[str, Fix], name: str) -> list[Message]:
     """Return messages of the rogue as a head under its own id, without a quorum."""
     messages: list[Message] = []
     slot = max(fix.slot for fix in newest.values())
-    for seq, (status, quorum) in enumerate((s, q) for s in ("planned", "claim", "no-qp-needed") for q in (1, 3)):
+    statuses: tuple[Status, ...] = ("planned", "claim", "no-qp-needed")
+    for seq, (status, quorum) in enumerate((s, q) for s in statuses for q in (1, 3)):
         report = Report(head=name, term=TERM, status=status, grants=[name], quorum=quorum, slot=slot)
         messages.append(msgspec.structs.replace(report, instance=INSTANCE, seq=seq, sent_ns=time.time_ns()))
     return messages + _commands(newest, name)

@@ -27,9 +27,11 @@ from edc_swarm.recording.sequences import find_gaps
 from processes.bus import outbox
 from processes.bus.outbox import Outbox
 from processes.bus.session import hand_over, open_client
+from processes.bus.session import put as put_on_bus
 from processes.runtime.inbox import Inbox
-from processes.services.recorder import RecorderSettings
+from processes.services.recorder import MAX_ANSWER_BYTES, RecorderSettings
 from processes.services.recording_file import MAX_FOREIGN_KEYS
+from tests import builders
 from tests.processes.conftest import await_true
 
 KEYS = Keys("m")
@@ -47,8 +49,11 @@ class Bench:
         settings = RecorderSettings(endpoint=endpoint, mission="m", part=str(part), out=str(self.out), run={})
         self.session = open_client(endpoint)
         there = Inbox[str]()
-        take = hand_over(lambda sample: there.put(str(sample.key_expr)))
-        self._token = self.session.liveliness().declare_subscriber(KEYS.all_alive, take, history=True)
+
+        def take(sample: zenoh.Sample) -> None:
+            there.put(str(sample.key_expr))
+
+        self._token = self.session.liveliness().declare_subscriber(KEYS.all_alive, hand_over(take), history=True)
         self.recorder = subprocess.Popen([sys.executable, "-m", "processes.services.recorder"], stdin=subprocess.PIPE)
         assert self.recorder.stdin is not None
         with self.recorder.stdin as orders:
@@ -86,8 +91,7 @@ def bench(endpoint: str, tmp_path: Path) -> Iterator[Bench]:
 
 def fix(seq: int) -> bytes:
     """Return a fix of u001."""
-    place = {"x_m": 0.0, "y_m": 0.0, "r_m": 5.0, "waypoint_x_m": 0.0, "waypoint_y_m": 0.0}
-    return encode(Fix(uav="u001", instance="p-1", seq=seq, sent_ns=time.time_ns(), slot=seq, **place))
+    return encode(builders.fix("u001", seq, instance="p-1", seq=seq, sent_ns=time.time_ns()))
 
 
 def closed(source: str, tails: dict[str, int]) -> bytes:
@@ -102,12 +106,12 @@ Lose = Callable[[str, set[int]], None]
 @pytest.fixture
 def lose(monkeypatch: pytest.MonkeyPatch) -> Lose:
     """Make the bus lose messages of a key, selected by their order."""
-    real, lost, counts = outbox.put, dict[str, set[int]](), dict[str, int]()
+    lost, counts = dict[str, set[int]](), dict[str, int]()
 
     def put(session: zenoh.Session, key: str, payload: bytes, attachment: bytes) -> None:
         counts[key] = counts.get(key, -1) + 1
         if counts[key] not in lost.get(key, ()):
-            real(session, key, payload, attachment)
+            put_on_bus(session, key, payload, attachment)
 
     monkeypatch.setattr(outbox, "put", put)
     return lost.__setitem__
@@ -131,8 +135,7 @@ def test_lost_messages_are_recorded_once_as_they_were(bench: Bench, lose: Lose) 
     viz.put(KEYS.event("viz"), closed("viz", {"viz/uavs": 2}), 0)
     for publisher, its_inbox in ((uav, inbox), (viz, viz_inbox)):
         publisher.flush()
-        publisher.stay(its_inbox)
-        assert publisher._released
+        assert publisher.stay(its_inbox)
     bench.say_last_word()
     recorded = bench.end()
     fixes = sorted((seq, payload) for channel, seq, _, _, payload in recorded if channel.topic == FIX)
@@ -245,7 +248,7 @@ def test_what_is_fetched_takes_no_more_room_than_what_comes_by_itself(bench: Ben
 
 
 def test_an_answer_is_taken_for_what_was_asked_and_nothing_else(bench: Bench) -> None:
-    """The recorder ignores noise, answers of another publisher or number, and messages that are not missing."""
+    """The recorder ignores noise, foreign answers, messages that are not missing; it counts an answer too large."""
     inbox = Inbox[zenoh.Query]()
     bench.session.declare_queryable(KEYS.again("u001", "p-1"), hand_over(inbox.put))
     right = fix(1)
@@ -253,6 +256,7 @@ def test_an_answer_is_taken_for_what_was_asked_and_nothing_else(bench: Bench) ->
     lies = [Kept(FIX, 1, encode(wrong)), Kept(FIX, 1, fix(7)), Kept(FIX, 0, fix(0)), Kept(FIX, 9, fix(9))]
     lies += [Kept(KEYS.fix("u002"), 1, right), Kept(FIX, 1, b"noise")]
     answers = [
+        b" " * (MAX_ANSWER_BYTES + 1),
         b"noise",
         retransmission.encode(Answer(lies, [])),
         retransmission.encode(Answer([Kept(FIX, 1, right)], [])),
@@ -264,12 +268,15 @@ def test_an_answer_is_taken_for_what_was_asked_and_nothing_else(bench: Bench) ->
     def all_answered() -> bool:
         for query in inbox.wait(0.05):
             asked.append(retransmission.decode_ask(query.payload.to_bytes()))  # type: ignore[union-attr]
-            query.reply(str(query.key_expr), answers[min(len(asked) - 1, 2)])
+            query.reply(str(query.key_expr), answers[min(len(asked) - 1, 3)])
             query.drop()
-        return len(asked) == 3
+        return len(asked) == 4
 
     await_true(all_answered)
     bench.say_last_word()
     recorded = bench.end()
     assert [(seq, payload) for channel, seq, _, _, payload in recorded if "/fix" in channel.topic][2:] == [(1, right)]
+    run_end = read_recording(bench.out).run_end
+    assert run_end is not None
+    assert run_end["dropped"] == "1"
     assert all(ask == asked[0] for ask in asked)

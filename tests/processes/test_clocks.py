@@ -35,7 +35,7 @@ def shim(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 
 @pytest.mark.parametrize("by_s", [3600, -3600, 2, -2])
-def test_a_mission_does_not_follow_the_wall_clock(start: Fly, shim: Path, tmp_path: Path, by_s: int):
+def test_a_mission_does_not_follow_the_wall_clock(start: Fly, shim: Path, tmp_path: Path, by_s: int) -> None:
     """All UAVs arrive as without the jump, a UAV started after it too; every process reports the jump once."""
     file = tmp_path / "jump"
     setting = ("env", f"LD_PRELOAD={shim}", f"JUMP_FILE={file}", f"JUMP_BY={by_s}")
@@ -58,7 +58,7 @@ def test_a_mission_does_not_follow_the_wall_clock(start: Fly, shim: Path, tmp_pa
     }
 
 
-def test_who_starts_later_takes_over_the_anchor(monkeypatch: pytest.MonkeyPatch):
+def test_who_starts_later_takes_over_the_anchor(monkeypatch: pytest.MonkeyPatch) -> None:
     """A process that starts after a jump shows the same time as the process that started it."""
     first = MissionClock()
     true_ns = time.time_ns
@@ -67,7 +67,7 @@ def test_who_starts_later_takes_over_the_anchor(monkeypatch: pytest.MonkeyPatch)
     assert MissionClock().now_ns() - first.now_ns() > 3599 * S
 
 
-def test_jumps_are_told_once_each_and_not_without_end(monkeypatch: pytest.MonkeyPatch):
+def test_jumps_are_told_once_each_and_not_without_end(monkeypatch: pytest.MonkeyPatch) -> None:
     """A slew is no jump, and a clock that jumps all the time does not fill the recording."""
     clock, true_ns, off_ns = MissionClock(), time.time_ns, 0
     monkeypatch.setattr(time, "time_ns", lambda: true_ns() + off_ns)
@@ -88,7 +88,7 @@ def test_jumps_are_told_once_each_and_not_without_end(monkeypatch: pytest.Monkey
     ("off_s", "reason"),
     [(-3600, "clock of this host is behind"), (10**6, "clock of this host is ahead")],
 )
-def test_a_host_with_another_time_does_not_wait_in_silence(off_s: int, reason: str):
+def test_a_host_with_another_time_does_not_wait_in_silence(off_s: int, reason: str) -> None:
     """The error states the difference; a small one is like the fault `clock`, which missions survive."""
     clock = MissionClock()
     mission = mission_message(complete_mission(Mission(uavs=3)), clock.now_ns())

@@ -21,10 +21,10 @@ from edc_swarm.recording.reader import read_recording
 from edc_swarm.recording.sequences import find_gaps
 from processes.runtime.output import salvage_parts
 from processes.uav.state import create_state
-from tests.processes.conftest import await_true
+from tests.processes.conftest import Fly, FlyToEnd, await_true
 
 
-def test_ctrl_c_in_flight_leaves_a_whole_recording(start):
+def test_ctrl_c_in_flight_leaves_a_whole_recording(start: Fly) -> None:
     """Every process publishes its last message: the recording is finished, not recovered."""
     command = start("run", "--json")
     command.await_flight(10)
@@ -37,7 +37,7 @@ def test_ctrl_c_in_flight_leaves_a_whole_recording(start):
     assert ended.recording.run_end is not None
 
 
-def test_ctrl_c_at_the_start(start):
+def test_ctrl_c_at_the_start(start: Fly) -> None:
     """Before the connection there is nothing to close, but all processes must end."""
     command = start("run")
     command.await_file(lambda: bool(command.pids("processes.host.fork_source")))
@@ -47,7 +47,7 @@ def test_ctrl_c_at_the_start(start):
     assert "Traceback" not in ended.stderr
 
 
-def test_kill_of_the_command_ends_its_children_even_frozen_ones(start):
+def test_kill_of_the_command_ends_its_children_even_frozen_ones(start: Fly) -> None:
     """SIGKILL is the one parent-death signal that a stopped process obeys."""
     command = start("run")
     command.await_flight(10)
@@ -58,7 +58,7 @@ def test_kill_of_the_command_ends_its_children_even_frozen_ones(start):
 
 
 @pytest.mark.long
-def test_what_a_killed_run_has_left_is_recovered_at_the_next_start(start, run, tmp_path: Path):
+def test_what_a_killed_run_has_left_is_recovered_at_the_next_start(start: Fly, run: FlyToEnd, tmp_path: Path) -> None:
     """The next run recovers the recording and keeps the original."""
     command = start("run", name="killed.mcap")
     command.await_flight(10)
@@ -71,7 +71,7 @@ def test_what_a_killed_run_has_left_is_recovered_at_the_next_start(start, run, t
 
 
 @pytest.mark.long
-def test_a_recorder_killed_by_hand_ends_the_run_and_what_it_flushed_is_recovered(start):
+def test_a_recorder_killed_by_hand_ends_the_run_and_what_it_flushed_is_recovered(start: Fly) -> None:
     """The run ends without a recorder; an independent reader and every checker read the recovered recording."""
     command = start("run", "--json")
     command.await_flight(10)
@@ -91,7 +91,7 @@ def test_a_recorder_killed_by_hand_ends_the_run_and_what_it_flushed_is_recovered
 
 
 @pytest.mark.parametrize(("part", "module"), [("router", "services.router"), ("fork-source", "host.fork_source")])
-def test_a_part_killed_by_hand_fails_the_mission(start, part: str, module: str):
+def test_a_part_killed_by_hand_fails_the_mission(start: Fly, part: str, module: str) -> None:
     """The input is not at fault: status 1, the cause in one line, and the summary names the UAVs not home."""
     command = start("run", "--json")
     command.await_flight(10)
@@ -104,7 +104,7 @@ def test_a_part_killed_by_hand_fails_the_mission(start, part: str, module: str):
 
 
 @pytest.mark.long
-def test_a_full_disk_is_an_error_with_a_name(start):
+def test_a_full_disk_is_an_error_with_a_name(start: Fly) -> None:
     """A limit on the size of files replaces the full disk: both are errors of `write`."""
     limited = ("bash", "-c", 'ulimit -f 64; exec "$@"', "limited")
     ended = start("run", "--uavs", "10", "--time-scale", "4", prefix=limited).end()
@@ -113,7 +113,7 @@ def test_a_full_disk_is_an_error_with_a_name(start):
     assert "Traceback" not in ended.stderr
 
 
-def test_an_existing_recording_is_kept_until_the_new_one_is_whole(start, tmp_path: Path):
+def test_an_existing_recording_is_kept_until_the_new_one_is_whole(start: Fly, tmp_path: Path) -> None:
     """Neither a run without --force nor an unfinished run with it replaces the recording."""
     kept = tmp_path / "run.mcap"
     kept.write_bytes(b"old")
@@ -125,7 +125,7 @@ def test_an_existing_recording_is_kept_until_the_new_one_is_whole(start, tmp_pat
     assert kept.read_bytes() == b"old"
 
 
-def test_other_signals_end_in_order_too(start):
+def test_other_signals_end_in_order_too(start: Fly) -> None:
     """A closed terminal does not cost the recording."""
     command = start("run", "--uavs", "3")
     command.await_flight(3)
@@ -134,7 +134,7 @@ def test_other_signals_end_in_order_too(start):
 
 
 @pytest.mark.long
-def test_a_simulation_keeps_its_recording_from_those_beside_it(start, tmp_path: Path):
+def test_a_simulation_keeps_its_recording_from_those_beside_it(start: Fly, tmp_path: Path) -> None:
     """A run does not recover the part of another run in progress in the same folder."""
     command = start("sim", "--json", "--uavs", "30", "--area", "20000")
     part = command.path.with_name(command.path.name + ".part")
@@ -145,7 +145,7 @@ def test_a_simulation_keeps_its_recording_from_those_beside_it(start, tmp_path: 
 
 
 @pytest.mark.parametrize(("limit", "status"), [("ulimit -Sn 32", 0), ("ulimit -n 60", 2)])
-def test_open_files_are_enough_or_their_limit_is_named(start, limit: str, status: int):
+def test_open_files_are_enough_or_their_limit_is_named(start: Fly, limit: str, status: int) -> None:
     """The command raises a low soft limit; for a low hard limit it prints one line and starts nothing."""
     limited = ("bash", "-c", f'{limit}; exec "$@"', "limited")
     ended = start("run", "--uavs", "12", "--time-scale", "4", prefix=limited).end()
@@ -169,7 +169,7 @@ def tiny_disk(tmp_path: Path) -> Iterator[Path]:
     subprocess.run(["umount", "-l", folder], check=True)
 
 
-def test_a_disk_that_fills_in_flight_is_named_with_what_can_be_recovered(start, tiny_disk: Path):
+def test_a_disk_that_fills_in_flight_is_named_with_what_can_be_recovered(start: Fly, tiny_disk: Path) -> None:
     """On a really full disk, one line names the folder, the reason and the part."""
     path = tiny_disk / "run.mcap"
     ended = start("run", "--uavs", "3", "--time-scale", "4", "--out", str(path)).end()
@@ -179,7 +179,7 @@ def test_a_disk_that_fills_in_flight_is_named_with_what_can_be_recovered(start, 
     assert "Traceback" not in ended.stderr
 
 
-def test_promises_on_a_full_disk_are_an_error_with_a_name(tiny_disk: Path):
+def test_promises_on_a_full_disk_are_an_error_with_a_name(tiny_disk: Path) -> None:
     """A failed creation leaves no half file."""
     with contextlib.suppress(OSError):
         (tiny_disk / "filler").write_bytes(bytes(1 << 20))

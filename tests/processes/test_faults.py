@@ -7,6 +7,8 @@ from __future__ import annotations
 
 import pytest
 
+from tests.processes.conftest import Fly, FlyToEnd
+
 pytestmark = pytest.mark.timing
 
 FAULTS = {
@@ -28,7 +30,7 @@ SAFE = ("G1", "G2", "G3", "G4", "G5")
 
 
 @pytest.mark.parametrize("faults", FAULTS.values(), ids=FAULTS)
-def test_guarantees_hold(run, faults):
+def test_guarantees_hold(run: FlyToEnd, faults: list[str]) -> None:
     """In one trial no message is missing, no guarantee is broken, and the fault is recorded."""
     ended = run(*(word for fault in faults for word in ("--fault", fault)))
     verdicts = {verdict["guarantee"]: verdict for verdict in ended.json["guarantees"]}
@@ -38,7 +40,7 @@ def test_guarantees_hold(run, faults):
     assert len(told) == len(faults)
 
 
-def test_freezes_that_overlap(run):
+def test_freezes_that_overlap(run: FlyToEnd) -> None:
     """The longest freeze counts: the end of a shorter one inside it resumes no UAV."""
     ended = run("--fault", "freeze u003 @6 for 9", "--fault", "freeze u003 @8 for 2")
     said = {fix.slot for fix in ended.recording.fixes if fix.uav == "u003"}
@@ -46,7 +48,7 @@ def test_freezes_that_overlap(run):
     assert max(said) >= 15
 
 
-def test_router_restarted(run):
+def test_router_restarted(run: FlyToEnd) -> None:
     """Messages inside the router die with it; their publishers are alive and retransmit them."""
     ended = run("--fault", "restart router @10")
     verdicts = {verdict["guarantee"]: verdict["status"] for verdict in ended.json["guarantees"]}
@@ -54,7 +56,7 @@ def test_router_restarted(run):
     assert ended.json["arrived"] == 10
 
 
-def test_what_a_killed_uav_said_last_stays_unknown(run):
+def test_what_a_killed_uav_said_last_stays_unknown(run: FlyToEnd) -> None:
     """The check names the streams of a dead publisher as unknown; requests to it delay no other process."""
     ended = run("--fault", "kill u003 @10")
     (notes,) = (verdict["notes"] for verdict in ended.json["guarantees"] if verdict["guarantee"] == "G5")
@@ -62,7 +64,7 @@ def test_what_a_killed_uav_said_last_stays_unknown(run):
     assert [note for note in notes if note.startswith("end unknown") and note.endswith(instance)] == notes
 
 
-def test_recorder_killed_loses_at_most_the_last_second(start):
+def test_recorder_killed_loses_at_most_the_last_second(start: Fly) -> None:
     """A second is eight slots here; two more are for messages on their way."""
     ended = start("run", "--json", "--time-scale", "4", "--fault", "kill recorder @16").end()
     assert "the recorder died; recovered" in ended.stderr
@@ -71,7 +73,7 @@ def test_recorder_killed_loses_at_most_the_last_second(start):
     assert (ended.status, ended.json["gaps"], ended.json["potential_collisions"]) == (1, None, None)
 
 
-def test_a_late_joiner_learns_of_faults_in_force(run):
+def test_a_late_joiner_learns_of_faults_in_force(run: FlyToEnd) -> None:
     """A UAV that restarts inside a partition stays cut off."""
     ended = run("--fault", "partition u003|rest @6 for 20", "--fault", "restart u003 @10")
     fixes = [fix for fix in ended.recording.fixes if fix.uav == "u003" and 12 <= fix.slot < 25]

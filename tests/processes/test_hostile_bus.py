@@ -22,7 +22,7 @@ MESSAGES = 3000
 UAVS = ("--uavs", "5", "--seed", "3", "--speed-max", "3")
 
 
-def test_neither_replays_nor_fuzzed_bytes_disturb_a_mission(start: Fly, tmp_path: Path):
+def test_neither_replays_nor_fuzzed_bytes_disturb_a_mission(start: Fly, tmp_path: Path) -> None:
     """Every guarantee holds, all UAVs arrive, no process crashes, no term moves; all noise is reported and dropped.
 
     The replays are of a mission with the same UAVs, starts and targets: once unchanged, under its own

@@ -14,7 +14,7 @@ from edc_swarm.errors import RecordingError
 from edc_swarm.mission.roster import uav_ids
 from edc_swarm.recording.reader import read_recording
 from processes.host.certificates import write_certificates
-from tests.processes.conftest import Started
+from tests.processes.conftest import Fly, Started
 
 pytestmark = pytest.mark.timing
 
@@ -75,7 +75,7 @@ def newest_slot(run: Started) -> int:
 
 
 @pytest.mark.parametrize("secured", [False, True], ids=["open", "secured"])
-def test_a_cut_link_between_hosts(hosts: dict[str, str], start, tmp_path: Path, secured: bool):
+def test_a_cut_link_between_hosts(hosts: dict[str, str], start: Fly, tmp_path: Path, secured: bool) -> None:
     """The far host's UAVs hold during the cut, the others fly on; finally all arrive and all is recorded."""
     protocol, certs = ("tls", ("--certs", str(tmp_path / "certs"))) if secured else ("tcp", ())
     if secured:

@@ -25,7 +25,7 @@ from processes.bus.operator_presence import OperatorPresence
 from processes.bus.session import open_client, put
 from processes.host.certificates import write_certificates
 from processes.services.orders import asked, await_found
-from tests.processes.conftest import Ended, Started, await_true
+from tests.processes.conftest import Ended, Fly, Started, await_true
 
 SAFE = {"G1", "G2", "G3", "G4", "G7"}
 either = pytest.mark.parametrize("parts", ["open", "secured"], indirect=True)
@@ -62,8 +62,11 @@ def await_gone(address: str, name: str) -> None:
         await_true(lambda: not [reply for reply in session.liveliness().get(tokens) if reply.ok is not None])
 
 
+Hosted = Callable[..., tuple[Started, str]]
+
+
 @pytest.fixture
-def hosted(start) -> Callable[..., tuple[Started, str]]:
+def hosted(start: Fly) -> Hosted:
     """Start a run of five UAVs that leaves `remote` of them to joiners; return it and its router's address."""
 
     def go(remote: int, *arguments: str) -> tuple[Started, str]:
@@ -73,7 +76,7 @@ def hosted(start) -> Callable[..., tuple[Started, str]]:
     return go
 
 
-def test_two_hosts_fly_one_mission(start, hosted):
+def test_two_hosts_fly_one_mission(start: Fly, hosted: Hosted) -> None:
     """Each id has one claimant, and each joiner ends with the mission."""
     run, address = hosted(3)
     joined = [start("join", address, "--uavs", number) for number in ("2", "1")]
@@ -89,7 +92,7 @@ def test_two_hosts_fly_one_mission(start, hosted):
 
 
 @pytest.mark.parametrize(("seed", "leads"), [("2", False), ("1", True)], ids=["weakest", "strongest"])
-def test_a_uav_alone_stays_small(start, hosted, seed: str, leads: bool):
+def test_a_uav_alone_stays_small(start: Fly, hosted: Hosted, seed: str, leads: bool) -> None:
     """Neither the UAV nor its joiner imports numpy, unless the UAV may lead from the start."""
     run, address = hosted(1, "--seed", seed)
     joined = start("join", address)
@@ -100,7 +103,7 @@ def test_a_uav_alone_stays_small(start, hosted, seed: str, leads: bool):
         command.end()
 
 
-def test_a_fork_source_killed_by_hand_fails_the_joiner(start, hosted):
+def test_a_fork_source_killed_by_hand_fails_the_joiner(start: Fly, hosted: Hosted) -> None:
     """The input is not at fault; the operator names the UAVs that are gone with the fork source."""
     run, address = hosted(2)
     joined = start("join", address, "--uavs", "2")
@@ -116,7 +119,7 @@ def test_a_fork_source_killed_by_hand_fails_the_joiner(start, hosted):
     assert {who["cause"] for who in ended.json["not_home"]} == {"process-gone"}, ended.stdout
 
 
-def test_faults_reach_the_uavs_of_other_hosts(start, hosted):
+def test_faults_reach_the_uavs_of_other_hosts(start: Fly, hosted: Hosted) -> None:
     """Faults kill a UAV, restart one without memory, and freeze and resume one."""
     faults = ("kill u003 @8", "kill u004 @8 for 4", "freeze u005 @8 for 2s", "restart u004 lose-memory @20")
     run, address = hosted(3, "--speed-max", "2", *(word for fault in faults for word in ("--fault", fault)))
@@ -130,7 +133,7 @@ def test_faults_reach_the_uavs_of_other_hosts(start, hosted):
     assert joined.end().status == 0
 
 
-def test_what_a_joiner_cannot_read_is_counted_and_told(start, hosted, tmp_path: Path):
+def test_what_a_joiner_cannot_read_is_counted_and_told(start: Fly, hosted: Hosted, tmp_path: Path) -> None:
     """Garbage in the operator's name ends nothing; the joiner reports the first, second, fourth ... of it."""
     run, address = hosted(2)
     joined = start("join", address, "--state", str(tmp_path / "a"))
@@ -149,7 +152,7 @@ def test_what_a_joiner_cannot_read_is_counted_and_told(start, hosted, tmp_path: 
     assert [line.split()[1] for line in told] == ["1", "2"]
 
 
-def test_started_again_with_its_folder_it_is_the_same_uav(start, hosted, tmp_path: Path):
+def test_started_again_with_its_folder_it_is_the_same_uav(start: Fly, hosted: Hosted, tmp_path: Path) -> None:
     """The folder has the UAV's promise; another claimant gets no id meanwhile."""
     run, address = hosted(2)
     others = start("join", address)
@@ -175,7 +178,7 @@ def test_started_again_with_its_folder_it_is_the_same_uav(start, hosted, tmp_pat
     assert [command.end().status for command in (others, again)] == [0, 0]
 
 
-def test_ctrl_c_of_a_joiner_is_in_order(start, hosted):
+def test_ctrl_c_of_a_joiner_is_in_order(start: Fly, hosted: Hosted) -> None:
     """The UAVs of the joiner publish their last messages."""
     run, address = hosted(2)
     joined = start("join", address, "--uavs", "2")
@@ -191,7 +194,7 @@ def test_ctrl_c_of_a_joiner_is_in_order(start, hosted):
     assert not find_gaps(recording)
 
 
-def test_more_than_are_left_is_refused(start, hosted):
+def test_more_than_are_left_is_refused(start: Fly, hosted: Hosted) -> None:
     """The joiner prints one line, and the mission waits for another claim."""
     run, address = hosted(2)
     greedy = start("join", address, "--uavs", "3").end()
@@ -201,7 +204,7 @@ def test_more_than_are_left_is_refused(start, hosted):
     assert run.end().status == 1
 
 
-def test_who_is_waited_for_is_named(start, hosted):
+def test_who_is_waited_for_is_named(start: Fly, hosted: Hosted) -> None:
     """The operator names the missing UAVs, and the joiner the state of its router."""
     run, _ = hosted(2)
     nowhere = free_endpoint()
@@ -219,7 +222,7 @@ def line_with(command: Started, words: str) -> str:
     return next(line.strip() for line in command.process.stderr if words in line)
 
 
-def test_who_was_away_flies_what_is_left(start, hosted, tmp_path: Path):
+def test_who_was_away_flies_what_is_left(start: Fly, hosted: Hosted, tmp_path: Path) -> None:
     """Before the mission the operator issues the id of an absent joiner to another; the joiner then claims again."""
     run, address = hosted(2)
     folder = tmp_path / "away"
@@ -283,7 +286,7 @@ class Parts:
 
 
 @pytest.fixture(params=["open"])
-def parts(start, tmp_path: Path, request: pytest.FixtureRequest) -> Iterator[Parts]:
+def parts(start: Fly, tmp_path: Path, request: pytest.FixtureRequest) -> Iterator[Parts]:
     """Start the parts of a bus."""
     certs = tmp_path / "certs" if request.param == "secured" else None
     if certs is not None:
@@ -294,7 +297,7 @@ def parts(start, tmp_path: Path, request: pytest.FixtureRequest) -> Iterator[Par
 
 
 @either
-def test_everything_run_by_others(parts: Parts):
+def test_everything_run_by_others(parts: Parts) -> None:
     """The operator is the first to leave, and every part ends by itself."""
     joined = [parts.join(f"{number}") for number in range(5)]
     operator = parts.operate()
@@ -309,12 +312,12 @@ def test_everything_run_by_others(parts: Parts):
 
 
 @either
-def test_an_operator_that_died_is_taken_over_from(parts: Parts):
+def test_an_operator_that_died_is_taken_over_from(parts: Parts) -> None:
     """The mission continues in one recording, and no further claimant gets an id."""
     joined = [parts.join(f"{number}") for number in range(5)]
     first = parts.operate()
     part = first.path.with_name("run.mcap.part")
-    first.await_file(first._has_fixes)
+    first.await_file(first.has_fixes)
     first.process.kill()
     second = parts.operate()
     stranger = parts.join("stranger").end()
@@ -329,14 +332,14 @@ def test_an_operator_that_died_is_taken_over_from(parts: Parts):
     parts.await_end()
 
 
-def test_faults_in_force_are_told_again_after_a_takeover(parts: Parts):
+def test_faults_in_force_are_told_again_after_a_takeover(parts: Parts) -> None:
     """A UAV that the next operator restarts is as cut off as its first instance."""
     faults = ("partition u001,u002,u004,u005>u003 @4 for 40s", "restart u003 @60")
     words = ("--speed-max", "1", *(word for fault in faults for word in ("--fault", fault)))
     joined = [parts.join(f"{number}") for number in range(5)]
     first = parts.operate(*words)
     part = first.path.with_name("run.mcap.part")
-    first.await_file(lambda: first._has_fixes() and bool(_faults(read_recording(part, salvage=True))))
+    first.await_file(lambda: first.has_fixes() and bool(_faults(read_recording(part, salvage=True))))
     first.process.kill()
     ended = parts.operate(*words).end()
     assert not broken(ended) & SAFE, ended.stdout
@@ -355,7 +358,7 @@ def _faults(recording: Recording) -> list[str]:
 
 
 @either
-def test_an_operator_that_gives_up_ends_everything(parts: Parts):
+def test_an_operator_that_gives_up_ends_everything(parts: Parts) -> None:
     """Waiting parts and late parts get the notice; the operator's error is the one line about the option."""
     waiting = parts.join("waiting")
     given_up = parts.operate("--planner", "nonsense").end()
@@ -370,7 +373,7 @@ def test_an_operator_that_gives_up_ends_everything(parts: Parts):
     assert parts.parts["router"].wait(30) == 0
 
 
-def test_who_gives_up_is_the_first_to_leave_and_keeps_its_status(parts: Parts):
+def test_who_gives_up_is_the_first_to_leave_and_keeps_its_status(parts: Parts) -> None:
     """Compose ends all services after the first that ends, and may return the status of the operator."""
     waiting = parts.join("waiting")
     given_up = parts.operate("--planner", "nonsense")
@@ -387,10 +390,11 @@ def await_there(address: str, token: str) -> None:
         await_true(lambda: any(reply.ok is not None for reply in session.liveliness().get(token)))
 
 
-def test_a_router_that_has_just_begun_to_listen_hears_the_word(start):
+def test_a_router_that_has_just_begun_to_listen_hears_the_word(start: Fly) -> None:
     """SIGTERM reaches the aborting operator a second before that router sees its token."""
     address = free_endpoint()
     given_up = start("run", *FAST, "--operate", address, "--planner", "nonsense")
+    assert given_up.process.stderr is not None
     assert given_up.process.stderr.readline().startswith("error: --planner = ")
     slowly = "router._route_one_mission = lambda *told: time.sleep(1) or route(*told)"
     script = f"import sys, time; from processes.services import router; route = router._route_one_mission; {slowly}"
@@ -404,7 +408,7 @@ def test_a_router_that_has_just_begun_to_listen_hears_the_word(start):
         assert router.wait() == 0
 
 
-def test_a_router_waits_for_an_operator_only_so_long(start):
+def test_a_router_waits_for_an_operator_only_so_long(start: Fly) -> None:
     """Without any operator, every part ends with one line."""
     address = free_endpoint()
     script = "import sys; from processes.services import router; router.NO_OPERATOR_S = 0.5; sys.exit(router.main())"
@@ -419,19 +423,16 @@ def test_a_router_waits_for_an_operator_only_so_long(start):
         assert router.stderr.read() == "router: no operator has come within 0.5 s\n"
 
 
-def test_told_to_stop_all_at_once_the_record_has_every_last_word(parts: Parts):
+def test_told_to_stop_all_at_once_the_record_has_every_last_word(parts: Parts) -> None:
     """Compose stops all at once, the recorder too: the recorder waits for the others."""
     joined = [parts.join(f"{number}") for number in range(5)]
     operator = parts.operate("--speed-max", "1")
     part = operator.path.with_name("run.mcap.part")
-    operator.await_file(lambda: part.exists() and operator._has_fixes())
-    for process in (
-        parts.parts["recorder"],
-        operator.process,
-        *(each.process for each in joined),
-        parts.parts["visualiser"],
-    ):
-        process.terminate()
+    operator.await_file(lambda: part.exists() and operator.has_fixes())
+    parts.parts["recorder"].terminate()
+    for command in (operator, *joined):
+        command.process.terminate()
+    parts.parts["visualiser"].terminate()
     ended = operator.end()
     assert ended.status == 1
     assert "interrupted" in ended.stderr
@@ -441,7 +442,7 @@ def test_told_to_stop_all_at_once_the_record_has_every_last_word(parts: Parts):
     parts.await_end()
 
 
-def test_ctrl_c_of_an_operator_without_a_recorder(start, endpoint: str):
+def test_ctrl_c_of_an_operator_without_a_recorder(start: Fly, endpoint: str) -> None:
     """No mission was flown and no file is written; no line mentions a recording."""
     operator = start("run", *FAST, "--operate", endpoint)
     with open_client(endpoint) as session:
@@ -454,7 +455,7 @@ def test_ctrl_c_of_an_operator_without_a_recorder(start, endpoint: str):
     assert not list(ended.path.parent.glob("run.*"))
 
 
-def test_a_bad_option_ends_no_mission(parts: Parts):
+def test_a_bad_option_ends_no_mission(parts: Parts) -> None:
     """A mistyped command of another user at the same router disturbs no flying or waiting part."""
     joined = [parts.join(f"{number}") for number in range(4)]
     operator = parts.operate()
@@ -467,7 +468,7 @@ def test_a_bad_option_ends_no_mission(parts: Parts):
 
 
 @pytest.mark.parametrize("lost", ["operator", "router"])
-def test_ids_are_known_again_after_a_restart(parts: Parts, tmp_path: Path, lost: str):
+def test_ids_are_known_again_after_a_restart(parts: Parts, tmp_path: Path, lost: str) -> None:
     """Before the mission, a new operator learns the ids from the tokens on the bus."""
     operator = parts.operate()
     early = [parts.join(name) for name in ("a", "b")]

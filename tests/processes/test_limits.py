@@ -7,6 +7,7 @@ import subprocess
 import sys
 
 import pytest
+import zenoh
 
 from edc_swarm.errors import InputError
 from edc_swarm.mission.configuration import OPERATOR
@@ -20,7 +21,7 @@ from processes.runtime.limits import FILES, FILES_PER_UAV
 from tests.processes.conftest import await_true
 
 
-def test_operators_are_remembered_up_to_a_limit(endpoint: str, monkeypatch: pytest.MonkeyPatch):
+def test_operators_are_remembered_up_to_a_limit(endpoint: str, monkeypatch: pytest.MonkeyPatch) -> None:
     """A part remembers the first few operators; there is room again when they have gone."""
     monkeypatch.setattr("processes.bus.operator_presence.MAX_OPERATORS", 3)
     with open_client(endpoint) as crowd, open_client(endpoint) as session:
@@ -40,11 +41,15 @@ def test_operators_are_remembered_up_to_a_limit(endpoint: str, monkeypatch: pyte
         await_true(lambda: operators.away_s("own") > 0.0)
 
 
-def test_of_a_huge_message_only_the_beginning_is_kept(endpoint: str):
+def test_of_a_huge_message_only_the_beginning_is_kept(endpoint: str) -> None:
     """The replacement is just too large for the codec."""
     heard: list[Heard] = []
     with open_client(endpoint) as speaker, open_client(endpoint) as session:
-        session.declare_subscriber("huge", hand_over(lambda sample: heard.append(heard_from(sample))))
+
+        def take(sample: zenoh.Sample) -> None:
+            heard.append(heard_from(sample))
+
+        session.declare_subscriber("huge", hand_over(take))
 
         def arrived() -> bool:
             put(speaker, "huge", bytes(2 * MAX_MESSAGE_BYTES))
@@ -55,7 +60,7 @@ def test_of_a_huge_message_only_the_beginning_is_kept(endpoint: str):
 
 
 @pytest.mark.parametrize(("hard", "raised"), [(20_000, FILES + FILES_PER_UAV * MAX_SESSIONS), (100, 100)])
-def test_a_standalone_router_raises_its_limit_on_open_files(hard: int, raised: int):
+def test_a_standalone_router_raises_its_limit_on_open_files(hard: int, raised: int) -> None:
     """It raises the soft limit to that of all its sessions; a lower hard limit bounds it."""
     if resource.getrlimit(resource.RLIMIT_NOFILE)[1] < hard:
         pytest.skip("the hard limit of this shell is lower")

@@ -5,11 +5,13 @@ from __future__ import annotations
 import json
 import struct
 from pathlib import Path
+from typing import Any
 
 import pytest
 from foxglove_schemas_protobuf.SceneUpdate_pb2 import SceneUpdate
 
 from processes.cli.main import main
+from tests.processes.conftest import Fly
 
 websocket = pytest.importorskip("websocket", reason="no WebSocket client (pip install edc-swarm[dev])")
 pytest.importorskip("foxglove", reason="no live view (pip install edc-swarm[live])")
@@ -19,10 +21,10 @@ MESSAGE_DATA = 1
 """Opcode of the Foxglove WebSocket protocol."""
 
 
-def connected(port: int):
+def connected(port: int) -> tuple[Any, dict[str, dict[str, Any]]]:
     """Return a viewer and the channels that the server offers, by topic."""
     viewer = websocket.create_connection(f"ws://127.0.0.1:{port}", subprotocols=["foxglove.sdk.v1"], timeout=PATIENCE_S)
-    channels: dict[str, dict] = {}
+    channels: dict[str, dict[str, Any]] = {}
     while "/viz/area" not in channels:
         said = viewer.recv()
         if isinstance(said, str) and (advert := json.loads(said))["op"] == "advertise":
@@ -30,7 +32,7 @@ def connected(port: int):
     return viewer, channels
 
 
-def first_scene(viewer, channel: dict) -> SceneUpdate:
+def first_scene(viewer: Any, channel: dict[str, Any]) -> SceneUpdate:
     """Return the first scene of a topic."""
     viewer.send(json.dumps({"op": "subscribe", "subscriptions": [{"id": 7, "channelId": channel["id"]}]}))
     while True:
@@ -40,10 +42,11 @@ def first_scene(viewer, channel: dict) -> SceneUpdate:
             return SceneUpdate.FromString(said[13:])
 
 
-def test_a_late_viewer_sees_what_does_not_move(start) -> None:
+def test_a_late_viewer_sees_what_does_not_move(start: Fly) -> None:
     """The area was sent once, before the viewer connected; the discs are sent twice a second."""
     command = start("run", "--live", "--uavs", "3", "--area", "10000", "--seed", "4", "--speed-max", "3")
     line = ""
+    assert command.process.stderr is not None
     while "ws://localhost:" not in line:
         line = command.process.stderr.readline()
         assert line, "the command said nothing about its live view"
@@ -51,7 +54,7 @@ def test_a_late_viewer_sees_what_does_not_move(start) -> None:
     command.await_flight(3)
     viewer, channels = connected(port)
     assert channels["/viz/uavs"]["schemaName"] == "foxglove.SceneUpdate"
-    assert {entity.id for entity in first_scene(viewer, channels["/viz/area"]).entities} == {"geofence", "targets"}
+    assert {entity.id for entity in first_scene(viewer, channels["/viz/area"]).entities} == {"zone area", "targets"}
     viewer.close()
     viewer, channels = connected(port)
     assert len(first_scene(viewer, channels["/viz/uavs"]).entities) == 3

@@ -31,7 +31,12 @@ def test_a_wait_ends_with_a_word_about_what_was_waited_for(
 ) -> None:
     """A long wait prints one note; a wait at the end of a command prints none."""
     made, looks = Loop(lambda _: None), list[int]()
-    made.wait_quietly(lambda: bool(looks.append(0)), 0.05, look_every_s=0.01)
+
+    def look() -> bool:
+        looks.append(0)
+        return False
+
+    made.wait_quietly(look, 0.05, look_every_s=0.01)
     assert len(looks) > 1
     with pytest.raises(SwarmError, match=r"waited 0\.05 s for it"):
         made.wait(lambda: False, "it", 0.05)

@@ -6,7 +6,7 @@ import signal
 
 import pytest
 
-from processes.operator.host_requests import RestartProcess, SendSignal, decode_request, encode_request
+from processes.operator.host_requests import HostRequest, RestartProcess, SendSignal, decode_request, encode_request
 from processes.operator.remote_parts import PART_LOST_S, Remote
 
 REQUESTS = [
@@ -17,7 +17,7 @@ REQUESTS = [
 
 
 @pytest.mark.parametrize("sent", REQUESTS)
-def test_a_host_reads_the_request_that_the_operator_wrote(sent):
+def test_a_host_reads_the_request_that_the_operator_wrote(sent: HostRequest) -> None:
     """The detail of the event is the request."""
     assert decode_request(encode_request(sent)) == sent
 
@@ -26,12 +26,12 @@ def test_a_host_reads_the_request_that_the_operator_wrote(sent):
     "detail",
     ["", "kill u001", '{"type":"signal","uav":"u001","number":15}', '{"type":"restart","uav":"../x"}', "[" * 10_000],
 )
-def test_anything_else_is_not(detail):
+def test_anything_else_is_not(detail: str) -> None:
     """No other signal, no other id, no crash."""
     assert decode_request(detail) is None
 
 
-def test_who_is_away_is_waited_for_a_while_and_may_come_back():
+def test_who_is_away_is_waited_for_a_while_and_may_come_back() -> None:
     """A cut link is no death, until it has lasted."""
     remote = Remote(["u1", "u2"])
     assert remote.look({"u1"}, set(), 0.0) == ([], [])
@@ -43,7 +43,7 @@ def test_who_is_away_is_waited_for_a_while_and_may_come_back():
     assert remote.expected == {"u1", "u2"}
 
 
-def test_who_was_killed_is_not_waited_for():
+def test_who_was_killed_is_not_waited_for() -> None:
     """As soon as it is off the bus."""
     remote = Remote(["u1", "u2"])
     assert remote.look({"u1", "u2"}, {"u2"}, 0.0) == ([], [])

@@ -67,7 +67,8 @@ def flight(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Flight]:
     )
     try:
         flown.await_flight(5)
-        recorded = shutil.copy(folder / "run.mcap.part", folder / "heard")
+        recorded = folder / "heard"
+        shutil.copy(folder / "run.mcap.part", recorded)
         strangers = {
             "another authority": (endpoint, _certs(folder / "other")),
             "its certificate, ours believed": (endpoint, _with_our_authority(folder, certs)),
@@ -85,7 +86,7 @@ def flight(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Flight]:
             os.kill(pid, 9)
 
 
-def test_who_has_no_certificate_of_this_swarm_is_not_connected(flight: Flight):
+def test_who_has_no_certificate_of_this_swarm_is_not_connected(flight: Flight) -> None:
     """The router rejects a missing certificate, another authority's, a false one of ours, and plain TCP."""
     assert {name: said["connected"] for name, said in flight.strangers.items()} == dict.fromkeys(
         flight.strangers, False
@@ -93,7 +94,7 @@ def test_who_has_no_certificate_of_this_swarm_is_not_connected(flight: Flight):
     assert flight.insider["connected"]
 
 
-def test_the_router_refuses_to_speak_for_others(flight: Flight):
+def test_the_router_refuses_to_speak_for_others(flight: Flight) -> None:
     """The router rejects messages under the keys of another UAV, another head, the operator, or many at once."""
     assert {_speaker(message) for message in flight.of_rogue()} == {ROGUE}
     assert flight.recording.garbage == []
@@ -101,7 +102,7 @@ def test_the_router_refuses_to_speak_for_others(flight: Flight):
     assert [event.detail for event in flight.recording.events if event.kind == "end"] == ["completed"]
 
 
-def test_commands_without_a_quorum_are_not_flown_and_no_term_moves(flight: Flight):
+def test_commands_without_a_quorum_are_not_flown_and_no_term_moves(flight: Flight) -> None:
     """The rogue publishes commands under its own id; the check of the recording accuses it alone."""
     recording = flight.recording
     commands = [message for message in flight.of_rogue() if isinstance(message, Command)]
@@ -115,7 +116,7 @@ def test_commands_without_a_quorum_are_not_flown_and_no_term_moves(flight: Fligh
     assert any(event.kind == "malformed" and "without a quorum" in event.detail for event in recording.events)
 
 
-def test_subscribing_to_what_is_for_others_hears_nothing(flight: Flight):
+def test_subscribing_to_what_is_for_others_hears_nothing(flight: Flight) -> None:
     """The rogue hears all fixes and the mission: no command to others, no truth and no retransmission."""
     heard = flight.insider["heard"]
     assert heard.pop("uav/fix") > 5
@@ -123,13 +124,13 @@ def test_subscribing_to_what_is_for_others_hears_nothing(flight: Flight):
     assert heard == {}
 
 
-def test_a_joiner_cannot_fly_what_it_has_no_certificate_of(flight: Flight):
+def test_a_joiner_cannot_fly_what_it_has_no_certificate_of(flight: Flight) -> None:
     """A joiner may claim and hear the operator; it can publish nothing as a UAV, a head or the operator."""
     assert flight.joiner["connected"]
     assert flight.joiner["heard"] == {"claim answered": 1}
 
 
-def test_nobody_is_there_in_the_name_of_others(flight: Flight):
+def test_nobody_is_there_in_the_name_of_others(flight: Flight) -> None:
     """A UAV is no joiner and claims nothing; a joiner is no UAV."""
     assert {token.split("/", 2)[2] for token in flight.tokens if INSTANCE in token} == {
         f"alive/{JOIN}/{INSTANCE}-{JOIN}"
@@ -173,8 +174,11 @@ def _tokens_seen(endpoint: str, certs: Path, recorded: Path) -> Iterator[set[str
     seen = set[str]()
     keys = Keys(read_recording(recorded, salvage=True).mission.name)
     with open_client(endpoint, Credentials(certs, OPERATOR)) as session:
-        take = hand_over(lambda sample: seen.add(str(sample.key_expr)))
-        session.liveliness().declare_subscriber(keys.all_alive, take)
+
+        def take(sample: zenoh.Sample) -> None:
+            seen.add(str(sample.key_expr))
+
+        session.liveliness().declare_subscriber(keys.all_alive, hand_over(take))
         yield seen
 
 
@@ -183,7 +187,7 @@ def _rogue(endpoint: str, folder: Path, recorded: Path, name: str = ROGUE) -> su
     return subprocess.Popen(command, stdout=subprocess.PIPE, text=True)
 
 
-def test_no_uav_can_pose_as_the_router(tmp_path: Path):
+def test_no_uav_can_pose_as_the_router(tmp_path: Path) -> None:
     """Its certificate is for a client and for no host: no invited client connects."""
     certs = _certs(tmp_path / "certs")
     for name, comes in (("u001", False), ("router", True)):

@@ -13,7 +13,7 @@ from edc_swarm.mission.configuration import JOIN
 from processes.bus.address import free_endpoint
 from processes.bus.credentials import Credentials
 from processes.host.certificates import write_certificates
-from tests.processes.conftest import Started
+from tests.processes.conftest import Fly, Started
 from tests.processes.test_join import FAST, claimed
 
 UAVS = [f"u00{number}" for number in range(1, 6)]
@@ -44,14 +44,14 @@ def host(certs: Path, tmp_path: Path) -> Host:
 
 
 @pytest.fixture
-def hosted(start, certs: Path) -> tuple[Started, str]:
+def hosted(start: Fly, certs: Path) -> tuple[Started, str]:
     """Start a secured run that leaves three UAVs to joiners; return it and its router's address."""
     address = free_endpoint("tls")
     arguments = ("--secure", "--certs", str(certs), "--listen", address, "--remote", "3")
     return start("run", *FAST, *arguments), address
 
 
-def test_each_host_flies_what_it_has_certificates_of(start, hosted: tuple[Started, str], host: Host):
+def test_each_host_flies_what_it_has_certificates_of(start: Fly, hosted: tuple[Started, str], host: Host) -> None:
     """In any order of claims, an id goes only to a claimant with its certificate."""
     run, address = hosted
     folders = {"2": host("u003", "u005"), "1": host("u001", "u004")}
@@ -66,7 +66,7 @@ def test_each_host_flies_what_it_has_certificates_of(start, hosted: tuple[Starte
     assert [command.end().status for command in joined] == [0, 0]
 
 
-def test_what_a_host_cannot_fly_is_issued_to_nobody(start, hosted: tuple[Started, str], host: Host):
+def test_what_a_host_cannot_fly_is_issued_to_nobody(start: Fly, hosted: tuple[Started, str], host: Host) -> None:
     """A claimant without a certificate of a free id gets one line; one that names no certificates gets no id."""
     run, address = hosted
     folder = host("u001", "u004")

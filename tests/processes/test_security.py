@@ -83,7 +83,7 @@ def certificate(folder: Path, name: str) -> x509.Certificate:
     return x509.load_pem_x509_certificate((folder / f"{name}.pem").read_bytes())
 
 
-def test_everybody_gets_a_certificate_in_its_own_name(tmp_path: Path):
+def test_everybody_gets_a_certificate_in_its_own_name(tmp_path: Path) -> None:
     """The one authority signs for a month and for one use; only the owner can read the keys."""
     folder = tmp_path / "certs"
     write_certificates(folder, UAVS, hosts=["swarm.example", "10.0.0.7"])
@@ -104,7 +104,7 @@ def test_everybody_gets_a_certificate_in_its_own_name(tmp_path: Path):
     assert [str(ip) for ip in names.get_values_for_type(x509.IPAddress)] == ["127.0.0.1", "::1", "10.0.0.7"]
 
 
-def test_certificates_are_replaced_only_by_force(tmp_path: Path):
+def test_certificates_are_replaced_only_by_force(tmp_path: Path) -> None:
     """The command does not change a folder with any file in it."""
     write_certificates(tmp_path / "certs", UAVS)
     before = (tmp_path / "certs" / "u001.key").read_bytes()
@@ -115,7 +115,7 @@ def test_certificates_are_replaced_only_by_force(tmp_path: Path):
     assert (tmp_path / "certs" / "u001.key").read_bytes() != before
 
 
-def test_a_given_folder_must_have_everybody(tmp_path: Path):
+def test_a_given_folder_must_have_everybody(tmp_path: Path) -> None:
     """The error names the missing certificate before any process starts."""
     write_certificates(tmp_path / "certs", UAVS)
     with pytest.raises(InputError, match=r"--certs = .*u003\.pem is missing"):
@@ -128,7 +128,7 @@ def test_a_given_folder_must_have_everybody(tmp_path: Path):
         secure(tmp_path / "certs", tmp_path, "m", UAVS, [], UAVS)
 
 
-def test_what_is_not_installed_is_named(monkeypatch: pytest.MonkeyPatch):
+def test_what_is_not_installed_is_named(monkeypatch: pytest.MonkeyPatch) -> None:
     """The error names the missing package before any process starts."""
     check_security("--secure")
     monkeypatch.setattr("processes.host.security.importlib.util.find_spec", lambda _: None)
@@ -160,7 +160,7 @@ def test_what_is_not_installed_is_named(monkeypatch: pytest.MonkeyPatch):
         (["join", "tls/localhost:7447", "--certs", "nowhere"], "--certs"),
     ],
 )
-def test_bad_input_is_one_line(arguments: list[str], field: str, tmp_path: Path):
+def test_bad_input_is_one_line(arguments: list[str], field: str, tmp_path: Path) -> None:
     """The line has the field, the value and the allowed values; the status is 2."""
     command = [sys.executable, "-m", "processes.cli.main", *arguments]
     said = subprocess.run(command, capture_output=True, text=True, cwd=tmp_path, check=False)
@@ -169,7 +169,7 @@ def test_bad_input_is_one_line(arguments: list[str], field: str, tmp_path: Path)
     assert said.stderr.count("\n") == 1
 
 
-def test_rules_let_a_uav_say_only_what_is_its_own():
+def test_rules_let_a_uav_say_only_what_is_its_own() -> None:
     """No rule of one UAV names another; none lets a UAV hear the truth or all commands."""
     rules = {rule["id"]: rule for rule in access_control("m", UAVS)["rules"]}
     own = [rule for name, rule in rules.items() if name.startswith("u001 ")]
@@ -187,7 +187,7 @@ def test_rules_let_a_uav_say_only_what_is_its_own():
     assert not [key for key in heard if "truth" in key or "**" in key]
 
 
-def test_roles_may_this_and_nothing_else():
+def test_roles_may_this_and_nothing_else() -> None:
     """The table has every rule by its words; a permission with several rules has the same keys in each."""
     rules = {rule["id"]: rule for rule in access_control("m", UAVS)["rules"]}
     for name, rule in rules.items():
@@ -202,7 +202,7 @@ def test_roles_may_this_and_nothing_else():
     assert {name: may[name] for name in of_roles if name.partition(" ")[2] not in SAME} == ROLES_MAY
 
 
-def test_the_recorder_alone_asks_again_and_each_answers_for_itself():
+def test_the_recorder_alone_asks_again_and_each_answers_for_itself() -> None:
     """Each publisher has its own part in the key of retransmission."""
     again = [rule for rule in access_control("m", UAVS)["rules"] if "swarm/m/again/" in str(rule["key_exprs"])]
     assert {rule["id"] for rule in again if rule["messages"] == ["query"] and rule["flows"] == ["ingress"]} == {
@@ -214,7 +214,7 @@ def test_the_recorder_alone_asks_again_and_each_answers_for_itself():
     assert len(answering) == len(ANSWERING)
 
 
-def test_whoever_is_not_in_the_roster_may_nothing():
+def test_whoever_is_not_in_the_roster_may_nothing() -> None:
     """The default denies everything, and every rule has an owner."""
     access = access_control("m", UAVS)
     assert (access["enabled"], access["default_permission"]) == (True, "deny")
@@ -225,14 +225,14 @@ def test_whoever_is_not_in_the_roster_may_nothing():
     assert {rule["permission"] for rule in access["rules"]} == {"allow"}
 
 
-def test_no_uav_may_stand_for_a_joiner():
+def test_no_uav_may_stand_for_a_joiner() -> None:
     """No UAV may hold a joiner's token or claim ids."""
     rules = access_control("m", UAVS)["rules"]
     others = [key for rule in rules if rule["id"].startswith("u") for key in rule["key_exprs"]]
     assert not [key for key in others if "claims" in key or "alive/join" in key]
 
 
-def test_addresses_of_a_secured_bus():
+def test_addresses_of_a_secured_bus() -> None:
     """Addresses of a secured bus have another protocol."""
     assert parse_endpoint("--listen", "tls/[::1]:7447", "tls") == ("::1", 7447)
     with pytest.raises(InputError, match="tls/HOST:PORT"):

@@ -5,6 +5,7 @@ from __future__ import annotations
 import pytest
 
 from edc_swarm.protocol.completion import STALL_SLOTS
+from tests.processes.conftest import Fly
 
 RESTING = "tests.processes.resting:Resting"
 CASES = {
@@ -14,7 +15,7 @@ CASES = {
 
 
 @pytest.mark.parametrize("name", CASES)
-def test_the_end_says_that_nothing_can_change(start, name: str):
+def test_the_end_says_that_nothing_can_change(start: Fly, name: str) -> None:
     """The mission ends soon after, not when the batteries are empty."""
     arguments, status = CASES[name]
     ended = start("run", "--json", "--uavs", "4", "--slot", "0.2", "--time-scale", "2", *arguments).end()

@@ -33,8 +33,8 @@ from processes.experiments.ledger import (
     Ledger,
     Local,
     SweepError,
-    _file_digest,
     code_fingerprint,
+    file_digest,
     make,
     open_scheduler,
     sweep,
@@ -163,7 +163,7 @@ def test_results_of_a_planner_that_was_edited_are_made_again(tmp_path: Path, mon
     with Ledger(tmp_path / "sweep") as ledger:
         assert (len(ledger.results), ledger.outdated) == (2, 0)
     file.write_text("from edc_swarm.planner.edc import Edc as Mine\n")
-    _file_digest.cache_clear()
+    file_digest.cache_clear()
     with Ledger(tmp_path / "sweep") as ledger:
         assert (list(ledger.results), ledger.outdated) == ([RUNS[0].key], 1)
 

@@ -6,6 +6,7 @@ import subprocess
 import sys
 from collections.abc import Iterator
 from pathlib import Path
+from typing import TypeVar
 
 import msgspec
 import pytest
@@ -24,6 +25,8 @@ from processes.runtime.inbox import Inbox
 from processes.uav.state import create_state
 from tests.processes.conftest import await_true
 
+Said = TypeVar("Said", Fix, Event)
+
 
 class Bench:
     """A mission of three of which only the last UAV flies; the test plays the others and the operator."""
@@ -41,17 +44,21 @@ class Bench:
         self.session = open_client(endpoint)
         self._listen(self.keys.fix("*"))
         self._listen(self.keys.event("*"))
-        self._token = self.session.liveliness().declare_subscriber(
-            self.keys.all_alive, hand_over(lambda sample: self.inbox.put((str(sample.key_expr), b"")))
-        )
+        token = hand_over(self._take_token)
+        self._token = self.session.liveliness().declare_subscriber(self.keys.all_alive, token)
         arguments = ["--endpoint", endpoint, "--mission", "bench", "--uav", self.last, "--state", str(folder)]
         self.process = subprocess.Popen(
             [sys.executable, "-m", "processes.uav.process", *arguments], stderr=subprocess.PIPE
         )
 
     def _listen(self, key: str) -> None:
-        take = hand_over(lambda sample: self.inbox.put((str(sample.key_expr), sample.payload.to_bytes())))
-        self.session.declare_subscriber(key, take)
+        self.session.declare_subscriber(key, hand_over(self._take))
+
+    def _take(self, sample: zenoh.Sample) -> None:
+        self.inbox.put((str(sample.key_expr), sample.payload.to_bytes()))
+
+    def _take_token(self, sample: zenoh.Sample) -> None:
+        self.inbox.put((str(sample.key_expr), b""))
 
     def say(self, *messages: Event | Report | Fix) -> None:
         """Publish a message in the name of its sender."""
@@ -59,7 +66,7 @@ class Bench:
             stamped = msgspec.structs.replace(message, sent_ns=MissionClock().now_ns())
             self.session.put(self.keys.of(stamped), encode(stamped))
 
-    def await_heard(self, kind: type, count: int = 1) -> list[Fix | Event]:
+    def await_heard(self, kind: type[Said], count: int = 1) -> list[Said]:
         """Wait for messages of a kind from the UAV."""
 
         def enough() -> bool:
@@ -110,7 +117,7 @@ def bench(endpoint: str, tmp_path: Path) -> Iterator[Bench]:
     made.process.communicate()
 
 
-def test_what_has_not_arrived_is_said_again_also_after_the_last_word(bench: Bench):
+def test_what_has_not_arrived_is_said_again_also_after_the_last_word(bench: Bench) -> None:
     """The UAV retransmits the same bytes, and no others, until the recorder wants no more."""
     bench.begin()
     key = bench.keys.fix(bench.last)
@@ -126,7 +133,7 @@ def test_what_has_not_arrived_is_said_again_also_after_the_last_word(bench: Benc
     assert closed.instance == fixes[0].instance
 
 
-def test_imports_numpy_only_when_it_is_a_standby(bench: Bench):
+def test_imports_numpy_only_when_it_is_a_standby(bench: Bench) -> None:
     """A UAV alone in its container stays small until it may have to lead."""
     bench.begin()
     bench.say(bench.report())
@@ -137,7 +144,7 @@ def test_imports_numpy_only_when_it_is_a_standby(bench: Bench):
     bench.close()
 
 
-def test_a_uav_of_another_claimant_leaves(bench: Bench):
+def test_a_uav_of_another_claimant_leaves(bench: Bench) -> None:
     """The operator has issued its id to another claimant during its absence: it must publish nothing."""
     claimants = tuple("a" * 16 if entry.uav == bench.last else "" for entry in bench.mission.roster)
     await_true(lambda: bool(bench.inbox.wait(0.05)))
@@ -149,7 +156,7 @@ def test_a_uav_of_another_claimant_leaves(bench: Bench):
     bench.session.close()
 
 
-def test_bad_bytes_are_counted_told_now_and_then_and_dropped(bench: Bench):
+def test_bad_bytes_are_counted_told_now_and_then_and_dropped(bench: Bench) -> None:
     """A thousand malformed messages make ten events and no crash."""
     bench.begin()
     for number in range(1000):

@@ -222,7 +222,11 @@ def test_a_torn_recording_is_refused_and_recovered_when_asked(
     ],
 )
 def test_replay_names_a_bad_option(
-    arguments: list[str], field: str, simulated: Path, capsys: pytest.CaptureFixture[str], monkeypatch
+    arguments: list[str],
+    field: str,
+    simulated: Path,
+    capsys: pytest.CaptureFixture[str],
+    monkeypatch: pytest.MonkeyPatch,
 ) -> None:
     """One line has the option, its value and the allowed values."""
     monkeypatch.setattr("processes.cli.commands.replay.CONNECT_TIMEOUT_MS", 100)

@@ -24,7 +24,7 @@ steps = st.lists(
 
 @given(steps)
 @settings(max_examples=300, deadline=None)
-def test_no_id_is_issued_twice(history: list[tuple[str, str, int]]):
+def test_no_id_is_issued_twice(history: list[tuple[str, str, int]]) -> None:
     """While its claimant is there an id stays with it, also across a restart of the operator; once begun, for good."""
     book, there, said = Claims(UAVS), set[str](), dict[str, set[str]]()
     final: dict[str, str] = {}

@@ -62,7 +62,7 @@ groups = st.lists(ids, min_size=1, max_size=4).map(tuple)
 
 
 def _faults(kind: type[Fault], **fields: st.SearchStrategy[object]) -> st.SearchStrategy[Fault]:
-    return st.builds(kind, at_s=seconds, **fields)  # type: ignore[arg-type]
+    return st.builds(kind, at_s=seconds, **fields)
 
 
 faults = st.one_of(

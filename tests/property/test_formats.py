@@ -11,15 +11,16 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 from hypothesis.strategies import DrawFn
-from shapely.geometry import LineString, Point, Polygon
+from shapely.geometry import Point, Polygon
 
 from edc_swarm.errors import SwarmError
 from edc_swarm.formats.assemble import Settings, assemble
 from edc_swarm.formats.content import Options
-from edc_swarm.formats.plane_checks import outside_by_rule, polygon_fault
+from edc_swarm.formats.plane_checks import outside_by_rule
 from edc_swarm.formats.registry import FORMATS, read_files
 from edc_swarm.formats.toml_text import mission_text, note_lines
 from edc_swarm.mission.configuration import Zone
+from edc_swarm.mission.polygons import polygon_fault
 from tests.unit.test_formats_read import (
     AREA,
     HOLE,
@@ -165,15 +166,6 @@ def test_any_bytes_to_any_reader(kind: str, data: bytes) -> None:
 
 WHOLE = st.integers(-6, 6).map(float)
 CORNERS = st.lists(st.tuples(WHOLE, WHOLE), max_size=8)
-
-
-@given(CORNERS)
-def test_polygons_are_simple_as_shapely_says(corners: list[tuple[float, float]]) -> None:
-    """Including corners on sides, sides that overlap, and spikes."""
-    simple = (
-        len(set(corners)) >= 3 and len(set(corners)) == len(corners) and LineString([*corners, corners[0]]).is_simple
-    )
-    assert (polygon_fault(corners) == "") == simple
 
 
 @given(CORNERS, WHOLE, WHOLE, st.sampled_from(["inclusion", "exclusion"]), st.sampled_from(["disc", "centre"]))

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from typing import Any
+from typing import Any, cast
 
 import msgspec
 from hypothesis import given, settings
@@ -12,24 +12,16 @@ from hypothesis import strategies as st
 from edc_swarm.agent.node import PeerGone, PlannerReady, Publish, Received, Tick, UavNode
 from edc_swarm.agent.vehicle import first_airframe, first_promise
 from edc_swarm.errors import MessageError
-from edc_swarm.mission.configuration import RosterEntry
 from edc_swarm.planner.registry import make_planner
 from edc_swarm.protocol.admission import Admission
 from edc_swarm.protocol.codec import decode, encode
 from edc_swarm.protocol.keys import Keys
-from edc_swarm.protocol.messages import Command, Event, Fix, Message, MissionMessage, Report, Truth
-from tests.property.test_node_properties import North
+from edc_swarm.protocol.messages import Command, Event, Message, MissionMessage, Report
+from tests.builders import EPOCH_NS, SLOT_NS, North, command, fix, mission_message, report, row, truth
 
-SLOT_NS = 500_000_000
-EPOCH_NS = 1_000 * SLOT_NS
 IDS = ("a", "b", "c")
-ROSTER = [
-    RosterEntry(
-        uav=uav, start_x_m=40.0 * k, start_y_m=0, target_x_m=40.0 * k, target_y_m=90, r_m=5, body_m=1, energy_j=2e6
-    )
-    for k, uav in enumerate(IDS)
-]
-MISSION = MissionMessage(name="m", uavs=3, roster=ROSTER, epoch_ns=EPOCH_NS, tau_s=0.2, max_slots=100)
+ROSTER = row(IDS, gap_m=40.0, north_m=90.0, energy_j=2e6)
+MISSION = mission_message(ROSTER)
 KEYS = Keys("m")
 EDC = make_planner("edc", MISSION)
 
@@ -50,23 +42,20 @@ slots = st.integers(-1, 12)
 def _sane(slot: int, term: int, uav: str) -> list[Message]:
     """A message of every kind, all well formed."""
     stamp: dict[str, Any] = {"slot": slot, "sent_ns": EPOCH_NS + max(slot, 0) * SLOT_NS + 1}
-    place = dict.fromkeys(("x_m", "y_m", "waypoint_x_m", "waypoint_y_m"), 1.0)
-    ends = dict.fromkeys(("from_x_m", "from_y_m", "to_x_m", "to_y_m"), 1.0)
-    step = {"start_x_m": 0.0, "start_y_m": 0.0, "target_x_m": 0.0, "target_y_m": 1.0}
     return [
-        Fix(uav=uav, term=term, head="b", r_m=5.0, **stamp, **place),
-        Truth(uav=uav, **stamp, **ends),
-        Command(head=uav, uav="a", term=term, **stamp, **step),
-        Report(head=uav, term=term, status="planned", grants=list(IDS), quorum=2, **stamp),
+        fix(uav, waypoint_m=(1.0, 1.0), term=term, head="b", **stamp),
+        truth(uav, from_m=(1.0, 1.0), to_m=(1.0, 1.0), **stamp),
+        command("a", target_m=(0.0, 1.0), head=uav, term=term, **stamp),
+        report(head=uav, term=term, grants=list(IDS), **stamp),
         Event(source=uav, kind="fault", **stamp),
         MISSION,
     ]
 
 
 @st.composite
-def hostile(draw: st.DrawFn) -> Message | None:
+def _hostile(draw: st.DrawFn) -> Message | None:
     """A message with some of its fields replaced by anything, if it still decodes."""
-    message = draw(st.sampled_from(_sane(draw(slots), draw(st.integers(0, 5)), draw(st.sampled_from(IDS)))))
+    message: Message = draw(st.sampled_from(_sane(draw(slots), draw(st.integers(0, 5)), draw(st.sampled_from(IDS)))))
     raw = msgspec.to_builtins(message)
     names = [name for name in raw if name not in {"uav", "head", "source"} or draw(st.booleans())]
     changed = {name: draw(plain) for name in draw(st.lists(st.sampled_from(names), max_size=3))}
@@ -76,7 +65,8 @@ def hostile(draw: st.DrawFn) -> Message | None:
         return None
 
 
-said = st.one_of(hostile().filter(lambda message: message is not None).map(Received), st.builds(PeerGone, texts))
+hostile = _hostile().filter(lambda message: message is not None).map(lambda message: cast("Message", message))
+said = st.one_of(hostile.map(Received), st.builds(PeerGone, texts))
 story = st.lists(st.tuples(st.one_of(st.just(Tick()), said), st.floats(-1, 12)), min_size=4, max_size=30)
 
 
@@ -102,19 +92,14 @@ def test_nothing_that_decodes_makes_a_step_raise(story: list[tuple[Any, float]],
 def _followers(node: UavNode, slot: int) -> list[Received]:
     """Fixes by which all others grant what the UAV grants, so that it leads when it grants itself."""
     term, head = node.grant
-    fixes = [
-        Fix(
-            uav=entry.uav, term=term, head=head, slot=slot, sent_ns=EPOCH_NS + slot * SLOT_NS, r_m=5.0, x_m=0.0,
-            y_m=0.0, waypoint_x_m=entry.start_x_m, waypoint_y_m=entry.start_y_m, suspects=True,
-        )
-        for entry in ROSTER
-        if entry.uav != node.uav and slot >= 0
-    ]  # fmt: skip
-    return [Received(fix) for fix in fixes]
+    where: dict[str, Any] = {"slot": slot, "sent_ns": EPOCH_NS + slot * SLOT_NS, "x_m": 0.0, "y_m": 0.0}
+    others = [entry for entry in ROSTER if entry.uav != node.uav and slot >= 0]
+    starts = [(entry.uav, (entry.start_x_m, entry.start_y_m)) for entry in others]
+    return [Received(fix(uav, waypoint_m=at_m, term=term, head=head, suspects=True, **where)) for uav, at_m in starts]
 
 
 @settings(max_examples=200, deadline=None)
-@given(st.lists(hostile().filter(lambda message: message is not None), max_size=6))
+@given(st.lists(hostile, max_size=6))
 def test_no_term_moves_on_anything_short_of_a_quorum(messages: list[Message]) -> None:
     """One liar under its own id, whatever it says in reports and commands, cannot make a UAV follow it."""
     entry = ROSTER[0]
@@ -131,7 +116,7 @@ def _is_backed(report: Report) -> bool:
 
 
 @settings(max_examples=200, deadline=None)
-@given(hostile().filter(lambda message: message is not None))
+@given(hostile)
 def test_what_is_admitted_is_about_the_mission(message: Message) -> None:
     """The judge never raises, and lets in nobody that is not in the roster."""
     if Admission(MISSION).refusal(message) is None and not isinstance(message, Event | MissionMessage):

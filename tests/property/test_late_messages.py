@@ -73,7 +73,7 @@ def expected(said: list[Message]) -> Read:
 
 @settings(max_examples=15, deadline=None)
 @given(data=st.data())
-def test_late_messages_change_no_reader(said: list[Message], expected: Read, data: st.DataObject):
+def test_late_messages_change_no_reader(said: list[Message], expected: Read, data: st.DataObject) -> None:
     """Metrics, guarantees, plans made again and the report page are the same, whatever came how late."""
     order = list(said[1:])
     late = data.draw(st.lists(st.tuples(st.integers(0, len(order) - 1), st.integers(1, 80)), min_size=1, max_size=30))

@@ -21,38 +21,20 @@ from edc_swarm.agent.node import (
     UavNode,
 )
 from edc_swarm.agent.vehicle import Promise, first_airframe, first_promise
-from edc_swarm.mission.configuration import Criterion, RosterEntry
-from edc_swarm.planner.interface import Plan, PlanRequest
+from edc_swarm.mission.configuration import Criterion
 from edc_swarm.protocol.codec import decode, encode
 from edc_swarm.protocol.keys import Keys
 from edc_swarm.protocol.messages import Command, Event, Fix, MissionMessage, Report
+from tests.builders import EPOCH_NS, SLOT_NS, North, fix, mission_message, row
 
-SLOT_NS = 500_000_000
-EPOCH_NS = 1_000 * SLOT_NS
 IDS = ("a", "b", "c")
-ROSTER = [
-    RosterEntry(
-        uav=uav, start_x_m=40.0 * k, start_y_m=0, target_x_m=40.0 * k, target_y_m=90, r_m=5, body_m=1, energy_j=2e3
-    )
-    for k, uav in enumerate(IDS)
-]
+ROSTER = row(IDS, gap_m=40.0, north_m=90.0, energy_j=2e3)
 KEYS = Keys("m")
-
-
-class North:
-    """A planner that sends everybody a metre north."""
-
-    def plan(self, request: PlanRequest) -> Plan:
-        """One metre north for everybody."""
-        return Plan([(float(x), float(y) + 1.0) for x, y in request.position_m], "no-qp-needed")
 
 
 def mission(elect: Criterion, standbys: int, lease: int, lag: int) -> MissionMessage:
     """Three UAVs."""
-    return MissionMessage(
-        name="m", uavs=3, roster=ROSTER, epoch_ns=EPOCH_NS, tau_s=0.2, max_slots=100, elect=elect, standbys=standbys,
-        lease_slots=lease, lag_slots=lag,
-    )  # fmt: skip
+    return mission_message(ROSTER, elect=elect, standbys=standbys, lease_slots=lease, lag_slots=lag)
 
 
 # Small numbers, so that messages fit together now and then, and any others.
@@ -77,9 +59,7 @@ reports = st.builds(
     hull_uav=names, hull_ax_m=st.lists(metres), hull_ay_m=st.lists(metres), hull_bx_m=st.lists(metres),
     hull_by_m=st.lists(metres), hull_r_m=st.lists(metres),
 )  # fmt: skip
-others = st.sampled_from(
-    [Event(source="operator", kind="fault"), Fix(uav="a", slot=3, x_m=0, y_m=0, r_m=5, waypoint_x_m=0, waypoint_y_m=0)]
-)
+others = st.sampled_from([Event(source="operator", kind="fault"), fix("a", 3)])
 events: st.SearchStrategy[NodeEvent] = st.one_of(
     st.just(Tick()),
     st.builds(Received, fixes),
@@ -152,7 +132,8 @@ def test_a_uav_keeps_its_promise(
     """
     entry = ROSTER[IDS.index(uav)]
     disk = first_promise(entry) if remembers else None
-    node, seqs, plans = UavNode(flown, uav, "life-0", disk, first_airframe(entry)), {}, set[tuple[int, int]]()
+    node, seqs = UavNode(flown, uav, "life-0", disk, first_airframe(entry)), dict[str, int]()
+    plans: set[tuple[int, int]] = set()
     for life, (event, now_ns, fate) in enumerate(story, 1):
         effects = node.step(event, now_ns)
         if fate == 0:
@@ -181,7 +162,8 @@ def test_three_uavs_on_a_bad_bus(story: list[tuple[int, float, float]]) -> None:
         now_ns = EPOCH_NS + round((index / 4 + fraction / 8) * SLOT_NS)
         for uav, node in nodes.items():
             heard = bus[-12:] if chance > 0.3 else bus[who::3][-6:]
-            for event in [Tick(), *(Received(message) for message in heard), Tick()]:
+            heard_events: list[NodeEvent] = [Tick(), *(Received(message) for message in heard), Tick()]
+            for event in heard_events:
                 for effect in node.step(event, now_ns):
                     if isinstance(effect, Publish) and not isinstance(effect.message, Event):
                         message = effect.message

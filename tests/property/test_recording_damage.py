@@ -15,9 +15,10 @@ from edc_swarm.mission.configuration import Mission
 from edc_swarm.mission.roster import complete_mission
 from edc_swarm.protocol.codec import encode
 from edc_swarm.protocol.keys import Keys
-from edc_swarm.protocol.messages import Fix, Message, MissionMessage
+from edc_swarm.protocol.messages import Message, MissionMessage
 from edc_swarm.recording.reader import read_recording, recover
 from edc_swarm.recording.writer import RecordingWriter
+from tests.builders import fix
 
 KEYS = Keys("mission")
 
@@ -28,8 +29,7 @@ def whole() -> tuple[list[Message], bytes]:
     mission = complete_mission(Mission(uavs=2))
     fields = {name: getattr(mission, name) for name in mission.__struct_fields__}
     messages: list[Message] = [MissionMessage(**fields, epoch_ns=1)]
-    place = {"x_m": 1.0, "y_m": 2.0, "r_m": 5.0, "waypoint_x_m": 1.0, "waypoint_y_m": 2.0}
-    messages += [Fix(uav="u001", seq=slot, sent_ns=slot, slot=slot, **place) for slot in range(30)]
+    messages += [fix("u001", slot, (1.0, 2.0), seq=slot, sent_ns=slot) for slot in range(30)]
     stream = io.BytesIO()
     writer = RecordingWriter(stream, {})
     for number, message in enumerate(messages):

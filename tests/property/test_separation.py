@@ -30,7 +30,7 @@ def gap_m(from_m: np.ndarray, to_m: np.ndarray, radius_m: np.ndarray, slot: int,
     closing = to_m[slot, k] - to_m[slot, other] - apart
     squared = float(closing @ closing)
     share = min(1.0, max(0.0, -float(apart @ closing) / squared)) if squared else 0.0
-    return math.hypot(*(apart + share * closing)) - radius_m[k] - radius_m[other]
+    return math.hypot(*(apart + share * closing)) - float(radius_m[k] + radius_m[other])
 
 
 @given(swarm=swarms(), below_m=st.floats(-3, 10))

@@ -9,6 +9,7 @@ guards against a head that is wrong, and `tests/unit/test_vehicle.py` holds it.
 from __future__ import annotations
 
 from collections.abc import Callable
+from dataclasses import replace
 from typing import Any
 
 import msgspec
@@ -22,7 +23,7 @@ from edc_swarm.agent.head import Head, Office
 from edc_swarm.agent.knowledge import Knowledge
 from edc_swarm.agent.node import Effect, Persist, UavNode
 from edc_swarm.experiments import fuzzing
-from edc_swarm.geometry import Floats
+from edc_swarm.geometry import Barriers, Floats, point_segment_distance_m
 from edc_swarm.mission.configuration import Mission
 from edc_swarm.mission.validation import mission_from_dict
 from edc_swarm.planner.edc import Edc
@@ -262,6 +263,55 @@ def negative_gap_taken(patch: Patch) -> None:
     patch.setattr(certificate, "_refused", lambda _problem, waypoint_m: np.zeros(len(waypoint_m), dtype=bool))
 
 
+def _with_barriers(patch: Patch, change: Callable[[Barriers], Barriers]) -> None:
+    """Assemble the rows, which solver and certificate share, from changed barriers."""
+    rows = slot_qp._barrier_rows
+
+    def mutant(
+        position_m: Floats, wish_m: Floats, r_m: Floats, u_max_m: float, airspace: slot_qp.Airspace
+    ) -> tuple[Any, ...]:
+        changed = slot_qp.Airspace.of(change(airspace.barriers), airspace.r_m, 2 * u_max_m)
+        return rows(position_m, wish_m, r_m, u_max_m, changed)
+
+    patch.setattr(slot_qp, "_barrier_rows", mutant)
+
+
+def rows_of_one_zone_left_out(patch: Patch) -> None:
+    """The last zone has no rows."""
+
+    def without_last(barriers: Barriers) -> Barriers:
+        kept = barriers.zone < barriers.zone.max(initial=0)
+        return Barriers(*(getattr(barriers, name)[kept] for name in Barriers.__dataclass_fields__))
+
+    _with_barriers(patch, without_last)
+
+
+def zones_kept_by_centres_alone(patch: Patch) -> None:
+    """The distance to keep from a zone lacks the radius of the UAV."""
+    _with_barriers(patch, lambda barriers: replace(barriers, keeps_disc=np.zeros_like(barriers.keeps_disc)))
+
+
+def rows_for_the_end_of_the_step_only(patch: Patch) -> None:
+    """A UAV whose preferred waypoint keeps its distance from all barriers has no row, whatever lies between."""
+    rows = slot_qp._barrier_rows
+
+    def mutant(
+        position_m: Floats, wish_m: Floats, r_m: Floats, u_max_m: float, airspace: slot_qp.Airspace
+    ) -> tuple[Any, ...]:
+        uav, normal, room_m, frozen = rows(position_m, wish_m, r_m, u_max_m, airspace)
+        barriers = airspace.barriers
+        away_m = point_segment_distance_m(wish_m[:, None], barriers.a_m, barriers.b_m) - barriers.least_m(r_m)
+        counts = (away_m.min(axis=1, initial=np.inf) < 0)[uav]
+        return uav[counts], normal[counts], room_m[counts], frozen
+
+    patch.setattr(slot_qp, "_barrier_rows", mutant)
+
+
+def zones_neither_solved_nor_checked(patch: Patch) -> None:
+    """Neither the slot QP nor the certificate has a row of a barrier."""
+    _with_barriers(patch, lambda _: Barriers.none())
+
+
 def planner_that_gives_up_after_a_fault(patch: Patch) -> None:
     """No UAV moves any more after one was unheard."""
     wishes, shaken = Edc._wishes, set[Edc]()
@@ -366,6 +416,10 @@ DEFECTS: list[tuple[Defect, int, int]] = [
     (hull_reset_by_a_duplicate_fix, 0, 200),
     (joint_row_only, 0, 20),
     (negative_gap_taken, 0, 200),
+    (rows_of_one_zone_left_out, 0, 20),
+    (zones_kept_by_centres_alone, 0, 20),
+    (rows_for_the_end_of_the_step_only, 0, 60),
+    (zones_neither_solved_nor_checked, 0, 20),
     (planner_that_gives_up_after_a_fault, 0, 60),
     (guidance_that_ignores_one_uav, 0, 60),
 ]

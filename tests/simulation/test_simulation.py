@@ -12,7 +12,7 @@ import pytest
 
 from edc_swarm.analysis.guarantees.check import check
 from edc_swarm.analysis.guarantees.verdict import GuaranteeResult
-from edc_swarm.mission.configuration import Mission, RosterEntry
+from edc_swarm.mission.configuration import Mission
 from edc_swarm.mission.roster import complete_mission
 from edc_swarm.mission.validation import mission_from_dict
 from edc_swarm.planner.interface import Plan, PlanRequest
@@ -22,6 +22,7 @@ from edc_swarm.protocol.completion import STALL_SLOTS
 from edc_swarm.protocol.messages import EPOCH_NS, Command, Event, Fix, Message, MissionMessage, Report, mission_message
 from edc_swarm.recording.model import Recording
 from edc_swarm.simulation.simulator import Simulation, SimulationEnd
+from tests.builders import entry
 
 EDC: dict[str, Any] = {"planner_name": "edc", "area_m2": 10_000.0}
 """Fields of a mission that the project's own planner flies to its end."""
@@ -46,7 +47,7 @@ class Flight:
         make = planner or (lambda: make_planner(self.mission.planner, self.mission))
         self.simulation = Simulation(self.mission, make, self._hear)
         if to_the_end:
-            self.simulation.monitor.complete = lambda _slot: False  # type: ignore[method-assign]
+            self.simulation.monitor.complete = lambda slot: False  # type: ignore[method-assign]  # noqa: ARG005
         self.end: SimulationEnd = self.simulation.run()
 
     def _hear(self, _key: str, message: Message, now_ns: int) -> None:
@@ -212,11 +213,8 @@ def test_link() -> None:
 
 def test_radio_range() -> None:
     """A UAV that flies out of range of the head is not commanded beyond it: true positions count, not starts."""
-    roster = [
-        RosterEntry(uav=uav, start_x_m=x_m, start_y_m=0, target_x_m=to_m, target_y_m=0, r_m=5, body_m=1, energy_j=5e4)
-        for uav, x_m, to_m in (("u1", 0, 0), ("u2", 0, 0), ("u3", 40, 200))
-    ]
-    roster[1] = msgspec.structs.replace(roster[1], start_y_m=20, target_y_m=20)
+    ways = {"u1": ((0.0, 0.0), (0.0, 0.0)), "u2": ((0.0, 20.0), (0.0, 20.0)), "u3": ((40.0, 0.0), (200.0, 0.0))}
+    roster = [entry(uav, *way, energy_j=5e4) for uav, way in ways.items()]
     link = [{"range_m": 100.0, "shadowing_db": 0.0}]
     flight = Flight(
         roster=msgspec.to_builtins(roster), uavs=3, link=link, v_max_mps=20.0, gps_model="none", max_slots=60
@@ -514,20 +512,12 @@ def test_sequence_numbers_have_no_holes() -> None:
 
 def roster(*energies_j: float) -> list[dict[str, Any]]:
     """UAVs u1, u2, ... 40 m apart with these batteries; the first has the fastest computer."""
-    return [
-        {
-            "uav": f"u{k}",
-            "start_x_m": 40.0 * k,
-            "start_y_m": 0.0,
-            "target_x_m": 40.0 * k,
-            "target_y_m": 90.0,
-            "r_m": 5.0,
-            "body_m": 0.25,
-            "energy_j": energy_j,
-            "compute_factor": 1.0 + k,
-        }
+    entries = [
+        entry(f"u{k}", (40.0 * k, 0.0), (40.0 * k, 90.0), body_m=0.25, energy_j=energy_j, compute_factor=1.0 + k)
         for k, energy_j in enumerate(energies_j, 1)
     ]
+    found: list[dict[str, Any]] = msgspec.to_builtins(entries)
+    return found
 
 
 def test_the_mission_type_is_the_missions() -> None:

@@ -9,24 +9,23 @@ import pytest
 
 from edc_swarm.errors import MessageError
 from edc_swarm.protocol.admission import Admission
-from edc_swarm.protocol.messages import Command, Event, Fix, Message, Report, Truth
+from edc_swarm.protocol.messages import Event, Message
+from tests.builders import command, fix, report, truth
 from tests.unit.synthetic import EPOCH_NS, SLOT_NS, flight, mission_of, parallel
 
 MISSION = mission_of(parallel(5), max_slots=50, sent_ns=EPOCH_NS - 1)
 MISSION.roster[1] = msgspec.structs.replace(MISSION.roster[1], start_y_m=7.0)
 UAVS = [entry.uav for entry in MISSION.roster]
 NOW: dict[str, Any] = {"slot": 4, "sent_ns": EPOCH_NS + 4 * SLOT_NS}
-FIX = Fix(uav="u1", term=1, head="u0", x_m=12, y_m=0, r_m=5, waypoint_x_m=12, waypoint_y_m=7, **NOW)
-TRUTH = Truth(uav="u1", from_x_m=0, from_y_m=0, to_x_m=0, to_y_m=0, **NOW)
-COMMAND = Command(
-    head="u0", uav="u1", term=1, start_x_m=0, start_y_m=0, target_x_m=0, target_y_m=0, slot=5, sent_ns=NOW["sent_ns"]
-)
-REPORT = Report(head="u0", term=1, status="planned", grants=UAVS[:3], heard=UAVS[:3], quorum=3, **NOW)
+FIX = fix("u1", waypoint_m=(12.0, 7.0), y_m=0.0, term=1, head="u0", **NOW)
+TRUTH = truth("u1", **NOW)
+COMMAND = command("u1", head="u0", **{**NOW, "slot": 5})
+REPORT = report(head="u0", grants=UAVS[:3], heard=UAVS[:3], quorum=3, **NOW)
 HULL = ("hull_ax_m", "hull_ay_m", "hull_bx_m", "hull_by_m", "hull_r_m")
 EVENT = Event(source="operator", kind="fault", detail="kill u1 @5", sent_ns=EPOCH_NS)
 
 
-def test_a_whole_mission_is_admitted():
+def test_a_whole_mission_is_admitted() -> None:
     """Admission rejects no message of a faultless swarm."""
     admission = Admission(mission_of(parallel()))
     assert [admission.refusal(message) for message in flight(parallel())] == [None] * len(flight(parallel()))
@@ -69,7 +68,7 @@ def test_a_whole_mission_is_admitted():
         (EVENT, {"detail": "nonsense"}, "a fault such as"),
     ],
 )
-def test_what_cannot_be_true_is_refused(message: Message, changes: dict[str, Any], reason: str):
+def test_what_cannot_be_true_is_refused(message: Message, changes: dict[str, Any], reason: str) -> None:
     """The message is admitted; with one wrong field it is rejected, and the reason names the field."""
     admission = Admission(MISSION)
     assert admission.refusal(message) is None
@@ -79,7 +78,7 @@ def test_what_cannot_be_true_is_refused(message: Message, changes: dict[str, Any
         admission.check("key", wrong)
 
 
-def test_terms_may_grow_as_fast_as_any_election():
+def test_terms_may_grow_as_fast_as_any_election() -> None:
     """Up to the limit a term is believed, however many elections failed before."""
     assert Admission(MISSION).refusal(msgspec.structs.replace(REPORT, term=2000 * 1050)) is None
 
@@ -93,12 +92,12 @@ def test_terms_may_grow_as_fast_as_any_election():
         (EVENT, {"sent_ns": EPOCH_NS - 1}),
     ],
 )
-def test_what_is_just_possible_is_believed(message: Message, changes: dict[str, Any]):
+def test_what_is_just_possible_is_believed(message: Message, changes: dict[str, Any]) -> None:
     """Full speed in every slot but for rounding, a clock that is far ahead, and what is said with the mission."""
     assert Admission(MISSION).refusal(msgspec.structs.replace(message, **changes)) is None
 
 
-def test_a_report_without_a_plan_needs_no_quorum():
+def test_a_report_without_a_plan_needs_no_quorum() -> None:
     """It claims nothing."""
     powerless = msgspec.structs.replace(REPORT, status="no-quorum", grants=[])
     assert Admission(MISSION).refusal(powerless) is None

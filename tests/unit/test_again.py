@@ -32,7 +32,7 @@ def numbers(answer: Answer) -> list[int]:
     return [kept.seq for kept in answer.found]
 
 
-def test_exactly_what_is_asked_for_is_given():
+def test_exactly_what_is_asked_for_is_given() -> None:
     """By key and number, in the order of the ask, with the bytes and the stamp as they were."""
     kept = Ring()
     scene = Kept("viz/uavs", 0, b"\x00scene", b'{"seq":0}')
@@ -42,7 +42,7 @@ def test_exactly_what_is_asked_for_is_given():
     assert answer == Answer([Kept("b", 1, b"b1"), scene], [("b", 0)])
 
 
-def test_the_oldest_are_forgotten():
+def test_the_oldest_are_forgotten() -> None:
     """Of ten messages the ring holds the last three, whatever their key."""
     kept = ring(10, limit_bytes=3 * (10 + 5 + OVERHEAD_BYTES))
     answer = kept.answer(Ask([Span("k", 0, 9)]))
@@ -50,7 +50,7 @@ def test_the_oldest_are_forgotten():
     assert answer.gone == [("k", seq) for seq in range(7)]
 
 
-def test_what_is_larger_than_the_ring_is_not_kept():
+def test_what_is_larger_than_the_ring_is_not_kept() -> None:
     """The ring keeps the messages after it."""
     kept = ring(1, size=1000, limit_bytes=1000)
     for kept_bytes, seq in ((1, 1), (1, 2), (700, 3)):
@@ -59,18 +59,18 @@ def test_what_is_larger_than_the_ring_is_not_kept():
 
 
 @pytest.mark.parametrize(("size", "given"), [(1, TURN_NUMBERS), (TURN_BYTES // 4, 4), (TURN_BYTES * 3, 1)])
-def test_one_turn_gives_so_much_and_no_more(size: int, given: int):
+def test_one_turn_gives_so_much_and_no_more(size: int, given: int) -> None:
     """By number and by bytes, but always at least one."""
     assert numbers(ring(300, size, limit_bytes=1 << 30).answer(Ask([Span("k", 0, 299)]))) == list(range(given))
 
 
-def test_an_endless_ask_costs_one_turn():
+def test_an_endless_ask_costs_one_turn() -> None:
     """A request for all numbers gets an answer about the first few."""
     answer = Ring().answer(Ask([Span("k", 0, 1 << 60)]))
     assert (answer.found, len(answer.gone)) == ([], TURN_NUMBERS)
 
 
-def test_words_come_back():
+def test_words_come_back() -> None:
     """An ask and an answer are what they were, after the bus."""
     ask, answer = Ask([Span("k", 1, 2)]), Answer([Kept("k", 1, b"\xff\x00", b"s")], [("k", 2)])
     assert decode_ask(encode(ask)) == ask

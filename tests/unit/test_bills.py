@@ -2,14 +2,16 @@
 
 from __future__ import annotations
 
+from typing import Any
+
 import pytest
-from synthetic import EPOCH_NS, SLOT_NS, flight, parallel, recorded, whole
 
 from edc_swarm.analysis.energy_bill import EnergyBill, Exhausted, energy_bills, exhausted
-from edc_swarm.analysis.metrics import Timing
+from edc_swarm.analysis.timings import Timing
 from edc_swarm.emulation.energy import propulsion_power_w
 from edc_swarm.mission.configuration import EnergyModel
 from edc_swarm.protocol.messages import Command, Event, Fix, Message, Report, Truth
+from tests.unit.synthetic import EPOCH_NS, SLOT_NS, flight, parallel, recorded, whole
 
 MODEL = EnergyModel(radio_j_per_message=0.25)
 HOVER_W = propulsion_power_w(0.0, MODEL)
@@ -46,7 +48,7 @@ def test_who_was_never_heard_has_an_unknown_battery(messages: list[Message]) -> 
 @pytest.mark.parametrize("kind", [Fix, Command, Report])
 def test_what_the_record_lacks_is_on_no_bill(messages: list[Message], kind: type) -> None:
     """Each lost kind of message leaves unknown what is counted in it, of the UAV that said it."""
-    lost = next(m for m in messages if isinstance(m, kind) and m.slot == 3)
+    lost = next(m for m in messages if isinstance(m, kind) and getattr(m, "slot", -1) == 3)
     head, other, _ = energy_bills(recorded([m for m in messages if m is not lost]))
     assert (head.cruise_j is None, head.compute_j is None) == (kind is Fix, kind is Report)
     assert (head.radio_j, head.total_j) == (None, None)
@@ -56,7 +58,7 @@ def test_what_the_record_lacks_is_on_no_bill(messages: list[Message], kind: type
 def test_measured_times_replace_recorded_ones(messages: list[Message]) -> None:
     """There is one timing for each plan of a slot, in order; plans without one keep the recorded time."""
     again = next(m for m in messages if isinstance(m, Report) and m.slot == 1)
-    common = {"instance": "i1", "sent_ns": again.sent_ns + 1, "status": again.status, "quorum": 2}
+    common: dict[str, Any] = {"instance": "i1", "sent_ns": again.sent_ns + 1, "status": again.status, "quorum": 2}
     messages.append(Report(head="u1", slot=1, term=2, plan_ms=7.0, **common))
     timings = [Timing(0, 100.0), Timing(1, 200.0), Timing(1, 300.0)]
     bills = energy_bills(recorded(messages), timings)

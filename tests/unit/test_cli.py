@@ -32,7 +32,7 @@ def complaint(capsys: pytest.CaptureFixture[str], *arguments: str) -> str:
 
 
 @pytest.fixture(autouse=True)
-def elsewhere(tmp_path: Path, monkeypatch: pytest.MonkeyPatch):
+def elsewhere(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """Run in an empty folder, which bad input leaves empty."""
     monkeypatch.chdir(tmp_path)
 
@@ -68,7 +68,9 @@ def elsewhere(tmp_path: Path, monkeypatch: pytest.MonkeyPatch):
         ("--out old.txt", "--out = 'old.txt'"),
     ],
 )
-def test_bad_options_are_named(capsys, tmp_path: Path, command: str, options: str, named: str):
+def test_bad_options_are_named(
+    capsys: pytest.CaptureFixture[str], tmp_path: Path, command: str, options: str, named: str
+) -> None:
     """Field, value and what is allowed, before anything is started or written."""
     assert named in complaint(capsys, command, *options.split())
     assert list(tmp_path.iterdir()) == []
@@ -85,7 +87,7 @@ def test_bad_options_are_named(capsys, tmp_path: Path, command: str, options: st
         ("[energy]\nrotors = 4", "energy.rotors = 4"),
     ],
 )
-def test_bad_mission_files_are_named(capsys, tmp_path: Path, text: str, named: str):
+def test_bad_mission_files_are_named(capsys: pytest.CaptureFixture[str], tmp_path: Path, text: str, named: str) -> None:
     """The same for a file as for options."""
     file = tmp_path / "mission.toml"
     file.write_text(text)
@@ -112,7 +114,9 @@ def test_bad_mission_files_are_named(capsys, tmp_path: Path, text: str, named: s
         ("missing.toml", "sweep file = 'missing.toml'"),
     ],
 )
-def test_bad_latency_options_are_named(capsys, tmp_path: Path, options: str, named: str):
+def test_bad_latency_options_are_named(
+    capsys: pytest.CaptureFixture[str], tmp_path: Path, options: str, named: str
+) -> None:
     """Before anything is flown or written."""
     assert named in complaint(capsys, "latency", *options.split())
     assert list(tmp_path.iterdir()) == []
@@ -129,7 +133,7 @@ def test_bad_latency_options_are_named(capsys, tmp_path: Path, options: str, nam
         ("[[mission.link]]\nreceiver = 'u099'", "link[1].receiver = 'u099'"),
     ],
 )
-def test_bad_sweep_files_are_named(capsys, tmp_path: Path, text: str, named: str):
+def test_bad_sweep_files_are_named(capsys: pytest.CaptureFixture[str], tmp_path: Path, text: str, named: str) -> None:
     """The same for a file as for options."""
     file = tmp_path / "sweep.toml"
     file.write_text(text)
@@ -138,7 +142,7 @@ def test_bad_sweep_files_are_named(capsys, tmp_path: Path, text: str, named: str
 
 
 @pytest.mark.parametrize("command", ["run", "sim"])
-def test_an_existing_recording_needs_force(capsys, tmp_path: Path, command: str):
+def test_an_existing_recording_needs_force(capsys: pytest.CaptureFixture[str], tmp_path: Path, command: str) -> None:
     """It is left as it was."""
     kept = tmp_path / "old.mcap"
     kept.write_bytes(b"old")
@@ -147,13 +151,13 @@ def test_an_existing_recording_needs_force(capsys, tmp_path: Path, command: str)
 
 
 @pytest.mark.parametrize("command", ["run", "sim"])
-def test_a_folder_that_cannot_be_written(capsys, tmp_path: Path, command: str):
+def test_a_folder_that_cannot_be_written(capsys: pytest.CaptureFixture[str], tmp_path: Path, command: str) -> None:
     """A file stands where a folder must be: that stops root too."""
     (tmp_path / "file").write_text("")
     assert "--out = " in complaint(capsys, command, "--out", str(tmp_path / "file" / "x.mcap"))
 
 
-def test_a_port_in_use(capsys):
+def test_a_port_in_use(capsys: pytest.CaptureFixture[str]) -> None:
     """Told before anything is started."""
     with socket.socket() as taken:
         taken.bind(("127.0.0.1", 0))
@@ -180,7 +184,9 @@ def test_a_port_in_use(capsys):
         ("join", "ADDRESS = ''"),
     ],
 )
-def test_bad_offers_to_share_a_mission(capsys, tmp_path: Path, command: str, named: str):
+def test_bad_offers_to_share_a_mission(
+    capsys: pytest.CaptureFixture[str], tmp_path: Path, command: str, named: str
+) -> None:
     """Told before anybody is connected to."""
     (tmp_path / "file").write_text("")
     assert named in complaint(capsys, *shlex.split(command)).lower() or named in complaint(
@@ -191,7 +197,9 @@ def test_bad_offers_to_share_a_mission(capsys, tmp_path: Path, command: str, nam
 
 @pytest.mark.parametrize("command", ["metrics", "check"])
 @pytest.mark.parametrize("content", [None, b"", b"not MCAP", b"\x89MCAP0\r\n"])
-def test_files_that_are_no_recordings(capsys, tmp_path: Path, command: str, content: bytes | None):
+def test_files_that_are_no_recordings(
+    capsys: pytest.CaptureFixture[str], tmp_path: Path, command: str, content: bytes | None
+) -> None:
     """Missing, empty, something else, torn."""
     file = tmp_path / "x.mcap"
     if content is not None:
@@ -199,7 +207,7 @@ def test_files_that_are_no_recordings(capsys, tmp_path: Path, command: str, cont
     assert f"'{file}'" in complaint(capsys, command, str(file))
 
 
-def test_a_truncated_recording(capsys, tmp_path: Path):
+def test_a_truncated_recording(capsys: pytest.CaptureFixture[str], tmp_path: Path) -> None:
     """Refused by name, with the way out."""
     whole, torn = tmp_path / "a.mcap", tmp_path / "b.mcap"
     main(["sim", "--uavs", "3", "--planner", "straight", "--json", "--out", str(whole)])
@@ -208,12 +216,12 @@ def test_a_truncated_recording(capsys, tmp_path: Path):
     assert "recover" in complaint(capsys, "metrics", str(torn))
 
 
-def test_an_unknown_command(capsys):
+def test_an_unknown_command(capsys: pytest.CaptureFixture[str]) -> None:
     """The known ones are named."""
     assert "run, join, sim, metrics, check" in complaint(capsys, "fly")
 
 
-def test_json_stands_alone_and_equals_metrics(capsys, tmp_path: Path):
+def test_json_stands_alone_and_equals_metrics(capsys: pytest.CaptureFixture[str], tmp_path: Path) -> None:
     """Also with a planner that collides; its exit status says so."""
     out = tmp_path / "s.mcap"
     assert main(["sim", "--uavs", "30", "--planner", "straight", "--json", "--out", str(out)]) == 1
@@ -238,7 +246,9 @@ class Tiring:
 """
 
 
-def test_a_planner_beside_the_mission_is_found_and_its_failure_told(capsys, tmp_path: Path):
+def test_a_planner_beside_the_mission_is_found_and_its_failure_told(
+    capsys: pytest.CaptureFixture[str], tmp_path: Path
+) -> None:
     """One file in the current folder is enough; when it fails all hold, the record says why, and so does the end."""
     (tmp_path / "tiring_planner.py").write_text(PLANNER)
     options = ["--planner", "tiring_planner:Tiring", "--uavs", "3", "--max-slots", "9", "--out", "own.mcap"]
@@ -250,7 +260,7 @@ def test_a_planner_beside_the_mission_is_found_and_its_failure_told(capsys, tmp_
     assert [event.slot for event in events] == [4], "once, not in every slot"
 
 
-def test_a_planner_too_slow_for_its_slots_is_told(capsys, tmp_path: Path):
+def test_a_planner_too_slow_for_its_slots_is_told(capsys: pytest.CaptureFixture[str], tmp_path: Path) -> None:
     """Virtual time has room for it; real UAVs would hold."""
     slow = PLANNER.replace("if request.slot > 4:", "time.sleep(0.03)\n        if False:")
     (tmp_path / "slow_planner.py").write_text(f"import time\n{slow}")
@@ -260,7 +270,7 @@ def test_a_planner_too_slow_for_its_slots_is_told(capsys, tmp_path: Path):
     assert "a slot is 20 ms" in line
 
 
-def test_same_seed_same_bytes(tmp_path: Path, monkeypatch: pytest.MonkeyPatch):
+def test_same_seed_same_bytes(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """G6, with the command line in it: where the file is to be, and whether the summary is JSON, are not."""
     a, b = tmp_path / "a.mcap", tmp_path / "b.mcap"
     for words in (["--json", "--out", str(a)], ["--force", f"--out={b}"]):
@@ -270,7 +280,7 @@ def test_same_seed_same_bytes(tmp_path: Path, monkeypatch: pytest.MonkeyPatch):
     assert read_recording(a).run["command"] == "edc-swarm sim --uavs 4 --seed 3 --loss 0.1"
 
 
-def test_ctrl_c_ends_what_gives_up(monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]):
+def test_ctrl_c_ends_what_gives_up(monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]) -> None:
     """While it looks for its router: what was wrong has been said."""
 
     def interrupted(*_: object) -> None:
@@ -282,7 +292,7 @@ def test_ctrl_c_ends_what_gives_up(monkeypatch: pytest.MonkeyPatch, capsys: pyte
     assert capsys.readouterr().err.startswith("error: --planner = 'nonsense'")
 
 
-def test_link_options_are_about_every_link_of_the_file(tmp_path: Path):
+def test_link_options_are_about_every_link_of_the_file(tmp_path: Path) -> None:
     """What they do not say stays as it is in the file, also for single links and for a while."""
     file = tmp_path / "m.toml"
     file.write_text('[[link]]\ndelay_ms = 40\nloss = 0.1\n[[link]]\nsender = "u001"\nloss = 1\nend_s = 9\n')
@@ -297,7 +307,7 @@ def test_link_options_are_about_every_link_of_the_file(tmp_path: Path):
     ]  # fmt: skip
 
 
-def test_default_name_does_not_collide(tmp_path: Path, capsys):
+def test_default_name_does_not_collide(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     """A second run of the same seed gets a number."""
     for _ in range(2):
         main(["sim", "--uavs", "2", "--planner", "straight"])
@@ -311,20 +321,20 @@ def test_default_name_does_not_collide(tmp_path: Path, capsys):
 
 
 @pytest.mark.parametrize("command", COMMANDS)
-def test_every_command_has_help(capsys, command: str):
+def test_every_command_has_help(capsys: pytest.CaptureFixture[str], command: str) -> None:
     """With what it does in the first lines."""
     assert main([command, "--help"]) == 0
     assert f"edc-swarm {command}" in capsys.readouterr().out
 
 
 @pytest.mark.parametrize("command", ["run", "sim"])
-def test_the_fault_vocabulary_is_printed(capsys, command: str):
+def test_the_fault_vocabulary_is_printed(capsys: pytest.CaptureFixture[str], command: str) -> None:
     """The page of the docs, and nothing is flown."""
     assert main([command, "--fault-help"]) == 0
     assert capsys.readouterr().out == (Path(__file__).parents[2] / "docs" / "faults.md").read_text()
 
 
-def test_version(capsys):
+def test_version(capsys: pytest.CaptureFixture[str]) -> None:
     """A name and a number."""
     assert main(["--version"]) == 0
     assert capsys.readouterr().out.startswith("edc-swarm ")

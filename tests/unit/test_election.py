@@ -10,32 +10,22 @@ import pytest
 from edc_swarm.agent.election import Election, TermClaim
 from edc_swarm.agent.knowledge import Grant, Knowledge
 from edc_swarm.agent.succession import HANDOVER_SLOTS
-from edc_swarm.mission.configuration import Mission, RosterEntry
 from edc_swarm.protocol.messages import Fix, Report
+from tests import builders
 
 IDS = ("a", "b", "c", "d", "e")
-MISSION = Mission(
-    uavs=5,
-    roster=[
-        RosterEntry(
-            uav=uav, start_x_m=20.0 * k, start_y_m=0, target_x_m=20.0 * k, target_y_m=9, r_m=5, body_m=1, energy_j=1
-        )
-        for k, uav in enumerate(IDS)
-    ],
-)
+MISSION = builders.mission(builders.row(IDS, gap_m=20.0, north_m=9.0))
 ENERGY = {"a": 50.0, "b": 90.0, "c": 80.0, "d": 80.0, "e": 10.0}
 
 
 def fix(uav: str, slot: int, term: int = 1, head: str = "a", **fields: Any) -> Fix:
     """A fix with the grant (1, a)."""
-    basis = {"energy_j": ENERGY.get(uav, 0.0), "x_m": 0, "y_m": 0, "r_m": 5, "waypoint_x_m": 0, "waypoint_y_m": 0}
-    return Fix(**{**basis, "uav": uav, "slot": slot, "term": term, "head": head, **fields})  # type: ignore[arg-type]
+    return builders.fix(uav, slot, term=term, head=head, **{"energy_j": ENERGY.get(uav, 0.0), **fields})
 
 
 def report(slot: int, term: int = 1, head: str = "a", grants: int = 3, **fields: Any) -> Report:
     """A report of head a in term 1 with a quorum; b, then c are its standbys."""
-    basis = {"status": "planned", "quorum": 3, "grants": list(IDS[:grants]), "standby": ["b", "c"]}
-    return Report(**{**basis, "head": head, "slot": slot, "term": term, **fields})  # type: ignore[arg-type]
+    return builders.report(slot, term, head, quorum=3, grants=list(IDS[:grants]), standby=["b", "c"], **fields)
 
 
 class Voter:

@@ -417,6 +417,7 @@ def test_no_ratio_is_below_one(tmp_path: Path) -> None:
     found = compute_metrics(read_recording(out))
     assert found.arrived == 2
     assert found.makespan_ratio == pytest.approx(1.0, abs=0.01)
+    assert found.makespan_ratio is not None
     assert found.makespan_ratio >= 1
     assert (found.extra_distance_pct, found.extra_distance_mean_pct) == (pytest.approx(0), pytest.approx(0))
 

@@ -5,19 +5,19 @@ from __future__ import annotations
 from collections.abc import Callable
 
 import pytest
-from synthetic import change, close, flight, parallel, recorded
 
 from edc_swarm.analysis.guarantees.check import check
 from edc_swarm.protocol.messages import Command, Event, Fix, Message, MissionMessage, Report, Truth
+from tests.unit.synthetic import change, close, flight, parallel, recorded
 
 Keep = Callable[[Message], bool]
 
 NEEDED: dict[type, set[str]] = {
-    Fix: {"G1", "G2", "G3", "G4", "G5", "G7"},
+    Fix: {"G1", "G2", "G3", "G4", "G5", "G7", "G8"},
     Truth: {"G3", "G4", "G5"},
     Command: {"G1", "G2", "G5"},
     Report: {"G1", "G5"},
-    Event: {"G1", "G2", "G3", "G4", "G5", "G7"},
+    Event: {"G1", "G2", "G3", "G4", "G5", "G7", "G8"},
 }
 
 
@@ -47,7 +47,7 @@ def test_a_kind_that_is_missing_is_missed(kind: type, last_words: bool) -> None:
 @pytest.mark.parametrize("kind", [Fix, Truth, Command])
 def test_a_topic_that_is_missing_is_missed(kind: type, uav: str) -> None:
     """The missing messages of one kind by one UAV are noticed."""
-    keep = [m for m in flight(parallel()) if not (isinstance(m, kind) and m.uav == uav)]
+    keep = [m for m in flight(parallel()) if not (isinstance(m, kind) and getattr(m, "uav", "") == uav)]
     require_no_word_without_evidence(keep, NEEDED[kind])
 
 
@@ -62,7 +62,7 @@ def test_a_tail_that_is_missing_is_missed(slot: int) -> None:
 
 def test_only_fixes_prove_no_command_missing() -> None:
     """Commands that are not recorded may have been published."""
-    keep = [m for m in flight(parallel()) if isinstance(m, Fix | MissionMessage)]
+    keep: list[Message] = [m for m in flight(parallel()) if isinstance(m, Fix | MissionMessage)]
     require_no_word_without_evidence(keep, NEEDED[Event])
 
 

@@ -9,7 +9,7 @@ import pytest
 
 from edc_swarm.emulation.machine import MACHINE_FAULTS
 from edc_swarm.errors import MissionError
-from edc_swarm.mission.configuration import FOR_GOOD_S, Mission, RosterEntry
+from edc_swarm.mission.configuration import FOR_GOOD_S, Mission
 from edc_swarm.mission.fault_help import fault_help
 from edc_swarm.mission.faults import (
     DECLARATIONS,
@@ -32,6 +32,7 @@ from edc_swarm.mission.faults import (
 )
 from edc_swarm.simulation.faults import PROCESS_FAULTS
 from processes.operator.fault_injector import Injector
+from tests.builders import mission, row
 
 ROSTER = ("u001", "u002", "u003", "u004", "u005")
 LINK = "link A>B [delay MS] [jitter MS] [loss P] [duplicate P] [reorder P] [range M] @WHEN [for D]"
@@ -41,13 +42,7 @@ PAGE = Path(__file__).resolve().parents[2] / "docs" / "faults.md"
 
 def mission_with(*faults: str) -> Mission:
     """A mission of five UAVs with the given faults."""
-    roster = [
-        RosterEntry(
-            uav=uav, start_x_m=20.0 * k, start_y_m=0, target_x_m=20.0 * k, target_y_m=9, r_m=5, body_m=1, energy_j=1e4
-        )
-        for k, uav in enumerate(ROSTER)
-    ]
-    return Mission(uavs=5, roster=roster, fault=list(faults))
+    return mission(row(ROSTER, gap_m=20.0, north_m=9.0), fault=list(faults))
 
 
 @pytest.mark.parametrize(

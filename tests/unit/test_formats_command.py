@@ -9,17 +9,20 @@ from dataclasses import replace
 from datetime import datetime
 from itertools import pairwise
 from pathlib import Path
+from typing import Any
 
 import fastkml
 import numpy as np
 import pytest
+from fastkml.gx import Track
 from fastkml.utils import find_all
 from geographiclib.geodesic import Geodesic
 from shapely.geometry import shape
 
-from edc_swarm.analysis.metrics import columns_of
+from edc_swarm.analysis.columns import columns_of
 from edc_swarm.mission.configuration import Mission, RosterEntry, Zone
 from edc_swarm.mission.validation import load_mission
+from edc_swarm.recording.model import Recording
 from edc_swarm.recording.reader import read_recording
 from processes.cli.commands.export import tracks_of
 from processes.cli.main import main
@@ -105,7 +108,7 @@ def test_imported_missions_fly(capsys: pytest.CaptureFixture[str]) -> None:
 
 
 @pytest.fixture(scope="module")
-def golden():
+def golden() -> Recording:
     """The recording that all are compared with."""
     return read_recording(GOLDEN)
 
@@ -117,7 +120,7 @@ def exported(kind: str) -> Path:
     return path
 
 
-def truth(golden, k: int) -> list[tuple[float, float]]:
+def truth(golden: Recording, k: int) -> list[tuple[float, float]]:
     """Latitude and longitude of the centres of a UAV's disc, reckoned by geographiclib alone."""
     mission = golden.mission
     places = []
@@ -135,7 +138,7 @@ def near(found: list[tuple[float, float]], expected: list[tuple[float, float]]) 
     assert np.abs(np.array(found) - np.array(expected)).max() < 2e-9
 
 
-def test_geojson_is_read_back_by_shapely(golden, capsys: pytest.CaptureFixture[str]) -> None:
+def test_geojson_is_read_back_by_shapely(golden: Recording, capsys: pytest.CaptureFixture[str]) -> None:
     """A line per UAV, without altitudes, with as many times as points."""
     features = json.loads(exported("geojson").read_text())["features"]
     capsys.readouterr()
@@ -148,14 +151,14 @@ def test_geojson_is_read_back_by_shapely(golden, capsys: pytest.CaptureFixture[s
         assert times_s == [slot * golden.mission.dt_s for slot in range(len(line.coords))]
 
 
-def test_kml_is_read_back_by_fastkml(golden, capsys: pytest.CaptureFixture[str]) -> None:
+def test_kml_is_read_back_by_fastkml(golden: Recording, capsys: pytest.CaptureFixture[str]) -> None:
     """A track per UAV, whose times are those of the slots, without altitudes."""
-    tree = fastkml.KML.from_string(exported("kml").read_bytes())
+    tree = fastkml.KML.parse(exported("kml"))
     capsys.readouterr()
-    marks = list(find_all(tree, of_type=fastkml.Placemark))
+    marks: list[Any] = list(find_all(tree, of_type=fastkml.Placemark))
     assert [mark.name for mark in marks] == [entry.uav for entry in golden.mission.roster]
     for k, mark in enumerate(marks):
-        (track,) = find_all(mark, of_type=fastkml.gx.Track)
+        track: Any = next(find_all(mark, of_type=Track))
         near([(point.coord.y, point.coord.x) for point in track.track_items], truth(golden, k))
         assert not any(point.coord.has_z for point in track.track_items)
         begun_ns = track.track_items[0].when.dt.timestamp() * 1e9
@@ -164,7 +167,7 @@ def test_kml_is_read_back_by_fastkml(golden, capsys: pytest.CaptureFixture[str])
             assert (two.when.dt - one.when.dt).total_seconds() == pytest.approx(golden.mission.dt_s, abs=2e-3)
 
 
-def test_csv_is_read_back(golden, capsys: pytest.CaptureFixture[str]) -> None:
+def test_csv_is_read_back(golden: Recording, capsys: pytest.CaptureFixture[str]) -> None:
     """A row per UAV and slot; units are in the names; true positions are those of the recording."""
     with exported("csv").open(newline="") as stream:
         rows = list(csv.DictReader(stream))
@@ -185,7 +188,7 @@ def test_csv_is_read_back(golden, capsys: pytest.CaptureFixture[str]) -> None:
     assert compared >= slots * count
 
 
-def test_a_track_has_a_gap_where_the_recording_has_one(golden) -> None:
+def test_a_track_has_a_gap_where_the_recording_has_one(golden: Recording) -> None:
     """Nothing is drawn through slots whose motion is lost, nor after a UAV's end."""
     columns = columns_of(golden)
     lost, alive = columns.lost.copy(), columns.alive.copy()

@@ -55,8 +55,14 @@ def assert_near(points: list[tuple[float, float]], expected: list[tuple[float, f
 
 
 def item(
-    command: int, lat: float | None, lon: float | None, *, frame: int = 3, alt: float = 10.0, params=(0, 0, 0, None)
-):
+    command: int,
+    lat: float | None,
+    lon: float | None,
+    *,
+    frame: int = 3,
+    alt: float = 10.0,
+    params: tuple[Any, ...] = (0, 0, 0, None),
+) -> dict[str, Any]:
     """A simple item of a plan."""
     return {
         "type": "SimpleItem",
@@ -360,7 +366,7 @@ def test_kml_as_fastkml_reads_it(version: str) -> None:
     found = imported(("a.kml", text))
     mine = [in_degrees(found.mission, index) for index in range(3)]
     tree = fastkml.KML.from_string(kml(LINE + AREA + TRACK + MULTI, head=""))
-    marks = list(find_all(tree, of_type=fastkml.Placemark))
+    marks: list[Any] = list(find_all(tree, of_type=fastkml.Placemark))
     line = [(lat, lon) for lon, lat, *_ in marks[0].geometry.coords]
     track = [(lat, lon) for lon, lat, *_ in marks[2].geometry.coords]
     assert_near(mine[0], line)

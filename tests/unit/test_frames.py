@@ -4,12 +4,12 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from synthetic import flight, parallel, recorded
 
+from edc_swarm.analysis.columns import columns_of
 from edc_swarm.analysis.frames import LIBRARIES, frame_of
-from edc_swarm.analysis.metrics import columns_of
 from edc_swarm.errors import InputError
 from edc_swarm.protocol.messages import Fix
+from tests.unit.synthetic import flight, parallel, recorded
 
 
 @pytest.mark.parametrize("library", LIBRARIES)

@@ -9,21 +9,13 @@ import pytest
 
 from edc_swarm.agent.head import ABSENT_SLOTS, Head
 from edc_swarm.agent.knowledge import Knowledge
-from edc_swarm.mission.configuration import Mission, RosterEntry
 from edc_swarm.planner.interface import Hull, Plan, PlanRequest
 from edc_swarm.protocol.messages import Fix
+from tests import builders
+from tests.builders import mission, row
 
 IDS = ("a", "b", "c", "d")
-MISSION = Mission(
-    uavs=4,
-    v_max_mps=6.0,
-    roster=[
-        RosterEntry(
-            uav=uav, start_x_m=20.0 * k, start_y_m=0, target_x_m=20.0 * k, target_y_m=9, r_m=5, body_m=1, energy_j=1
-        )
-        for k, uav in enumerate(IDS)
-    ],
-)
+MISSION = mission(row(IDS, gap_m=20.0, north_m=9.0), v_max_mps=6.0)
 
 
 class Moves:
@@ -43,10 +35,7 @@ class Moves:
 
 def fix(uav: str, slot: int, term: int = 2, head: str = "a", **fields: Any) -> Fix:
     """A fix at the start that grants a in term 2."""
-    x_m = 20.0 * IDS.index(uav)
-    return Fix(
-        uav=uav, slot=slot, term=term, head=head, x_m=0, y_m=0, r_m=5, waypoint_x_m=x_m, waypoint_y_m=0, **fields
-    )
+    return builders.fix(uav, slot, (20.0 * IDS.index(uav), 0.0), x_m=0.0, term=term, head=head, **fields)
 
 
 def head(*fixes: Fix, barred: int = 1, slot: int = 5) -> Head:

@@ -7,11 +7,10 @@ import math
 import numpy as np
 import pytest
 
-from edc_swarm.mission.configuration import Mission, RosterEntry
 from edc_swarm.protocol.completion import MissionMonitor
 from edc_swarm.protocol.hindrance import BUFFER_M, Place, Point, hindrance, hindrances
-from edc_swarm.protocol.messages import Fix, Report
 from edc_swarm.solver.slot_qp import DELTA_M, Obstacles, slot_problem
+from tests.builders import entry, fix, hulls, mission, report
 
 R_M = 5.0
 HERE: Point = (0.0, 0.0)
@@ -125,8 +124,8 @@ def test_two_long_hulls_close_in_a_uav_near_one_of_them() -> None:
 
 def test_a_uav_that_is_held_is_in_the_way_of_others() -> None:
     """Its disc covers another one's target; where it is free to move, it does not."""
-    held = RosterEntry(uav="h", start_x_m=0, start_y_m=0, target_x_m=90, target_y_m=0, r_m=R_M, body_m=1, energy_j=1)
-    other = RosterEntry(uav="o", start_x_m=0, start_y_m=0, target_x_m=9, target_y_m=-3, r_m=R_M, body_m=1, energy_j=1)
+    held = entry("h", target_m=(90.0, 0.0), r_m=R_M)
+    other = entry("o", target_m=(9.0, -3.0), r_m=R_M)
     away = [(other, (60.0, 60.0)), (held, HERE)]
     sides = [hull("a", (-8, -8), (-8, 8), 1), hull("b", (-8, 9), (8, 9), 1)]
     found = hindrances(away, sides)
@@ -139,18 +138,17 @@ def test_a_uav_that_is_held_is_in_the_way_of_others() -> None:
 # --- the end of the mission --------------------------------------------------------------------
 
 ROSTER = [
-    RosterEntry(uav=uav, start_x_m=x_m, start_y_m=y_m, target_x_m=60 * k, target_y_m=90, r_m=R_M, body_m=1, energy_j=1)
-    for k, (uav, x_m, y_m) in enumerate((("a", 0, 0), ("b", -8, 3), ("c", 8, 3), ("d", 0, -8), ("e", 90, 0)))
+    entry(uav, start_m, (60.0 * k, 90.0), r_m=R_M)
+    for k, (uav, start_m) in enumerate(zip("abcde", ((0, 0), (-8, 3), (8, 3), (0, -8), (90, 0)), strict=True))
 ]
 
 
 def monitor(scale: int = 1) -> MissionMonitor:
     """A monitor that has heard in slot 9 that e is at its target, and the others `scale` times as far out as above."""
-    judge = MissionMonitor(Mission(uavs=5, roster=ROSTER))
-    for entry in ROSTER:
-        x_m, y_m = scale * entry.start_x_m, scale * entry.start_y_m
-        place = {"x_m": x_m, "y_m": y_m, "waypoint_x_m": x_m, "waypoint_y_m": y_m}
-        judge.hear_fix(Fix(uav=entry.uav, slot=9, r_m=R_M, arrived=entry.uav == "e", **place))
+    judge = MissionMonitor(mission(ROSTER))
+    for one in ROSTER:
+        place_m = (scale * one.start_x_m, scale * one.start_y_m)
+        judge.hear_fix(fix(one.uav, 9, place_m, r_m=R_M, arrived=one.uav == "e"))
     return judge
 
 
@@ -171,10 +169,6 @@ def test_the_newest_hulls_hold() -> None:
     for uav in "bcd":
         judge.end(uav)
     assert not judge.complete(9)
-    judge.hear_report(
-        Report(
-            head="e", slot=9, term=2, status="planned", quorum=3, grants=["a", "d", "e"], hull_uav=["b", "c"],
-            hull_ax_m=[-32, 32], hull_ay_m=[12, 12], hull_bx_m=[-8, 8], hull_by_m=[0, 0], hull_r_m=[1, 1],
-        )
-    )  # fmt: skip
+    places = {"b": ((-32.0, 12.0), (-8.0, 0.0), 1.0), "c": ((32.0, 12.0), (8.0, 0.0), 1.0)}
+    judge.hear_report(report(9, 2, "e", quorum=3, grants=["a", "d", "e"], **hulls(places)))
     assert judge.complete(9)

@@ -34,7 +34,9 @@ class Watch:
         self.now_s += after_s
         return self.holes.due(self.now_s)
 
-    def answer(self, found: Sequence[tuple[str, int]], gone: Sequence[tuple[str, int]] = (), who=US) -> list[int]:
+    def answer(
+        self, found: Sequence[tuple[str, int]], gone: Sequence[tuple[str, int]] = (), who: tuple[str, str] = US
+    ) -> list[int]:
         """An answer comes; the numbers that are to be recorded."""
         kept = [Kept(key, seq, b"bytes") for key, seq in found]
         return [one.seq for one in self.holes.answered(who, Answer(kept, list(gone)), self.now_s)]
@@ -46,14 +48,14 @@ def watch() -> Watch:
     return Watch()
 
 
-def test_nothing_is_asked_where_nothing_is_missing(watch: Watch):
+def test_nothing_is_asked_where_nothing_is_missing(watch: Watch) -> None:
     """No request is due."""
     assert watch.hear(0, 1, 2) == [True] * 3
     assert watch.asks(10.0) == []
     assert (watch.holes.next_s, watch.holes.outstanding) == (None, False)
 
 
-def test_a_hole_is_asked_for_and_filled(watch: Watch):
+def test_a_hole_is_asked_for_and_filled(watch: Watch) -> None:
     """Exactly what is missing, of both keys at once, and then no more."""
     watch.hear(0, 3)
     watch.hear(2, key=TRUTH)
@@ -65,7 +67,7 @@ def test_a_hole_is_asked_for_and_filled(watch: Watch):
     assert watch.asks(10.0) == []
 
 
-def test_a_partial_answer_leads_to_the_next_ask_at_once(watch: Watch):
+def test_a_partial_answer_leads_to_the_next_ask_at_once(watch: Watch) -> None:
     """A publisher that answers in parts gets a request for the rest."""
     watch.hear(5)
     watch.asks(GATHER_S)
@@ -75,7 +77,7 @@ def test_a_partial_answer_leads_to_the_next_ask_at_once(watch: Watch):
     assert watch.asks() == [(US, Ask([Span(FIX, 4, 4)]))]
 
 
-def test_what_cannot_be_had_any_more_is_given_up(watch: Watch):
+def test_what_cannot_be_had_any_more_is_given_up(watch: Watch) -> None:
     """A ring that has run over: the gap stays, and nothing is hoped for."""
     watch.hear(3)
     watch.asks(GATHER_S)
@@ -84,7 +86,7 @@ def test_what_cannot_be_had_any_more_is_given_up(watch: Watch):
     assert watch.asks(10.0) == []
 
 
-def test_silence_is_asked_again_and_again_and_then_no_more(watch: Watch):
+def test_silence_is_asked_again_and_again_and_then_no_more(watch: Watch) -> None:
     """A publisher that died: so many asks, each waited for as long as is written."""
     watch.hear(1)
     watch.now_s += GATHER_S
@@ -98,7 +100,7 @@ def test_silence_is_asked_again_and_again_and_then_no_more(watch: Watch):
     assert watch.asks(100.0) == []
 
 
-def test_another_hole_wakes_a_publisher_that_was_given_up(watch: Watch):
+def test_another_hole_wakes_a_publisher_that_was_given_up(watch: Watch) -> None:
     """It lives after all: old holes and new are asked for."""
     watch.hear(1)
     for _ in range(MAX_TRIES + 2):
@@ -109,7 +111,7 @@ def test_another_hole_wakes_a_publisher_that_was_given_up(watch: Watch):
     assert watch.asks(GATHER_S) == [(US, Ask([Span(FIX, 0, 0), Span(FIX, 3, 3)]))]
 
 
-def test_a_hole_during_an_ask_waits_for_the_answer(watch: Watch):
+def test_a_hole_during_an_ask_waits_for_the_answer(watch: Watch) -> None:
     """The recorder does not repeat a request that is under way."""
     watch.hear(1)
     watch.asks(GATHER_S)
@@ -119,7 +121,7 @@ def test_a_hole_during_an_ask_waits_for_the_answer(watch: Watch):
     assert watch.asks() == [(US, Ask([Span(FIX, 2, 2)]))]
 
 
-def test_nothing_is_recorded_twice(watch: Watch):
+def test_nothing_is_recorded_twice(watch: Watch) -> None:
     """It ignores answers without a request: one sent twice, one that came by itself, keys never heard of."""
     watch.hear(0, 3)
     watch.asks(GATHER_S)
@@ -130,7 +132,7 @@ def test_nothing_is_recorded_twice(watch: Watch):
     assert watch.answer([(TRUTH, 0)], [(EVENT, 0)]) == []
 
 
-def test_what_comes_by_itself_in_the_midst_of_a_hole_leaves_both_ends(watch: Watch):
+def test_what_comes_by_itself_in_the_midst_of_a_hole_leaves_both_ends(watch: Watch) -> None:
     """They are asked for, and found."""
     watch.hear(0, 6)
     assert watch.hear(3) == [True]
@@ -138,7 +140,7 @@ def test_what_comes_by_itself_in_the_midst_of_a_hole_leaves_both_ends(watch: Wat
     assert watch.answer([(FIX, 4), (FIX, 5), (FIX, 1), (FIX, 2)]) == [4, 5, 1, 2]
 
 
-def test_what_really_was_said_twice_is_recorded_twice(watch: Watch):
+def test_what_really_was_said_twice_is_recorded_twice(watch: Watch) -> None:
     """Two messages of one number are evidence, also where the first of them was fetched."""
     watch.hear(0, 2)
     watch.asks(GATHER_S)
@@ -147,7 +149,7 @@ def test_what_really_was_said_twice_is_recorded_twice(watch: Watch):
     assert watch.hear(1, payload=b"forged") == [True]
 
 
-def test_the_last_word_tells_of_a_tail(watch: Watch):
+def test_the_last_word_tells_of_a_tail(watch: Watch) -> None:
     """It names keys without any message too, and may name keys without the mission."""
     watch.hear(0)
     watch.holes.closed("a", "1-x", {FIX: 1, EVENT: 0}, watch.now_s)
@@ -160,7 +162,7 @@ def test_the_last_word_tells_of_a_tail(watch: Watch):
     assert watch.answer([(FIX, 1), (EVENT, 0)]) == [0]
 
 
-def test_who_has_closed_is_told_when_nothing_is_wanted_any_more(watch: Watch):
+def test_who_has_closed_is_told_when_nothing_is_wanted_any_more(watch: Watch) -> None:
     """At once where nothing is missing, otherwise with the last answer; and once."""
     watch.hear(0, 2)
     watch.hear(0, key=KEYS.fix("b"), instance="2-x")
@@ -173,21 +175,21 @@ def test_who_has_closed_is_told_when_nothing_is_wanted_any_more(watch: Watch):
     assert watch.asks(10.0) == []
 
 
-def test_nobody_closes_for_another(watch: Watch):
+def test_nobody_closes_for_another(watch: Watch) -> None:
     """The last word of b says nothing about the messages of a."""
     watch.hear(0)
     watch.holes.closed("b", "1-x", {FIX: 10}, watch.now_s)
     assert watch.asks(10.0) == []
 
 
-def test_instances_are_publishers_of_their_own(watch: Watch):
+def test_instances_are_publishers_of_their_own(watch: Watch) -> None:
     """A UAV that was started again is not asked for what its predecessor has said."""
     watch.hear(0, 2)
     watch.hear(0, 2, instance="2-x")
     assert watch.asks(GATHER_S) == [(US, Ask([Span(FIX, 1, 1)])), (("a", "2-x"), Ask([Span(FIX, 1, 1)]))]
 
 
-def test_a_hole_during_an_ask_is_asked_for_as_often_as_any(watch: Watch):
+def test_a_hole_during_an_ask_is_asked_for_as_often_as_any(watch: Watch) -> None:
     """A publisher that has not answered yet shows that it lives: the ask under way is the first for all of it."""
     watch.hear(1)
     for after_s in (GATHER_S, *WAITS_S[:2]):
@@ -196,7 +198,7 @@ def test_a_hole_during_an_ask_is_asked_for_as_often_as_any(watch: Watch):
     assert sum(len(watch.asks(10.0)) for _ in range(2 * MAX_TRIES)) == MAX_TRIES - 1
 
 
-def test_strangers_are_not_asked_before_they_are_known(watch: Watch):
+def test_strangers_are_not_asked_before_they_are_known(watch: Watch) -> None:
     """They delay no request to others either."""
     watch.hear(1, key=KEYS.fix("z"))
     assert watch.asks(10.0) == []
@@ -205,21 +207,21 @@ def test_strangers_are_not_asked_before_they_are_known(watch: Watch):
     assert watch.asks() == [(("z", "1-x"), Ask([Span(KEYS.fix("z"), 0, 0)]))]
 
 
-def test_what_nobody_counts_is_left_alone(watch: Watch):
+def test_what_nobody_counts_is_left_alone(watch: Watch) -> None:
     """The recorder's own words, foreign keys, and instances that are no part of a key."""
     for key, instance in ((KEYS.event("recorder"), "1-x"), (f"{KEYS.root}/x", "1-x"), (FIX, ""), (FIX, "*/**")):
         assert watch.hear(5, 5, key=key, instance=instance) == [True, True]
     assert watch.asks(10.0) == []
 
 
-def test_only_the_end_of_a_huge_hole_is_asked_for(watch: Watch):
+def test_only_the_end_of_a_huge_hole_is_asked_for(watch: Watch) -> None:
     """An invented number makes no endless work."""
     watch.hear(1 << 50)
     ((_, ask),) = watch.asks(GATHER_S)
     assert ask.wanted == [Span(FIX, (1 << 50) - MAX_HOLE, (1 << 50) - 1)]
 
 
-def test_so_many_are_asked_at_once_and_no_more(watch: Watch):
+def test_so_many_are_asked_at_once_and_no_more(watch: Watch) -> None:
     """The others when their turn comes, without anybody looking at the clock in vain."""
     names = [f"u{number}" for number in range(MAX_AT_ONCE + 1)]
     watch.known.update(names)
@@ -235,7 +237,7 @@ def test_so_many_are_asked_at_once_and_no_more(watch: Watch):
     assert [name for (name, _), _ in watch.asks(GATHER_S)] == [names[-1]]
 
 
-def test_who_is_not_asked_yet_takes_nobodys_turn(watch: Watch):
+def test_who_is_not_asked_yet_takes_nobodys_turn(watch: Watch) -> None:
     """However many holes are still being gathered."""
     names = [f"u{number}" for number in range(MAX_AT_ONCE)]
     watch.known.update(names)
@@ -246,7 +248,7 @@ def test_who_is_not_asked_yet_takes_nobodys_turn(watch: Watch):
     assert [name for name, _ in watch.asks()] == [US]
 
 
-def test_holes_are_bounded(watch: Watch, monkeypatch: pytest.MonkeyPatch):
+def test_holes_are_bounded(watch: Watch, monkeypatch: pytest.MonkeyPatch) -> None:
     """Messages beyond the limit stay a gap."""
     monkeypatch.setattr(gap_repair, "MAX_HOLES", 2)
     watch.hear(1, 3, 5)
@@ -272,6 +274,6 @@ def test_holes_are_bounded(watch: Watch, monkeypatch: pytest.MonkeyPatch):
         ("swarm", ""),
     ],
 )
-def test_who_publishes_on_a_key(key: str, source: str):
+def test_who_publishes_on_a_key(key: str, source: str) -> None:
     """The key alone names the publisher."""
     assert source_of(key) == source

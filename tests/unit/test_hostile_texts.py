@@ -4,10 +4,10 @@ from __future__ import annotations
 
 import re
 from pathlib import Path
+from typing import Any
 
 import msgspec
 import pytest
-from synthetic import EPOCH_NS, flight, parallel, whole
 
 from edc_swarm.foreign_text import MAX_LINE
 from edc_swarm.protocol.codec import encode
@@ -15,6 +15,7 @@ from edc_swarm.protocol.keys import Keys
 from edc_swarm.protocol.messages import Event
 from edc_swarm.recording.writer import RecordingWriter
 from processes.cli.main import main
+from tests.unit.synthetic import EPOCH_NS, flight, parallel, whole
 
 ESCAPE = "\x1b]0;owned\x07\x1b[31m"
 LONG = "x" * 600_000
@@ -28,7 +29,7 @@ def hostile(tmp_path: Path) -> Path:
     path = tmp_path / "hostile.mcap"
     flown = flight(parallel())
     messages = whole(m for m in flown if not (getattr(m, "uav", "") == "u2" and getattr(m, "slot", 0) > 3))
-    said = {"source": "operator", "instance": "operator", "sent_ns": EPOCH_NS + 1, "slot": 4}
+    said: dict[str, Any] = {"source": "operator", "instance": "operator", "sent_ns": EPOCH_NS + 1, "slot": 4}
     messages += [
         Event(**said, seq=100, kind="fault-without-target", detail=f"{ESCAPE}{DETAIL}"),
         Event(**said, seq=101, kind="exited", detail=f"u2 {ESCAPE}{DETAIL}"),

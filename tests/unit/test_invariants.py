@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
+import math
 from itertools import chain, pairwise
+from typing import Any
 
 import msgspec
 import numpy as np
 import pytest
-from synthetic import EPOCH_NS, OFFSET_M, SLOT_NS, at, change, close, flight, parallel, recorded, straight
+from msgspec import convert
 
 from edc_swarm.analysis import tracks
 from edc_swarm.analysis.guarantees.check import check
@@ -16,9 +18,10 @@ from edc_swarm.analysis.guarantees.evidence import gather
 from edc_swarm.analysis.guarantees.verdict import GuaranteeResult, Violation
 from edc_swarm.analysis.metrics import compute_metrics
 from edc_swarm.errors import RecordingError
-from edc_swarm.mission.configuration import Link
+from edc_swarm.mission.configuration import Link, Zone
 from edc_swarm.protocol.messages import Command, Event, Fix, Message, MissionMessage, Report, Truth
 from edc_swarm.recording.model import Garbage
+from tests.unit.synthetic import EPOCH_NS, OFFSET_M, SLOT_NS, at, change, close, flight, parallel, recorded, straight
 
 NOTHING_FLOWN = {"executing": False, "command_term": -1, "command_seq": -1}
 ALL = ("G1", "G2", "G3", "G4", "G5", "G7")
@@ -56,7 +59,8 @@ def drop(messages: list[Message], kind: type, **fields: object) -> None:
 
 def test_a_faultless_mission_holds_every_guarantee(messages: list[Message]) -> None:
     """A faultless mission has no violation."""
-    assert {guarantee: result.status for guarantee, result in results(messages).items()} == dict.fromkeys(ALL, "held")
+    found = {guarantee: result.status for guarantee, result in results(messages).items()}
+    assert found == {**dict.fromkeys(ALL, "held"), "G8": "not-applicable"}
     assert all(not result.notes for result in results(messages).values())
 
 
@@ -536,7 +540,7 @@ def test_g3_finds_ways_that_are_only_safe_when_flown_together() -> None:
     paths = [straight((0, 0), (0.4, 0), 1), straight((10.5, 0), (12.5, 0), 1)]
     assert "G3" not in broken(flight(paths))
     crossing = [straight((0, 0), (8, 0), 1), straight((10.5, 0), (18.5, 0), 1)]
-    fast = {"v_max_mps": 20.0}
+    fast: dict[str, Any] = {"v_max_mps": 20.0}
     violation = found(flight(crossing, **fast), "G3", "uneven")
     assert (violation.slot, violation.uavs, violation.value_m) == (1, ["u0", "u1"], pytest.approx(7.5))
     assert "G3" not in broken(flight(crossing, planner="straight", **fast))
@@ -672,7 +676,9 @@ def test_g5_excuses_what_was_dropped_and_is_there_again(messages: list[Message])
 
 
 @pytest.mark.parametrize(("kind", "fields"), [(Event, {"instance": "i2"}), (Fix, {"seq": 2})], ids=["tail", "gap"])
-def test_g5_reports_what_was_dropped_and_cannot_be_proved(messages: list[Message], kind: type, fields: dict) -> None:
+def test_g5_reports_what_was_dropped_and_cannot_be_proved(
+    messages: list[Message], kind: type, fields: dict[str, Any]
+) -> None:
     """Dropped messages break G5 if a `closed` event or a message is missing."""
     drop(messages, kind, **fields)
     recording = recorded(messages)
@@ -706,7 +712,7 @@ LIMIT = 201
 """Slots after which G7 judges the missions below: 200, and one for a way that is a step long."""
 
 
-def unfinished(slots: int = LIMIT, **fields: object) -> list[Message]:
+def unfinished(slots: int = LIMIT, **fields: Any) -> list[Message]:
     """Return messages of u2 that stops half-way, in a record of `slots` slots."""
     paths = [[*path, *[path[-1]] * (slots - len(path))] for path in parallel()]
     messages = flight(paths, **{"v_max_mps": 1e4, "max_slots": 1000, **fields})
@@ -796,14 +802,14 @@ def test_g7_judges_a_lossy_network_after_a_longer_limit() -> None:
         ({"fault": ["partition u2>rest @2"]}, "'partition u2>rest @1s' never heals, and cuts off some links of a side"),
     ],
 )
-def test_g7_promises_nothing_after_some_faults_for_good(fields: dict[str, object], why: str) -> None:
+def test_g7_promises_nothing_after_some_faults_for_good(fields: dict[str, Any], why: str) -> None:
     """The verdict names such faults if they happened; a UAV that arrived anyway counts as arrived."""
     result = progress(unfinished(**fields))
     assert (result.status, result.notes[0][: len(why)]) == ("not-applicable", why)
     assert progress(flight(parallel(), **fields)).status == "held"
-    late = {"fault": [text.replace("@2", "@900") for text in fields.get("fault", [])]}  # type: ignore[attr-defined]
-    if late["fault"]:
-        assert progress(unfinished(**late)).status == "not-judged"
+    late = [text.replace("@2", "@900") for text in fields.get("fault", [])]
+    if late:
+        assert progress(unfinished(fault=late)).status == "not-judged"
 
 
 def test_g7_takes_faults_as_they_were_told() -> None:
@@ -934,3 +940,66 @@ def test_what_is_said_before_the_mission_or_by_strangers_is_no_part_of_it(messag
     for name in ("centre_m", "true_from_m", "true_to_m", "heard", "executed", "energy_j"):
         np.testing.assert_array_equal(getattr(found, name), getattr(expected, name))
     assert found.energy_j[:, 2].tolist() == [5e4 - 70 * slot for slot in range(9)]
+
+
+# --- G8 --------------------------------------------------------------------------------------
+
+
+def zoned(**fields: object) -> list[Message]:
+    """Return the messages of three UAVs that fly 16 m north at x = 0, 12 and 24, with one zone."""
+    return flight(parallel(), zone=[convert({"name": "z", **fields}, Zone)])
+
+
+@pytest.mark.parametrize(
+    ("zone", "uavs", "slot", "time_s", "depth_m"),
+    [
+        # A fence that the centre of u2 leaves by 0.5 m all along.
+        ({"kind": "inclusion", "polygon": [[-1, -1], [23.5, -1], [23.5, 17], [-1, 17]]}, ["u2"], 0, 0.0, 0.5),
+        # It ends at y = 15: all leave it in slot 8, the last one, half-way through its step of 2 m.
+        ({"kind": "inclusion", "polygon": [[-1, -1], [25, -1], [25, 15], [-1, 15]]}, ["u0", "u1", "u2"], 8, None, 1.0),
+        # A sliver across the way of u1, thinner than a step: only the motion between two slots is in it.
+        ({"kind": "exclusion", "polygon": [[11, 4.9], [13, 4.9], [13, 5.1], [11, 5.1]], "keep": "centre"}, ["u1"], 3,
+         None, 0.1),
+        # Circles count as circles.
+        ({"kind": "exclusion", "centre": [18, 8], "radius_m": 1.5}, ["u1", "u2"], 4, None, 0.5),
+        ({"kind": "inclusion", "centre": [12, 8], "radius_m": 14.0}, ["u0", "u2"], 0, 0.0, math.hypot(12, 8) - 14),
+        # The disc keeps to a fence if the zone says so.
+        ({"kind": "inclusion", "polygon": [[-4, -9], [30, -9], [30, 30], [-4, 30]], "keep": "disc"}, ["u0"], 0, 0.0, 1),
+    ],
+)  # fmt: skip
+def test_a_broken_zone_is_named(
+    zone: dict[str, object], uavs: list[str], slot: int, time_s: float | None, depth_m: float
+) -> None:
+    """UAV, zone, slot, time and depth; in continuous time, by the zone's own shape."""
+    violations = results(zoned(**zone))["G8"].violations
+    assert sorted(violation.uavs[0] for violation in violations) == uavs
+    assert all("zone 'z'" in violation.text and violation.slot == slot for violation in violations)
+    assert all(violation.value_m == pytest.approx(depth_m, rel=0.05) for violation in violations)
+    for violation in violations:
+        assert violation.time_s is not None
+        assert slot * 0.5 <= violation.time_s <= (slot + 1) * 0.5
+        assert time_s is None or violation.time_s == time_s
+
+
+@pytest.mark.parametrize(
+    "zone",
+    [
+        {"kind": "inclusion", "polygon": [[0, 0], [24, 0], [24, 16], [0, 16]]},
+        {"kind": "exclusion", "polygon": [[29, 0], [40, 0], [40, 16], [29, 16]]},
+        {"kind": "exclusion", "polygon": [[12, 3], [14, 5], [12, 7], [16, 5]], "keep": "centre"},
+        {"kind": "exclusion", "centre": [6, 8], "radius_m": 1.0},
+    ],
+)
+def test_touching_a_zone_breaks_nothing(zone: dict[str, object]) -> None:
+    """The fence runs through starts, ways and targets; discs and centres touch, and go no farther."""
+    assert results(zoned(**zone))["G8"].status == "held"
+
+
+def test_zones_are_not_judged_without_fixes() -> None:
+    """What a UAV did while its fixes are missing is unknown, unless the others already broke a zone."""
+    held = zoned(kind="inclusion", polygon=[[-9, -9], [99, -9], [99, 99], [-9, 99]])
+    drop(held, Fix, uav="u1", slot=4)
+    assert results(held)["G8"].status == "not-judged"
+    broken_too = zoned(kind="exclusion", centre=[0, 8], radius_m=1.0)
+    drop(broken_too, Fix, uav="u1", slot=4)
+    assert results(broken_too)["G8"].status == "broken"

@@ -7,30 +7,22 @@ from typing import Any
 
 import pytest
 
-from edc_swarm.mission.configuration import Link, Mission, RosterEntry
+from edc_swarm.mission.configuration import Link, Mission
 from edc_swarm.mission.faults import parse_faults
 from edc_swarm.mission.prospect import FAULT_SLACK_SLOTS, default_max_slots, prospect_of, settled_slot
 from edc_swarm.mission.roster import complete_mission
+from tests import builders
+from tests.builders import entry
 
 LIMIT = 20 * 20 + 200
 
 
 def mission(*faults: str, uavs: int = 5, x_m: float = 50.0, **fields: Any) -> Mission:
     """Return a mission of UAVs a, b, ... that fly 50 m with steps of 2.5 m (slot 0.5 s)."""
-    roster = [
-        RosterEntry(
-            uav=chr(97 + k) if uavs <= 26 else f"u{k}",
-            start_x_m=-x_m / 2,
-            start_y_m=20.0 * k,
-            target_x_m=x_m / 2,
-            target_y_m=20.0 * k,
-            r_m=5,
-            body_m=0.25,
-            energy_j=1e4,
-        )
-        for k in range(uavs)
-    ]
-    return Mission(roster=roster, uavs=uavs, fault=list(faults), **fields)
+    ids = [chr(97 + k) if uavs <= 26 else f"u{k}" for k in range(uavs)]
+    ends = [((-x_m / 2, 20.0 * k), (x_m / 2, 20.0 * k)) for k in range(uavs)]
+    roster = [entry(uav, *way, body_m=0.25, energy_j=1e4) for uav, way in zip(ids, ends, strict=True)]
+    return builders.mission(roster, fault=list(faults), **fields)
 
 
 @pytest.mark.parametrize(

@@ -7,32 +7,25 @@ from typing import Any
 import pytest
 
 from edc_swarm.agent.knowledge import HullRules, Knowledge
-from edc_swarm.mission.configuration import RosterEntry
 from edc_swarm.planner.interface import Hull
 from edc_swarm.protocol.messages import Command, Fix, Report
+from tests import builders
+from tests.builders import Point, entry, hulls
 
-ROSTER = [
-    RosterEntry(uav=uav, start_x_m=x_m, start_y_m=0, target_x_m=0, target_y_m=9, r_m=5, body_m=1, energy_j=1)
-    for uav, x_m in (("a", 0.0), ("b", 20.0), ("c", 40.0))
-]
+ROSTER = [entry(uav, (20.0 * k, 0.0)) for k, uav in enumerate("abc")]
 RULES = HullRules(u_max_m=2.0, lag_slots=0)
 LAGGING = HullRules(u_max_m=2.0, lag_slots=1)
 MINE = (3, "a")
 
 
-def fix(
-    slot: int, term: int = 3, head: str = "a", uav: str = "b", at: tuple[float, float] = (1, 2), **fields: Any
-) -> Fix:
+def fix(slot: int, term: int = 3, head: str = "a", uav: str = "b", at: Point = (1, 2), **fields: Any) -> Fix:
     """A fix of UAV b that grants a in term 3, unless told otherwise."""
-    x_m, y_m = at
-    return Fix(
-        uav=uav, slot=slot, term=term, head=head, x_m=0, y_m=0, r_m=5, waypoint_x_m=x_m, waypoint_y_m=y_m, **fields
-    )
+    return builders.fix(uav, slot, at, x_m=0.0, y_m=0.0, term=term, head=head, **fields)
 
 
-def command(slot: int, to: tuple[float, float] = (3, 2)) -> Command:
+def command(slot: int, to: Point = (3, 2)) -> Command:
     """A step of UAV b from (1, 2)."""
-    return Command(head="a", uav="b", slot=slot, term=3, start_x_m=1, start_y_m=2, target_x_m=to[0], target_y_m=to[1])
+    return builders.command("b", slot, (1.0, 2.0), to, term=3)
 
 
 def place(ax_m: float, ay_m: float, bx_m: float, by_m: float, radius_m: float = 0.0) -> Hull:
@@ -42,10 +35,8 @@ def place(ax_m: float, ay_m: float, bx_m: float, by_m: float, radius_m: float = 
 
 def report(slot: int, hull: Hull, term: int = 2, head: str = "c") -> Report:
     """A report of another head that saw UAV b in `hull`."""
-    return Report(
-        head=head, slot=slot, term=term, status="planned", quorum=2, hull_uav=["b"], hull_ax_m=[hull.ax_m],
-        hull_ay_m=[hull.ay_m], hull_bx_m=[hull.bx_m], hull_by_m=[hull.by_m], hull_r_m=[hull.radius_m],
-    )  # fmt: skip
+    seen = hulls({"b": ((hull.ax_m, hull.ay_m), (hull.bx_m, hull.by_m), hull.radius_m)})
+    return builders.report(slot, term, head, **seen)
 
 
 def heard(*fixes: Fix, slot: int = 9) -> Knowledge:
@@ -190,22 +181,8 @@ def test_of_two_reports_of_a_slot_the_later_term_counts() -> None:
 def test_relayed_hull_of_a_stranger() -> None:
     """A report about a UAV that is not in the roster, or with lists of unequal length, harms nothing."""
     knowledge = Knowledge(ROSTER)
-    knowledge.hear_report(Report(head="c", slot=3, term=2, status="planned", quorum=2, hull_uav=["zz", "b"]))
-    knowledge.hear_report(
-        Report(
-            head="c",
-            slot=3,
-            term=2,
-            status="planned",
-            quorum=2,
-            hull_uav=["zz"],
-            hull_ax_m=[1],
-            hull_ay_m=[1],
-            hull_bx_m=[1],
-            hull_by_m=[1],
-            hull_r_m=[1],
-        )
-    )
+    knowledge.hear_report(builders.report(3, 2, "c", hull_uav=["zz", "b"]))
+    knowledge.hear_report(builders.report(3, 2, "c", **hulls({"zz": ((1, 1), (1, 1), 1)})))
     assert knowledge.hull("b", MINE, 0, {}, RULES) == place(20, 0, 20, 0, 4.0)
 
 

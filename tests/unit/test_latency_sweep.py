@@ -11,8 +11,9 @@ import pytest
 from edc_swarm.errors import InputError
 from edc_swarm.experiments.latency.arithmetic import hold_delay_ms, in_time_share, only_holds, starves
 from edc_swarm.experiments.latency.declared import DEFAULTS, Cell, in_turn, mission_of, run_name, runs_of, sweep_of
-from edc_swarm.mission.configuration import Link, Mission, RosterEntry
+from edc_swarm.mission.configuration import Link, Mission
 from edc_swarm.mission.validation import read_toml
+from tests.builders import entry, mission
 
 SMALL: dict[str, Any] = {"delays_ms": [0, 250], "jitters_ms": [0], "losses": [0, 0.5], "uavs": [3], "repeats": 2}
 
@@ -34,7 +35,7 @@ def test_the_default_grid_is_the_promised_one() -> None:
 
 def test_a_cell_is_a_mission() -> None:
     """The swept link comes first, so that links of the mission take precedence where they match."""
-    own = {"sender": "u001", "loss": 1.0}
+    own: dict[str, Any] = {"sender": "u001", "loss": 1.0}
     sweep = sweep_of({**SMALL, "link": {"distribution": "normal"}, "mission": {"area_m2": 2500, "link": [own]}})
     mission = mission_of(sweep, Cell(3, 0.5, 20.0, 0.1, 50.0), 7)
     assert mission.link == [Link(delay_ms=50, jitter_ms=20, loss=0.1, distribution="normal"), Link(**own)]
@@ -134,14 +135,10 @@ def test_share_in_time_with_loss() -> None:
 
 def test_share_in_time_within_radio_range() -> None:
     """A UAV too far from the head's start has no command; those near it have all."""
-    roster = [
-        RosterEntry(
-            uav=uav, start_x_m=x_m, start_y_m=0, target_x_m=x_m, target_y_m=0, r_m=1, body_m=1, energy_j=energy_j
-        )
-        for uav, x_m, energy_j in (("far", 90.0, 1.0), ("head", 0.0, 9.0), ("near", 20.0, 1.0), ("edge", 49.0, 1.0))
-    ]
+    places = (("far", 90.0, 1.0), ("head", 0.0, 9.0), ("near", 20.0, 1.0), ("edge", 49.0, 1.0))
+    roster = [entry(uav, (x_m, 0.0), (x_m, 0.0), r_m=1.0, energy_j=energy_j) for uav, x_m, energy_j in places]
     link = Link(range_m=50.0, shadowing_db=0.0)
-    assert in_time_share(Mission(uavs=4, roster=roster, link=[link])) == pytest.approx(2 / 3)
+    assert in_time_share(mission(roster, link=[link])) == pytest.approx(2 / 3)
 
 
 def test_nobody_is_waited_for_when_all_are_in() -> None:
@@ -151,13 +148,10 @@ def test_nobody_is_waited_for_when_all_are_in() -> None:
 
 def test_too_few_commands_for_the_longest_way() -> None:
     """A way of 40 steps needs 40 commands in time within the limit."""
-    roster = [
-        RosterEntry(uav=uav, start_x_m=0, start_y_m=y_m, target_x_m=x_m, target_y_m=y_m, r_m=1, body_m=1, energy_j=1)
-        for uav, x_m, y_m in (("a", 100, 0), ("b", 5, 50))
-    ]
-    mission = Mission(uavs=2, roster=roster)
-    assert starves(mission, 0.1, 399)
-    assert not starves(mission, 0.1, 401)
+    roster = [entry("a", target_m=(100.0, 0.0), r_m=1.0), entry("b", (0.0, 50.0), (5.0, 50.0), r_m=1.0)]
+    short = mission(roster)
+    assert starves(short, 0.1, 399)
+    assert not starves(short, 0.1, 401)
 
 
 def test_share_in_time_beyond_tau() -> None:

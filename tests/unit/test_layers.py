@@ -12,14 +12,14 @@ from pathlib import Path
 ROOT = Path(__file__).resolve().parents[2]
 
 
-def test_import_contracts_are_kept():
+def test_import_contracts_are_kept() -> None:
     """What `make check` runs too."""
     tool = Path(sys.executable).with_name("lint-imports")
     said = subprocess.run([tool, "--no-cache"], cwd=ROOT, capture_output=True, text=True, check=False)
     assert said.returncode == 0, said.stdout + said.stderr
 
 
-def test_a_uav_imports_no_numpy():
+def test_a_uav_imports_no_numpy() -> None:
     """Nor anything else that only planning needs."""
     heavy = "{'numpy', 'scipy', 'osqp', 'numba', 'rich', 'cyclopts'} & set(sys.modules)"
     code = f"import sys, processes.uav.process; print(sorted({heavy}))"
@@ -27,7 +27,7 @@ def test_a_uav_imports_no_numpy():
     assert said.stdout.strip() == "[]"
 
 
-def test_nothing_flown_is_reckoned_with_what_differs_between_processors():
+def test_nothing_flown_is_reckoned_with_what_differs_between_processors() -> None:
     """numpy's sines, arcs and powers may, in the last bit: `geometry.by_libm` instead."""
     library = ROOT / "edc_swarm"
     reckoning = [library / "geometry.py", *library.glob("planner/*.py"), *library.glob("solver/*.py")]
@@ -36,7 +36,7 @@ def test_nothing_flown_is_reckoned_with_what_differs_between_processors():
     assert [path.name for path in reckoning if differs.search(path.read_text())] == []
 
 
-def test_one_name_is_one_number():
+def test_one_name_is_one_number() -> None:
     """A constant of a module that has the name of another's has its value: different limits have different names."""
     values = defaultdict(set)
     for path in (*ROOT.glob("edc_swarm/**/*.py"), *ROOT.glob("processes/**/*.py")):

@@ -7,7 +7,8 @@ from typing import Any
 import pytest
 
 from edc_swarm.emulation.links import MAX_CHANGES, Cut, LinkEmulator, cut_pair, fading_loss, have_range, mission_s
-from edc_swarm.mission.configuration import Link, Mission, RosterEntry
+from edc_swarm.mission.configuration import Link, Mission
+from tests.builders import mission, row
 
 MS = 1_000_000
 
@@ -84,12 +85,17 @@ def test_a_burst_ends_with_its_rule() -> None:
 
 
 def test_changes_by_faults_are_limited() -> None:
-    """A flood of faults fills no memory."""
-    emulator = links()
-    for _ in range(MAX_CHANGES + 5):
-        emulator.add_rule(Link(loss=0.5))
-        emulator.add_cut(Cut(frozenset("a"), frozenset("b"), 0.0))
-    assert (len(emulator._rules), len(emulator._cuts)) == (MAX_CHANGES, MAX_CHANGES)
+    """A flood of faults fills no memory: from some number on none has an effect."""
+    emulator, one_less = links(), links()
+    for number in range(MAX_CHANGES):
+        for each in (emulator, one_less) if number else (emulator,):
+            each.add_rule(Link(loss=0.0))
+            each.add_cut(Cut(frozenset("c"), frozenset("b"), 0.0))
+    for each in (emulator, one_less):
+        each.add_rule(Link(delay_ms=7.0))
+        each.add_cut(Cut(frozenset("d"), frozenset("b"), 0.0))
+    assert (emulator.arrivals_ns("a", 0.0), emulator.is_cut("d", 0.0)) == ([0], False)
+    assert (one_less.arrivals_ns("a", 0.0), one_less.is_cut("d", 0.0)) == ([7_000_000], True)
 
 
 def test_loss_over_distance() -> None:
@@ -107,20 +113,17 @@ def test_loss_over_distance() -> None:
 
 def test_range_is_about_where_both_are() -> None:
     """From the starts on, and as they are placed; the loss of the link comes on top."""
-    roster = [
-        RosterEntry(uav=uav, start_x_m=x_m, start_y_m=0, target_x_m=x_m, target_y_m=0, r_m=5, body_m=1, energy_j=1)
-        for uav, x_m in (("a", 0.0), ("b", 60.0))
-    ]
+    roster = row("ab", gap_m=60.0, north_m=0.0)
     link = Link(range_m=50.0, shadowing_db=0.0)
-    emulator = LinkEmulator(Mission(roster=roster, uavs=2, link=[link]), "b")
+    emulator = LinkEmulator(mission(roster, link=[link]), "b")
     assert emulator.arrivals_ns("a", 0.0) == []
     emulator.place("b", 45.0, 0.0)
     assert emulator.arrivals_ns("a", 0.0) == [0]
     emulator.place("a", 0.0, 30.0)
     assert emulator.arrivals_ns("a", 0.0) == []
-    lossy = LinkEmulator(Mission(roster=roster, uavs=2, link=[Link(range_m=100.0, shadowing_db=0.0, loss=1.0)]), "b")
+    lossy = LinkEmulator(mission(roster, link=[Link(range_m=100.0, shadowing_db=0.0, loss=1.0)]), "b")
     assert lossy.arrivals_ns("a", 0.0) == []
-    far = LinkEmulator(Mission(roster=roster, uavs=2, link=[Link(range_m=50.0, shadowing_db=0.0, loss=1e-9)]), "b")
+    far = LinkEmulator(mission(roster, link=[Link(range_m=50.0, shadowing_db=0.0, loss=1e-9)]), "b")
     assert far.arrivals_ns("a", 0.0) == []
 
 

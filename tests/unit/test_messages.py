@@ -9,7 +9,6 @@ import msgspec
 import pytest
 
 from edc_swarm.errors import MessageError
-from edc_swarm.mission.configuration import RosterEntry
 from edc_swarm.planner.interface import PlanStatus
 from edc_swarm.protocol.codec import decode, encode
 from edc_swarm.protocol.events import EVENT_FORMS, EventKind
@@ -25,6 +24,7 @@ from edc_swarm.protocol.messages import (
     Truth,
     roster_index,
 )
+from tests.builders import command, entry, fix, report
 
 KEYS = Keys("m1")
 
@@ -35,9 +35,9 @@ def _entry(uav: str, **fields: Any) -> dict[str, Any]:
     return {"uav": uav, **places, "r_m": 5.0, "body_m": 1.0, "energy_j": 1.0, **fields}
 
 
-FIX = Fix(uav="a", slot=3, x_m=1.0, y_m=2.0, r_m=5.0, waypoint_x_m=0.1, waypoint_y_m=0.2)
-COMMAND = Command(head="h", uav="a", slot=3, term=1, start_x_m=0, start_y_m=0, target_x_m=1, target_y_m=1)
-REPORT = Report(head="h", slot=3, term=1, status="planned", quorum=2, grants=["a", "h"])
+FIX = fix("a", 3, (0.1, 0.2), x_m=1.0, y_m=2.0)
+COMMAND = command("a", 3, (0.0, 0.0), (1.0, 1.0), head="h")
+REPORT = report(3, 1, "h", grants=["a", "h"])
 
 
 def test_keys() -> None:
@@ -80,10 +80,7 @@ def test_lists_are_finite_too() -> None:
     raw = encode(msgspec.structs.replace(REPORT, hull_r_m=[1.0, 123456.5])).replace(b"123456.5", b"1e999")
     with pytest.raises(MessageError):
         decode("head/h/report", raw)
-    entry = RosterEntry(
-        uav="a", start_x_m=123456.5, start_y_m=0, target_x_m=0, target_y_m=0, r_m=1, body_m=1, energy_j=1
-    )
-    mission = encode(MissionMessage(epoch_ns=0, roster=[entry])).replace(b"123456.5", b"1e999")
+    mission = encode(MissionMessage(epoch_ns=0, roster=[entry(start_m=(123456.5, 0.0))])).replace(b"123456.5", b"1e999")
     with pytest.raises(MessageError):
         decode("mission", mission)
 
@@ -231,15 +228,11 @@ def test_keys_that_stand_for_many_are_no_missions(mission: str) -> None:
 
 def test_roster_index() -> None:
     """Positions in roster order, by id."""
-    entries = [
-        RosterEntry(uav=uav, start_x_m=0, start_y_m=0, target_x_m=0, target_y_m=0, r_m=1, body_m=1, energy_j=1)
-        for uav in ("z", "a")
-    ]
-    assert roster_index(entries) == {"z": 0, "a": 1}
+    assert roster_index([entry("z"), entry("a")]) == {"z": 0, "a": 1}
 
 
 @pytest.mark.parametrize("kind", get_args(Message))
-def test_the_table_of_keys_has_every_kind_once(kind: type):
+def test_the_table_of_keys_has_every_kind_once(kind: type) -> None:
     """A key that the table builds is parsed back to its kind and its publisher; no other kind has such a key."""
     form, values = KEY_FORMS[kind], [f"u{index}" for index in range(len(KEY_FORMS[kind].fields))]
     key = f"swarm/m/{form.form.format(*values)}"
@@ -248,7 +241,7 @@ def test_the_table_of_keys_has_every_kind_once(kind: type):
     assert set(form.fields) <= set(kind.__struct_fields__)
 
 
-def test_every_kind_of_event_is_documented():
+def test_every_kind_of_event_is_documented() -> None:
     """The table in docs/metrics.md is the table in the code."""
     text = Path(__file__).parents[2].joinpath("docs/metrics.md").read_text(encoding="utf-8")
     assert EVENT_FORMS.keys() == set(EventKind)

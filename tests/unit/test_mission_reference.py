@@ -8,9 +8,9 @@ from pathlib import Path
 import pytest
 from msgspec import Struct
 
-from edc_swarm.mission.configuration import EnergyModel, HeadModel, Link, Mission, RosterEntry
+from edc_swarm.mission.configuration import EnergyModel, HeadModel, Link, Mission, RosterEntry, Zone
 from edc_swarm.mission.declarations import declarations
-from edc_swarm.mission.reference import EXAMPLE, mission_page, reference_mission
+from edc_swarm.mission.reference import EXAMPLE, ZONE, mission_page, reference_mission
 from edc_swarm.mission.validation import load_mission
 from edc_swarm.protocol.messages import MissionMessage
 from edc_swarm.recording.schemas import json_schema
@@ -52,7 +52,7 @@ def test_the_reference_states_the_defaults() -> None:
     """Every field is in it, those of the empty lists in comments."""
     assert load_mission(REFERENCE) == Mission()
     text = REFERENCE.read_text(encoding="utf-8")
-    for kind in (Mission, EnergyModel, HeadModel, RosterEntry, Link):
+    for kind in (Mission, EnergyModel, HeadModel, RosterEntry, Link, Zone):
         for name in kind.__struct_fields__:
             assert re.search(rf"^(# )?(\[\[?)?{name}( = |\])", text, re.MULTILINE), name
 
@@ -64,6 +64,7 @@ def test_the_lists_of_the_reference_are_valid(tmp_path: Path) -> None:
     file.write_text(re.sub(r"^# (\[\[\w+\]\]|\w+ = )", r"\1", text, flags=re.MULTILINE), encoding="utf-8")
     mission = load_mission(file)
     assert mission.link == [Link()]
+    assert mission.zone == [Zone(**ZONE)]
     assert mission.roster == [RosterEntry(**EXAMPLE)]
 
 

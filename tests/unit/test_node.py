@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import sys
 from typing import Any
 
 import msgspec
@@ -23,68 +24,39 @@ from edc_swarm.agent.node import (
 )
 from edc_swarm.agent.vehicle import Airframe, Promise
 from edc_swarm.geodesy import to_wgs84
-from edc_swarm.mission.configuration import RosterEntry
-from edc_swarm.planner.interface import Plan, PlanRequest
-from edc_swarm.protocol.messages import Command, Event, Fix, Message, MissionMessage, Report, Truth
+from edc_swarm.protocol.messages import Command, Event, Fix, Message, Report, Truth
+from tests import builders
+from tests.builders import North, at, mission_message, row
 
-SLOT_NS = 500_000_000
-EPOCH_NS = 1_000 * SLOT_NS
 IDS = ("a", "b", "c")
 ROSTER = [
-    RosterEntry(
-        uav=uav, start_x_m=40.0 * k, start_y_m=0, target_x_m=40.0 * k, target_y_m=90, r_m=5, body_m=1, energy_j=1e4 - k
-    )
-    for k, uav in enumerate(IDS)
+    msgspec.structs.replace(entry, energy_j=1e4 - k) for k, entry in enumerate(row(IDS, gap_m=40.0, north_m=90.0))
 ]
-MISSION = MissionMessage(
-    name="m", uavs=3, roster=ROSTER, epoch_ns=EPOCH_NS, tau_s=0.2, max_slots=100, gps_model="none", standbys=1
-)
-
-
-class North:
-    """A planner that sends everybody a metre north, and counts its plans."""
-
-    def __init__(self) -> None:
-        self.plans: list[PlanRequest] = []
-
-    def plan(self, request: PlanRequest) -> Plan:
-        """One metre north for everybody."""
-        self.plans.append(request)
-        return Plan([(float(x), float(y) + 1.0) for x, y in request.position_m], "no-qp-needed")
-
-
-def at(slot: float) -> int:
-    """Wall nanoseconds of a moment in slots since the epoch."""
-    return EPOCH_NS + round(slot * SLOT_NS)
+MISSION = mission_message(ROSTER, gps_model="none", standbys=1)
 
 
 def node(uav: str = "b", slot: int = 4, term: int = 1, head: str = "a", **fields: Any) -> UavNode:
     """A UAV whose disk says that it grants `head` in `term`; no slot has begun yet in this life."""
-    entry = ROSTER[IDS.index(uav)]
-    promise = Promise(slot=slot, term=term, head=head, waypoint_x_m=entry.start_x_m, waypoint_y_m=0.0)
-    body = Airframe(x_m=entry.start_x_m, y_m=0.0, energy_j=fields.pop("energy_j", 9e3))
-    return UavNode(MISSION, uav, f"{uav}-1", fields.pop("promise", promise), body, **fields)
+    x_m = 40.0 * IDS.index(uav)
+    promise = Promise(slot=slot, term=term, head=head, waypoint_x_m=x_m, waypoint_y_m=0.0)
+    return builders.node(MISSION, uav, fields.pop("promise", promise), **fields)
 
 
 def command(slot: int, uav: str = "b", **fields: Any) -> Command:
     """A metre north for UAV b from its start."""
     x_m = 40.0 * IDS.index(uav)
-    basis = {"head": "a", "term": 1, "start_x_m": x_m, "start_y_m": 0.0, "target_x_m": x_m, "target_y_m": 1.0}
-    return Command(**{**basis, "uav": uav, "slot": slot, **fields})  # type: ignore[arg-type]
+    return builders.command(uav, slot, (x_m, 0.0), (x_m, 1.0), **fields)
 
 
 def report(slot: int, term: int = 1, head: str = "a", **fields: Any) -> Report:
     """A report that proves a quorum."""
-    basis = {"status": "planned", "quorum": 2, "grants": ["a", "b"], "heard": ["a", "b"], "standby": ["b"]}
-    return Report(**{**basis, "head": head, "slot": slot, "term": term, **fields})  # type: ignore[arg-type]
+    basis = {"grants": ["a", "b"], "heard": ["a", "b"], "standby": ["b"]}
+    return builders.report(slot, term, head, **{**basis, **fields})
 
 
 def fix(uav: str, slot: int, term: int = 1, head: str = "a", **fields: Any) -> Fix:
     """A fix at the start."""
-    x_m = 40.0 * IDS.index(uav)
-    return Fix(
-        uav=uav, slot=slot, term=term, head=head, x_m=x_m, y_m=0, r_m=5, waypoint_x_m=x_m, waypoint_y_m=0, **fields
-    )
+    return builders.fix(uav, slot, (40.0 * IDS.index(uav), 0.0), term=term, head=head, **fields)
 
 
 def said(effects: list[Effect], kind: type[Message]) -> list[Any]:
@@ -324,7 +296,7 @@ def test_a_head_plans_with_a_quorum_and_once() -> None:
     assert kinds.index(Report) > max(i for i, kind in enumerate(kinds) if kind is Command)
     uav.step(Received(fix("c", 5, term=2, head="a")), at(5.6))
     assert said(uav.step(Tick(), at(5.7)), Report) == []
-    assert len(planner.plans) == 1
+    assert len(planner.requests) == 1
     assert flown(uav.step(Tick(), at(6))), "the head flies by its own commands"
 
 
@@ -343,7 +315,7 @@ def test_fixes_of_another_slot_or_grant_are_no_quorum() -> None:
     assert said(uav.step(Tick(), at(6.9)), Report) == []
     (powerless,) = said(uav.step(Tick(), at(7)), Report)
     assert (powerless.slot, powerless.status, powerless.heard, powerless.has_quorum) == (6, "no-quorum", ["a"], False)
-    assert len(planner.plans) == 1
+    assert len(planner.requests) == 1
 
 
 def test_a_restarted_head_is_barred_from_its_term() -> None:
@@ -355,7 +327,7 @@ def test_a_restarted_head_is_barred_from_its_term() -> None:
         uav.step(Received(fix(peer, 5, term=2, head="a")), at(5.1))
     assert said(uav.step(Tick(), at(5.6)), Report) == []
     assert said(uav.step(Tick(), at(6)), Report) == [], "nor is it powerless: it is no head"
-    assert planner.plans == []
+    assert planner.requests == []
 
 
 def test_an_overrun_is_not_flown_by_the_head_either() -> None:
@@ -376,7 +348,7 @@ def test_no_fix_waits_for_a_solver() -> None:
     assert said(effects, Command) == []
     assert uav.wakeup_ns(at(6)) == at(6)
     assert len(said(uav.step(Tick(), at(6)), Command)) == 3
-    assert len(planner.plans) == 2
+    assert len(planner.requests) == 2
 
 
 def test_wishes() -> None:
@@ -457,7 +429,8 @@ def test_strangers_leave_no_trace() -> None:
     uav = node()
     uav.step(Tick(), at(5.1))
     for number in range(100):
-        stranger = msgspec.structs.replace(fix("a", 5), uav=f"x{number}", sent_ns=at(50))
-        assert uav.step(Received(stranger), at(5.2)) == []
-        assert uav.step(PeerGone(f"x{number}"), at(5.2)) == []
-    assert (uav._leadership.gone, uav._clock._reported) == (set(), set())
+        name = f"x{number}"
+        held = sys.getrefcount(name)
+        assert uav.step(Received(msgspec.structs.replace(fix("a", 5), uav=name, sent_ns=at(50))), at(5.2)) == []
+        assert uav.step(PeerGone(name), at(5.2)) == []
+        assert sys.getrefcount(name) == held, "somebody keeps the name"

@@ -6,12 +6,12 @@ from typing import Any
 
 import msgspec
 import pytest
-from synthetic import change, flight, parallel, recorded
 
 from edc_swarm.analysis.metrics import Metrics, compute_metrics
 from edc_swarm.analysis.outcome import STUCK_SLOTS, NotHome
 from edc_swarm.analysis.tables import MAX_NAMED, metric_rows
 from edc_swarm.protocol.messages import Command, Event, Fix, Message, MissionMessage, Report, Truth
+from tests.unit.synthetic import change, flight, parallel, recorded
 
 
 def mission_in(messages: list[Message]) -> MissionMessage:

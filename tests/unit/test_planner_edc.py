@@ -44,7 +44,8 @@ class Flight:
         """One slot; the unheard are hulls where they stand."""
         everyone = np.arange(len(self.r_m))
         uav = np.setdiff1d(everyone, unheard)
-        hulls = [Hull(k, *self.position_m[k], *self.position_m[k], 0.0, float(self.r_m[k])) for k in unheard]
+        where = [(k, *self.position_m[k].tolist()) for k in unheard]
+        hulls = [Hull(k, x_m, y_m, x_m, y_m, 0.0, float(self.r_m[k])) for k, x_m, y_m in where]
         plan = self.planner.plan(self.request(uav, hulls))
         after_m = self.position_m.copy()
         after_m[uav] = plan.waypoint_m

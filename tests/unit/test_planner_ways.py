@@ -9,10 +9,11 @@ import pytest
 
 from edc_swarm.geometry import capsule_distance_m, length_m, segment_distance_m
 from edc_swarm.mission.configuration import ARRIVED_M, Mission
+from edc_swarm.planner.charts import Charts
 from edc_swarm.planner.interface import Hull, PlanRequest
 from edc_swarm.planner.registry import make_planner
 from edc_swarm.planner.ways import free_goals, routed, walls_of
-from edc_swarm.solver.slot_qp import DELTA_M, Obstacles
+from edc_swarm.solver.slot_qp import DELTA_M, Airspace, Obstacles
 
 R_M = 5.0
 WALL = (1.0, 1.0)
@@ -127,14 +128,16 @@ def test_the_way_is_the_shortest_and_none_is_none() -> None:
     """Round one disc the way is two tangents and an arc, but for the polygon; out of a closed box there is none."""
     hull = capsule(0, 0, 0, 0)
     position_m, goal_m = np.array([[-30.0, 0.0]]), np.array([[30.0, 0.0]])
-    _, way_m = routed(position_m, goal_m, walls_of(position_m, np.array([R_M]), hull), 0)
+    alone = np.zeros(1, np.int64), np.array([R_M]), Charts.of(Airspace.unbounded())
+    _, way_m = routed(position_m, goal_m, walls_of(position_m, np.array([R_M]), hull), 0, *alone)
     keep_m = 2 * R_M + DELTA_M
     tangent_m = np.sqrt(30**2 - keep_m**2)
     shortest_m = 2 * tangent_m + keep_m * (np.pi - 2 * np.arccos(keep_m / 30))
     assert shortest_m < way_m[0] < 1.02 * shortest_m
     corner_m = np.array([(-40.0, -40.0), (40.0, -40.0), (40.0, 40.0), (-40.0, 40.0)])
     box = Obstacles(corner_m, np.roll(corner_m, -1, axis=0), np.zeros(4), np.full(4, R_M))
-    first_m, way_m = routed(np.zeros((1, 2)), 3 * goal_m, walls_of(np.zeros((1, 2)), np.array([R_M]), box), 0)
+    walls = walls_of(np.zeros((1, 2)), np.array([R_M]), box)
+    first_m, way_m = routed(np.zeros((1, 2)), 3 * goal_m, walls, 0, *alone)
     assert first_m.tolist() == (3 * goal_m).tolist()
     assert way_m.tolist() == [90.0]
 

@@ -5,33 +5,27 @@ from __future__ import annotations
 import msgspec
 import pytest
 
-from edc_swarm.mission.configuration import Mission, RosterEntry
 from edc_swarm.protocol.completion import STALL_SLOTS, MissionMonitor
 from edc_swarm.protocol.messages import Command, Fix, Report
+from tests import builders
+from tests.builders import mission, row
 
-ROSTER = [
-    RosterEntry(uav=uav, start_x_m=x, start_y_m=0, target_x_m=x, target_y_m=90, r_m=5, body_m=1, energy_j=1)
-    for uav, x in (("a", 0.0), ("b", 30.0))
-]
+ROSTER = row("ab", gap_m=30.0, north_m=90.0)
 
 
 def fix(uav: str, slot: int, arrived: bool) -> Fix:
     """A fix at the target, or at the start."""
-    x_m = 0.0 if uav == "a" else 30.0
-    y_m = 90.0 if arrived else 0.0
-    return Fix(uav=uav, slot=slot, x_m=x_m, y_m=y_m, r_m=5, waypoint_x_m=x_m, waypoint_y_m=y_m, arrived=arrived)
+    return builders.fix(uav, slot, (0.0 if uav == "a" else 30.0, 90.0 if arrived else 0.0), arrived=arrived)
 
 
 def monitor() -> MissionMonitor:
     """A monitor of two UAVs."""
-    return MissionMonitor(Mission(uavs=2, roster=ROSTER))
+    return MissionMonitor(mission(ROSTER))
 
 
 def report(term: int, slot: int, head: str, grants: int = 2) -> Report:
     """A report with standbys."""
-    return Report(
-        head=head, slot=slot, term=term, status="planned", quorum=2, grants=["a", "b"][:grants], standby=["b"]
-    )
+    return builders.report(slot, term, head, grants=["a", "b"][:grants], standby=["b"])
 
 
 def test_all_there() -> None:
@@ -86,15 +80,12 @@ def test_who_leads() -> None:
 
 def command(slot: int, step_m: float) -> Command:
     """A command of head a to b, a step of this length."""
-    return Command(head="a", uav="b", slot=slot, term=1, start_x_m=30, start_y_m=0, target_x_m=30, target_y_m=step_m)
+    return builders.command("b", slot, (30.0, 0.0), (30.0, step_m))
 
 
 def flown(slot: int, step_m: float) -> Fix:
     """A fix of b that has flown a step."""
-    return Fix(
-        uav="b", slot=slot, x_m=30, y_m=0, r_m=5, waypoint_x_m=30, waypoint_y_m=0, from_x_m=30, from_y_m=-step_m,
-        executing=True,
-    )  # fmt: skip
+    return builders.fix("b", slot, (30.0, 0.0), from_x_m=30.0, from_y_m=-step_m, executing=True)
 
 
 def test_a_standstill_takes_so_many_plans() -> None:
@@ -110,7 +101,7 @@ def test_a_standstill_takes_so_many_plans() -> None:
 @pytest.mark.parametrize("happening", ["command", "fix", "end", "revive", "term"])
 def test_whatever_happens_ends_a_standstill(happening: str) -> None:
     """A plan or a fix that moves somebody, a death, a return, another head: counting starts anew."""
-    judge = MissionMonitor(Mission(uavs=3, roster=[*ROSTER, msgspec.structs.replace(ROSTER[0], uav="c")]))
+    judge = MissionMonitor(mission([*ROSTER, msgspec.structs.replace(ROSTER[0], uav="c")]))
     if happening == "revive":
         judge.end("b")
     _plans(judge, 0, STALL_SLOTS - 1)
@@ -154,7 +145,7 @@ def test_slots_without_a_plan_prove_nothing() -> None:
 
 def test_nothing_stalls_before_the_last_fault_is_over() -> None:
     """UAVs that a fault has stopped may fly on after it is healed."""
-    judge = MissionMonitor(Mission(uavs=2, roster=ROSTER, fault=["freeze b @10 for 500"]))
+    judge = MissionMonitor(mission(ROSTER, fault=["freeze b @10 for 500"]))
     _plans(judge, 0, 509 + STALL_SLOTS)
     assert not judge.stalled(600)
     _plans(judge, 509 + STALL_SLOTS, 510 + STALL_SLOTS)
@@ -166,7 +157,7 @@ def test_nobody_waits_for_a_quorum_that_cannot_be() -> None:
     dead = monitor()
     dead.hear_fix(fix("a", 40, False))
     dead.end("b")
-    split = MissionMonitor(Mission(uavs=2, roster=ROSTER, fault=["partition a|b @40"]))
+    split = MissionMonitor(mission(ROSTER, fault=["partition a|b @40"]))
     for judge in (dead, split):
         assert not judge.stalled(39 + STALL_SLOTS)
         assert judge.stalled(40 + STALL_SLOTS)

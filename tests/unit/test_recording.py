@@ -14,7 +14,6 @@ from typing import Any
 import msgspec
 import pytest
 from mcap.reader import make_reader
-from synthetic import EPOCH_NS, flight, parallel
 
 from edc_swarm.analysis.guarantees.check import check
 from edc_swarm.errors import RecordingError
@@ -26,6 +25,7 @@ from edc_swarm.recording.model import Recording
 from edc_swarm.recording.reader import read_recording, recover
 from edc_swarm.recording.schemas import json_schema
 from edc_swarm.recording.writer import RecordingWriter, TooLarge
+from tests.unit.synthetic import EPOCH_NS, flight, parallel
 
 KEYS = Keys("mission")
 SCENE = Channel("swarm/mission/viz/scene", "protobuf", "foxglove.SceneUpdate", "protobuf", b"\x01")
@@ -43,7 +43,8 @@ def record(messages: list[Message], stream: Any = None, finish: bool = True) -> 
         writer.finish({"reason": "completed"})
     else:
         writer.flush()
-    return stream.getvalue()
+    written: bytes = stream.getvalue()
+    return written
 
 
 @pytest.fixture
@@ -333,7 +334,7 @@ def test_what_is_of_nobody_or_of_an_older_run_counts_for_nothing(tmp_path: Path,
         msgspec.structs.replace(fix, **older),
         msgspec.structs.replace(messages[0], instance="old"),
         Event(source="zz", kind="closed", sent_ns=fix.sent_ns, detail='{"uav/u0/fix":99}'),
-        Event(source="u0", kind="closed", detail='{"uav/u0/fix":99}', **older),
+        msgspec.structs.replace(Event(source="u0", kind="closed", detail='{"uav/u0/fix":99}'), **older),
     ]
     wrong = msgspec.structs.replace(report, slot=9, seq=9, grants=["u0"], quorum=1)
     recording = read_recording(saved(tmp_path / "a.mcap", record([*messages, *strange, wrong])))

@@ -4,12 +4,11 @@ from __future__ import annotations
 
 from pathlib import Path
 
-from synthetic import flight, mission_of, parallel
-
 from edc_swarm.protocol.codec import MAX_MESSAGE_BYTES, encode
 from edc_swarm.protocol.keys import Keys
 from edc_swarm.recording.reader import read_recording
 from processes.services.recording_file import MAX_FOREIGN_KEYS, MAX_SCENE_BYTES, Received, RecordingFile
+from tests.unit.synthetic import flight, mission_of, parallel
 
 KEYS = Keys(mission_of(parallel()).name)
 

@@ -10,17 +10,18 @@ from importlib.resources import files
 import msgspec
 import numpy as np
 import pytest
-from synthetic import EPOCH_NS, change, flight, parallel, recorded, straight, whole
 
 from edc_swarm.analysis.guarantees.check import check
 from edc_swarm.analysis.guarantees.verdict import GuaranteeResult, Status, Violation, headline
 from edc_swarm.analysis.metrics import compute_metrics
 from edc_swarm.analysis.tables import metric_rows
+from edc_swarm.mission.configuration import Zone
 from edc_swarm.protocol.messages import Event, Fix, Message, Report
 from edc_swarm.recording.model import Recording
 from edc_swarm.report_page import data as page_data
 from edc_swarm.report_page.data import Page
-from edc_swarm.report_page.render import MAX_WHERE, Assets, _guarantee, render
+from edc_swarm.report_page.render import MAX_WHERE, Assets, render
+from tests.unit.synthetic import EPOCH_NS, change, flight, parallel, recorded, straight, whole
 
 
 @pytest.fixture
@@ -65,6 +66,44 @@ def test_who_led_and_who_was_heard(messages: list[Message]) -> None:
     assert page.leader == [0, 0, 0, 0, -1, 0, 0, 0, 0]
     heard = np.frombuffer(base64.b64decode(page.heard), np.uint8).reshape(page.frames, 3)
     assert np.argwhere(heard == 0).tolist() == [[6, 2]]
+
+
+ZONES = [
+    Zone(name="fence", kind="inclusion", polygon=[(-20, -30), (60, -30), (60, 50), (-20, 50)]),
+    Zone(name="<b>mast\n", kind="exclusion", centre=[40, 10], radius_m=4, keep="centre"),
+    Zone(name="far", kind="exclusion", polygon=[(1e5, 0), (1e5, 9), (1.1e5, 0)]),
+]
+
+
+def test_zones_are_on_the_map_whose_scale_fits_the_fence(messages: list[Message]) -> None:
+    """The map gets all zones with their names escaped; an exclusion zone far away does not make the swarm small."""
+    change(messages, {}, type(messages[0]), zone=ZONES)
+    page = page_of(messages)
+    assert page.extent_m == (-20, -30, 60, 50)
+    assert [(zone.kind, zone.corners_m, zone.centre_m, zone.radius_m) for zone in page.zones] == [
+        (zone.kind, zone.polygon, zone.centre, zone.radius_m) for zone in ZONES
+    ]
+    assert page.zones[1].label_m == (40, 10, 8)
+    assert page.zones[1].name == "<b>mast\\n"
+
+
+def test_zones_have_a_table_and_a_legend(messages: list[Message]) -> None:
+    """The legend has the kinds that there are, and a mission without zones has neither legend nor table."""
+    plain = document(recorded(messages))
+    assert "exclusion" not in plain.partition("<main>")[2].partition("<script")[0]
+    change(messages, {}, type(messages[0]), zone=ZONES[:1])
+    fenced = document(recorded(messages))
+    assert '<i class="inclusion"></i>' in fenced
+    assert '<i class="exclusion"></i>' not in fenced
+    change(messages, {}, type(messages[0]), zone=ZONES)
+    html = document(recorded(messages))
+    assert '<i class="exclusion"></i>' in html
+    assert "<tr><th scope=row>fence</th><td>inclusion, 4 corners; the centre stays inside</td></tr>" in html
+    assert (
+        "<tr><th scope=row>&lt;b&gt;mast\\n</th><td>exclusion, circle of radius 4 m; the centre stays outside" in html
+    )
+    assert "<tr><th scope=row>zones</th><td>1 inclusion, 2 exclusion</td></tr>" in html
+    assert "<b>mast" not in html
 
 
 def test_faults_stand_at_mission_time(messages: list[Message]) -> None:
@@ -161,11 +200,11 @@ def test_the_headline_says_of_every_guarantee_what_it_came_to(statuses: list[Sta
     assert headline([GuaranteeResult(f"G{i + 1}", "", status) for i, status in enumerate(statuses)]) == said
 
 
-def test_so_many_violations_are_told() -> None:
+def test_so_many_violations_are_told(messages: list[Message]) -> None:
     """Beyond a limit, the page gives only the number of violations."""
     for extra in (0, 1):
         violations = [Violation("gap", f"x{number}.") for number in range(MAX_WHERE + extra)]
-        text = _guarantee(GuaranteeResult("G5", "No loss", "broken", violations))
+        text = document(recorded(messages), [GuaranteeResult("G5", "No loss", "broken", violations)])
         assert text.count("<li>x") == MAX_WHERE
         assert (f"<li>... {MAX_WHERE + 1} in all</li>" in text) == bool(extra)
 

@@ -8,7 +8,6 @@ from typing import Any
 
 import msgspec
 import pytest
-from synthetic import flight, parallel, recorded
 
 from edc_swarm.analysis.metrics import compute_metrics
 from edc_swarm.experiments.resimulation import MAX_SLOTS, check_same_bytes, judge
@@ -18,6 +17,7 @@ from edc_swarm.recording.model import Recording
 from processes.cli.main import main
 from processes.experiments.measures import simulate
 from processes.runtime.run_facts import CODE, code_digest, run_facts, simulated_otherwise
+from tests.unit.synthetic import flight, parallel, recorded
 
 MISSION = Mission(uavs=3, area_m2=1000.0, planner="straight", fault=["kill u002 @4"])
 RESTLESS = """

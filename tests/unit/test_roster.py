@@ -7,15 +7,9 @@ import numpy as np
 import pytest
 
 from edc_swarm.errors import MissionError, PlacementError
-from edc_swarm.mission.configuration import EnergyModel, Link, Mission, RosterEntry
+from edc_swarm.mission.configuration import EnergyModel, Link, Mission
 from edc_swarm.mission.roster import complete_mission, random_roster
-
-
-def entry(uav: str, x_m: float) -> RosterEntry:
-    """A UAV that starts at (x, 0) and flies 10 m north."""
-    return RosterEntry(
-        uav=uav, start_x_m=x_m, start_y_m=0, target_x_m=x_m, target_y_m=10, r_m=1, body_m=0.1, energy_j=1e4
-    )
+from tests.builders import row
 
 
 def test_positions_follow_the_promised_recipe() -> None:
@@ -72,7 +66,7 @@ def test_a_completed_mission_leaves_nothing_open() -> None:
 
 def test_a_given_roster_is_kept() -> None:
     """Only what is missing is drawn."""
-    roster = [entry("a", 0), entry("b", 5)]
+    roster = row("ab", gap_m=5.0, north_m=10.0, r_m=1.0, body_m=0.1, energy_j=1e4)
     mission = complete_mission(Mission(roster=roster, uavs=2, max_slots=9, tau_s=0.1))
     assert (mission.roster, mission.max_slots, mission.tau_s) == (roster, 9, 0.1)
 

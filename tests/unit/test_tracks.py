@@ -6,10 +6,10 @@ from typing import Any
 
 import numpy as np
 import pytest
-from synthetic import change, flight, parallel, recorded
 
 from edc_swarm.analysis.tracks import Tracks, tracks_of
 from edc_swarm.protocol.messages import Command, Fix, Message, Truth
+from tests.unit.synthetic import change, flight, parallel, recorded
 
 
 def without(first: int, last: int, *kinds: type, **fields: Any) -> Tracks:

@@ -11,16 +11,14 @@ import pytest
 
 from edc_swarm.agent.vehicle import Promise, Situation, Vehicle, first_airframe, first_promise, refusal
 from edc_swarm.emulation.energy import propulsion_power_w
-from edc_swarm.mission.configuration import Mission, RosterEntry
-from edc_swarm.protocol.messages import Command
+from edc_swarm.mission.configuration import Mission
+from tests.builders import command, entry
 
-COMMAND = Command(head="h", uav="a", slot=7, term=3, start_x_m=0.1, start_y_m=0.2, target_x_m=3.1, target_y_m=4.2)
+COMMAND = command("a", 7, (0.1, 0.2), (3.1, 4.2), head="h", term=3)
 NOW = Situation(
     slot=7, grant=(3, "h"), waypoint_m=(0.1, 0.2), u_max_m=5.0, late_tick=False, energy_j=80.0, step_energy_j=80.0
 )
-ENTRY = RosterEntry(
-    uav="a", start_x_m=1.0, start_y_m=2.0, target_x_m=10.0, target_y_m=2.0, r_m=5.0, body_m=0.25, energy_j=1e4
-)
+ENTRY = entry("a", (1.0, 2.0), (10.0, 2.0), body_m=0.25, energy_j=1e4)
 
 
 def test_a_valid_command() -> None:

@@ -16,18 +16,20 @@ from foxglove_schemas_protobuf.SceneUpdate_pb2 import SceneUpdate
 from google.protobuf.descriptor_pb2 import FileDescriptorSet
 from google.protobuf.descriptor_pool import DescriptorPool
 from google.protobuf.message_factory import GetMessageClass
-from hypothesis import given
+from hypothesis import assume, given
 from hypothesis import strategies as st
 from msgspec import UNSET
-from synthetic import EPOCH_NS, OFFSET_M, SLOT_NS, at, change, flight, mission_of, parallel
 
 from edc_swarm.geodesy import to_wgs84
-from edc_swarm.mission.configuration import NS_PER_S
+from edc_swarm.mission.configuration import NS_PER_S, Zone
+from edc_swarm.mission.polygons import polygon_fault
 from edc_swarm.protocol.messages import Command, Event, Fix, Message, MissionMessage, Report, Truth
 from edc_swarm.viz.channels import Status, channel_of, topic_of
 from edc_swarm.viz.layout import MAP_PX, TILE_MPP, layout
 from edc_swarm.viz.scenery import Scenery, Shown, extent_m, gaps
 from edc_swarm.viz.shapes import RED, VERTICES, colour_of, stadium
+from edc_swarm.viz.zones import ears
+from tests.unit.synthetic import EPOCH_NS, OFFSET_M, SLOT_NS, at, change, flight, mission_of, parallel
 
 
 def shown(messages: list[Message], until_ns: int | None = None) -> list[Shown]:
@@ -111,7 +113,8 @@ def test_a_uav_without_memory_is_shown_where_its_disc_is(messages: list[Message]
 
 def test_every_scene_is_a_full_snapshot(messages: list[Message]) -> None:
     """A viewer that seeks loads only the last message, so each scene replaces all earlier ones."""
-    scenes = [each for each in shown(messages) if channel_of(each.topic).schema_name == "foxglove.SceneUpdate"]
+    channels = [(each, channel_of(each.topic)) for each in shown(messages)]
+    scenes = [each for each, channel in channels if channel and channel.schema_name == "foxglove.SceneUpdate"]
     assert len({each.topic for each in scenes}) == 5
     for each in scenes:
         update = SceneUpdate.FromString(each.payload)
@@ -206,14 +209,16 @@ def test_the_status_is_that_of_the_last_plan(messages: list[Message]) -> None:
     """The status has the values of the last plan and of all fixes."""
     kept = [m for m in messages if not (isinstance(m, Fix) and m.uav == "u2")]
     said = [each for each in shown(kept, EPOCH_NS + 9 * SLOT_NS) if each.topic == "/viz/status"]
-    assert msgspec.json.decode(said[-1].payload, type=Status) == Status(
+    status = msgspec.json.decode(said[-1].payload, type=Status)
+    assert (status.plan_limit_ms, status.gap_m) == (pytest.approx(300.0), pytest.approx(2.0, abs=0.1))
+    assert status == Status(
         slot=8,
         term=1,
         head="u0",
         status="planned",
         plan_ms=10.0,
-        plan_limit_ms=pytest.approx(300.0),
-        gap_m=pytest.approx(2.0, abs=0.1),
+        plan_limit_ms=status.plan_limit_ms,
+        gap_m=status.gap_m,
         planned_gap_m=0.0,
         gap_limit_m=0.0,
         heard=3,
@@ -240,9 +245,60 @@ def test_targets_are_marked(messages: list[Message]) -> None:
 def test_the_area_holds_all_starts_and_targets() -> None:
     """Missions from a file may lie anywhere."""
     mission = mission_of([[(-30.0, 4.0), (500.0, 4.0)]], area_m2=100.0, sent_ns=EPOCH_NS)
-    fence = scene([mission], "area", 1)["geofence"].lines[0]
-    assert {p.x for p in fence.points} == {-30.0, 500.0}
-    assert fence.type == LinePrimitive.LINE_LOOP
+    frame = scene([mission], "area", 1)["frame"].lines[0]
+    assert {p.x for p in frame.points} == {-30.0, 500.0}
+    assert frame.type == LinePrimitive.LINE_LOOP
+
+
+def test_zones_are_drawn_once_a_minute_with_their_names(messages: list[Message]) -> None:
+    """A fence is an outline and replaces the frame; an exclusion zone is filled, and a concave one with its area."""
+    fence = Zone(name="fence", kind="inclusion", polygon=[(-20, -20), (60, -20), (60, 60), (-20, 60)])
+    corner = Zone(name="corner", kind="exclusion", polygon=[(40, 40), (40, 50), (45, 50), (45, 45), (50, 45), (50, 40)])
+    tower = Zone(name="tower", kind="exclusion", centre=[40, 0], radius_m=7)
+    ring = Zone(name="ring", kind="inclusion", centre=[20, 20], radius_m=70)
+    mission = msgspec.structs.replace(messages[0], zone=[fence, corner, tower, ring])
+    said = [mission, *messages[1:]]
+    drawn = scene(said, "area", 8)
+    assert drawn.keys() == {"targets", "zone fence", "zone corner", "zone tower", "zone ring"}
+    outline = drawn["zone fence"].lines[0]
+    assert [(p.x, p.y) for p in outline.points] == fence.polygon
+    assert outline.type == LinePrimitive.LINE_LOOP
+    assert not drawn["zone fence"].triangles
+    assert not drawn["zone ring"].cylinders
+    points = drawn["zone corner"].triangles[0].points
+    assert area_m2([(p.x, p.y) for p in points]) == pytest.approx(75)
+    disc = drawn["zone tower"].cylinders[0]
+    assert (disc.pose.position.x, disc.size.x, disc.size.y) == (40, 14, 14)
+    assert max(p.x for p in drawn["zone ring"].lines[0].points) == pytest.approx(70)
+    assert {e.texts[0].text for name, e in drawn.items() if name != "targets"} == {"fence", "corner", "tower", "ring"}
+    assert sum(each.topic == "/viz/area" for each in shown(said)) == 1
+
+
+def area_m2(points: list[tuple[float, float]]) -> float:
+    """Return the sum of the areas of triangles, all of which must be counter-clockwise."""
+    areas = [
+        ((b[0] - a[0]) * (c[1] - a[1]) - (b[1] - a[1]) * (c[0] - a[0])) / 2
+        for a, b, c in zip(points[::3], points[1::3], points[2::3], strict=True)
+    ]
+    assert min(areas) >= 0
+    return sum(areas)
+
+
+@given(st.lists(st.tuples(st.integers(0, 9), st.integers(0, 9)), min_size=3, max_size=12, unique=True))
+def test_triangles_cover_a_simple_polygon_exactly(corners: list[tuple[int, int]]) -> None:
+    """They lie inside (none is clockwise), and their areas add up to the polygon's."""
+    assume(polygon_fault(corners) == "")
+    pairs = zip(corners, [*corners[1:], corners[0]], strict=True)
+    whole_m2 = abs(sum(a[0] * b[1] - b[0] * a[1] for a, b in pairs)) / 2
+    assert area_m2(ears(corners)) == pytest.approx(whole_m2)
+
+
+def test_the_scale_fits_the_fence() -> None:
+    """An exclusion zone far away does not make the swarm small."""
+    fence = Zone(name="fence", kind="inclusion", polygon=[(-20, -30), (60, -30), (60, 500)])
+    far = Zone(name="far", kind="exclusion", centre=[1e6, 0], radius_m=1)
+    assert extent_m(mission_of(parallel(), zone=[fence, far])) == ((-20, -30), (60, 500))
+    assert extent_m(mission_of(parallel(), area_x_m=300.0, area_y_m=50.0)) == ((0, 0), (300, 50))
 
 
 def test_events_are_logged_with_their_source() -> None:

@@ -1,9 +1,9 @@
 """Check of the guarantees on a recording of a real or simulated mission.
 
 G1 one head per term, G2 fencing, G3 separation, G4 hold on silence, G5 no loss in the record,
-G7 progress. (G6, same seed same bytes, takes a second simulation: `edc_swarm.experiments.resimulation`.) A table in
-`evidence` lists the evidence that each guarantee needs. Missing evidence never makes a guarantee hold; a violation
-that is certain stays one.
+G7 progress, G8 zones. (G6, same seed same bytes, takes a second simulation: `edc_swarm.experiments.resimulation`.) A
+table in `evidence` lists the evidence that each guarantee needs. Missing evidence never makes a guarantee hold; a
+violation that is certain stays one.
 """
 
 from __future__ import annotations
@@ -16,6 +16,7 @@ from edc_swarm.analysis.guarantees.holding import check_hold_on_silence
 from edc_swarm.analysis.guarantees.progress import check_progress
 from edc_swarm.analysis.guarantees.spacing import check_separation
 from edc_swarm.analysis.guarantees.verdict import GuaranteeResult, Violation, headline, not_judged
+from edc_swarm.analysis.guarantees.zoning import check_zones
 from edc_swarm.recording.model import Recording
 
 CHECKERS = (
@@ -25,6 +26,7 @@ CHECKERS = (
     check_hold_on_silence,
     check_no_loss,
     check_progress,
+    check_zones,
 )
 
 

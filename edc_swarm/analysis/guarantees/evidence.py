@@ -13,6 +13,7 @@ G3        fixes, truths          without fixes the discs, without truths the bod
 G4        fixes, truths          motion is unknown
 G5        numbers, `closed`      what is missing is unknown; `run_end` tells how many there were
 G7        fixes                  who has arrived is unknown
+G8        fixes                  where the discs are is unknown
 ========= ====================== ==========================================================
 """
 
@@ -30,6 +31,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from edc_swarm.analysis.tracks import Tracks, tracks_of
+from edc_swarm.foreign_text import listed
 from edc_swarm.protocol.messages import PLANNED, Command, Fix, MissionMessage, Report, Truth, roster_index
 from edc_swarm.recording.ends import Ends, ends_of
 from edc_swarm.recording.model import Recording
@@ -41,9 +43,9 @@ NEEDS: dict[str, tuple[str, ...]] = {
     "G3": ("fix", "truth"),
     "G4": ("fix", "truth"),
     "G7": ("fix",),
+    "G8": ("fix",),
 }
 """Kinds of messages that each guarantee needs in order to be judged."""
-MOST_LISTED = 5
 _PLURAL = {"fix": "fixes", "truth": "truths", "command": "commands", "report": "reports"}
 _KEY = {
     "fix": re.compile(r"uav/([^/]+)/fix").fullmatch,
@@ -135,6 +137,8 @@ class Evidence:
 
     def lacking(self, guarantee: str) -> list[str]:
         """Return one reason for each part of the evidence for `guarantee` that is missing."""
+        if guarantee == "G8" and not self.mission.zone:
+            return []  # Whatever is missing, nothing was promised.
         return [reason for kind in NEEDS.get(guarantee, ()) for reason in self.missing(kind)]
 
     def missing(self, kind: str) -> Iterator[str]:
@@ -236,6 +240,4 @@ def _holes(
 
 
 def _named(uavs: set[str] | frozenset[str]) -> str:
-    names = sorted(uavs)
-    more = f" and {len(names) - MOST_LISTED} more" if len(names) > MOST_LISTED else ""
-    return ", ".join(names[:MOST_LISTED]) + more
+    return listed(sorted(uavs))

@@ -28,7 +28,8 @@ from edc_swarm.mission.prospect import STALLED, default_max_slots, prospect_of, 
 from edc_swarm.protocol.events import EventKind
 from edc_swarm.protocol.hindrance import Hindrance, hindrances, places_of, point
 
-_G7 = ("G7", "Progress")
+PROGRESS = "G7"
+_G7 = (PROGRESS, "Progress")
 
 
 def check_progress(evidence: Evidence) -> GuaranteeResult:

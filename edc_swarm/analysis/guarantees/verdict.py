@@ -101,7 +101,11 @@ def not_applicable(guarantee: str, title: str, why: str) -> GuaranteeResult:
 
 
 def headline(results: Sequence[GuaranteeResult]) -> str:
-    """Return all verdicts in one line; "every guarantee held" only if each was judged and held."""
+    """Return all verdicts in one line; "every guarantee held" only if each was judged and held.
+
+    G8 needs no mention in a mission without zones.
+    """
+    results = [result for result in results if (result.guarantee, result.status) != ("G8", "not-applicable")]
     names = {status: [r.guarantee for r in results if r.status == status] for status in get_args(Status)}
     parts = [
         f"{word}: {', '.join(names[status])}"

@@ -11,7 +11,7 @@ import numpy as np
 from cyclopts import Parameter
 from numpy.typing import NDArray
 
-from edc_swarm.analysis.metrics import Columns, columns_of
+from edc_swarm.analysis.columns import Columns, columns_of
 from edc_swarm.formats.tracks import Track, TrackPoint, csv_tracks, geojson_tracks, kml_tracks
 from edc_swarm.geodesy import to_wgs84
 from edc_swarm.mission.configuration import NS_PER_S

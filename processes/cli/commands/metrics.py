@@ -4,7 +4,8 @@ from __future__ import annotations
 
 from pathlib import Path
 
-from edc_swarm.analysis.metrics import compute_metrics, load_timings
+from edc_swarm.analysis.metrics import compute_metrics
+from edc_swarm.analysis.timings import load_timings
 from edc_swarm.foreign_text import shown
 from edc_swarm.recording.reader import read_recording
 from processes.cli.summary import print_metrics

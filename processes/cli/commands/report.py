@@ -8,7 +8,8 @@ from typing import Annotated
 
 from cyclopts import Parameter
 
-from edc_swarm.analysis.metrics import compute_metrics, load_timings
+from edc_swarm.analysis.metrics import compute_metrics
+from edc_swarm.analysis.timings import load_timings
 from edc_swarm.recording.reader import read_recording
 from edc_swarm.report_page.data import Page
 from edc_swarm.report_page.render import Assets, render

@@ -8,7 +8,7 @@ from typing import Annotated
 import msgspec
 from cyclopts import Parameter
 
-from edc_swarm.analysis.metrics import Timing, Timings, content_hash
+from edc_swarm.analysis.timings import Timing, Timings, content_hash
 from edc_swarm.mission.configuration import Mission
 from edc_swarm.mission.fault_help import fault_help
 from edc_swarm.planner.registry import warm_up
