@@ -13,7 +13,7 @@ from edc_swarm.formats.content import MAX_POINTS, Content, Options, Stop, check_
 from edc_swarm.formats.mavlink_mission import WAYPOINT, Item, mission_content
 
 HEADER = "QGC WPL"
-COLUMNS = 12
+WPL_COLUMNS = 12
 
 
 def read_way_points(data: bytes, options: Options) -> Content:
@@ -53,8 +53,8 @@ def _home(items: list[Item]) -> tuple[Stop | None, list[Item]]:
 
 def _item(number: int, row: list[str]) -> Item:
     place = f"line {number}"
-    if len(row) != COLUMNS:
-        raise FormatError(place, f"{len(row)} columns: must be {COLUMNS}")
+    if len(row) != WPL_COLUMNS:
+        raise FormatError(place, f"{len(row)} columns: must be {WPL_COLUMNS}")
     sequence, _, frame, command = (_whole(place, text) for text in row[:4])
     one, two, three, four, x, y, z = (_value(place, text) for text in row[4:11])
     label = f"item {sequence}"
