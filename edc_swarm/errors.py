@@ -85,6 +85,33 @@ class RecordingError(SwarmError):
         return f"{self.path}: {self.reason}"
 
 
+class FormatError(SwarmError):
+    """Rejection of a file that holds no mission of a known format.
+
+    Attributes
+    ----------
+    item
+        The place in the file, such as "item 3"; "" for the whole file.
+    reason
+        The fault of the item, and what it must be.
+    file
+        Name of the file; "" until the caller that knows it adds it (`of`).
+    """
+
+    def __init__(self, item: str, reason: str, file: str = "") -> None:
+        super().__init__(item, reason, file)
+        self.item = item
+        self.reason = reason
+        self.file = file
+
+    def of(self, file: str) -> FormatError:
+        """Return the same error with the name of its file."""
+        return FormatError(self.item, self.reason, self.file or file)
+
+    def __str__(self) -> str:
+        return ": ".join(part for part in (self.file, self.item, self.reason) if part)
+
+
 def _shown(value: object, limit: int = 200) -> str:
     """Return the value in one line. Most paths are shorter than the limit, so errors show them whole."""
     text = repr(value)

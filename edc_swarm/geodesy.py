@@ -1,4 +1,4 @@
-"""Conversion of local east-north metres about an origin to WGS84 latitude and longitude.
+"""Conversion of local east-north metres about an origin to WGS84 latitude and longitude, and back.
 
 Every UAV process imports this module, so it does not import numpy.
 """
@@ -11,6 +11,7 @@ from functools import lru_cache
 from geographiclib.geodesic import Geodesic
 
 _LAT_LON = Geodesic.LATITUDE | Geodesic.LONGITUDE
+_BEARING_DISTANCE = Geodesic.AZIMUTH | Geodesic.DISTANCE
 _REMEMBERED = 8192
 """Points in the cache: the present and the next position of every UAV of a large swarm."""
 
@@ -25,3 +26,10 @@ def to_wgs84(x_m: float, y_m: float, origin_lat_deg: float, origin_lon_deg: floa
     bearing_deg = math.degrees(math.atan2(x_m, y_m))
     end = Geodesic.WGS84.Direct(origin_lat_deg, origin_lon_deg, bearing_deg, math.hypot(x_m, y_m), _LAT_LON)
     return end["lat2"], end["lon2"]
+
+
+def from_wgs84(lat_deg: float, lon_deg: float, origin_lat_deg: float, origin_lon_deg: float) -> tuple[float, float]:
+    """Return the metres (east, north) of the origin at which a point lies: the inverse of `to_wgs84`."""
+    line = Geodesic.WGS84.Inverse(origin_lat_deg, origin_lon_deg, lat_deg, lon_deg, _BEARING_DISTANCE)
+    bearing = math.radians(line["azi1"])
+    return line["s12"] * math.sin(bearing), line["s12"] * math.cos(bearing)

@@ -50,6 +50,12 @@ app.command("processes.cli.commands.replay:replay", help="Publish a recording on
 app.command("processes.cli.commands.recover:recover", help="Make a whole recording from one that was cut off.")
 app.command("processes.cli.commands.visualise:visualise", help="Add what Foxglove draws to a recording.")
 app.command("processes.cli.commands.certs:certs", help="Make the certificates of a secured swarm.")
+app.command(
+    "processes.cli.commands.import_files:import_files",
+    name="import",
+    help="Make a mission file of plans, way points, fences, maps of other programs.",
+)
+app.command("processes.cli.commands.export:export", help="Write the flown tracks as GeoJSON, KML or CSV.")
 app.command("processes.cli.commands.report:report", help="Make a self-contained page of a recording.")
 
 

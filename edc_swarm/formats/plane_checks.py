@@ -1,0 +1,56 @@
+"""Checks of imported zones and routes in the plane, in metres."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from edc_swarm.geometry import Floats, length_m, point_segment_distance_m, segment_distance_m
+from edc_swarm.mission.configuration import Zone
+from edc_swarm.mission.zones import barriers
+
+TOLERANCE_M = 1e-6
+"""Distances that are short by less than this are rounding."""
+
+
+def outside_by_rule(zone: Zone, points: Floats, r_m: float) -> NDArray[np.bool_]:
+    """Return which points (n, 2) no UAV of radius `r_m` may be at, because of the zone."""
+    margin_m = r_m if zone.keeps_disc else 0.0
+    if zone.polygon:
+        corners = np.array(zone.polygon)
+        ends = np.roll(corners, -1, axis=0)
+        # The sign says on which side of the boundary a point lies: above 0 inside.
+        distance_m = point_segment_distance_m(points[:, None], corners, ends).min(axis=1)
+        depth_m = np.where(_inside(corners, ends, points), distance_m, -distance_m)
+    else:
+        depth_m = zone.radius_m - length_m(points - np.array(zone.centre))
+    allowed_m = depth_m if zone.kind == "inclusion" else -depth_m
+    return np.asarray(allowed_m < margin_m - TOLERANCE_M)
+
+
+def _inside(corners: Floats, ends: Floats, points: Floats) -> NDArray[np.bool_]:
+    """Return which points (n, 2) lie inside a polygon: those whose ray to the east crosses an odd number of sides."""
+    x, y = points[:, :1], points[:, 1:]
+    spans = (corners[:, 1] > y) != (ends[:, 1] > y)
+    rise = np.where(ends[:, 1] == corners[:, 1], 1.0, ends[:, 1] - corners[:, 1])
+    at_x = corners[:, 0] + (y - corners[:, 1]) / rise * (ends[:, 0] - corners[:, 0])
+    return np.asarray((spans & (x < at_x)).sum(axis=1) % 2 == 1)
+
+
+def legs_through(zones: list[Zone], points: Floats, r_m: float) -> NDArray[np.bool_]:
+    """Return which legs (n - 1,) of a route through points (n, 2) come too close to a boundary to be flown straight."""
+    limits = barriers(zones)
+    crossed = np.zeros(max(len(points) - 1, 0), dtype=bool)
+    for leg in range(len(crossed)):
+        distance_m = segment_distance_m(points[leg], points[leg + 1], limits.a_m, limits.b_m)
+        needed_m = limits.radius_m + np.where(limits.keeps_disc, r_m, 0.0)
+        crossed[leg] = bool((distance_m < needed_m - TOLERANCE_M).any())
+    return crossed
+
+
+def widest_radius_m(points: Floats) -> float:
+    """Return the largest common radius of discs at points (n, 2) that do not overlap; infinite for one point."""
+    least_m = np.inf
+    for index in range(len(points) - 1):
+        least_m = min(least_m, float(length_m(points[index + 1 :] - points[index]).min()))
+    return least_m / 2
