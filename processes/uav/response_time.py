@@ -20,7 +20,7 @@ def measured_response_ms() -> float:
     The function measures processor time: wall time would include the other processes that measure at
     the same time.
     """
-    mission = Mission()
+    mission = Mission(uavs=UAVS)
     warm_planner(mission)
     from edc_swarm.planner.registry import make_planner  # noqa: PLC0415  (imports numpy)
 

@@ -30,6 +30,8 @@ from tests.processes.conftest import Ended, Fly, Started, await_true
 SAFE = {"G1", "G2", "G3", "G4", "G7"}
 either = pytest.mark.parametrize("parts", ["open", "secured"], indirect=True)
 FAST = ("--json", "--time-scale", "4", "--uavs", "5", "--area", "3000")
+HOLD = ("--failsafe", "hold")
+"""Options with which a UAV without a process does not land, however slow the machine is."""
 
 
 def broken(ended: Ended) -> set[str]:
@@ -154,7 +156,7 @@ def test_what_a_joiner_cannot_read_is_counted_and_told(start: Fly, hosted: Hoste
 
 def test_started_again_with_its_folder_it_is_the_same_uav(start: Fly, hosted: Hosted, tmp_path: Path) -> None:
     """The folder has the UAV's promise; another claimant gets no id meanwhile."""
-    run, address = hosted(2)
+    run, address = hosted(2, *HOLD)
     others = start("join", address)
     folder = tmp_path / "kept"
     joined = start("join", address, "--state", str(folder))
@@ -335,7 +337,7 @@ def test_an_operator_that_died_is_taken_over_from(parts: Parts) -> None:
 def test_faults_in_force_are_told_again_after_a_takeover(parts: Parts) -> None:
     """A UAV that the next operator restarts is as cut off as its first instance."""
     faults = ("partition u001,u002,u004,u005>u003 @4 for 40s", "restart u003 @60")
-    words = ("--speed-max", "1", *(word for fault in faults for word in ("--fault", fault)))
+    words = (*HOLD, "--speed-max", "1", *(word for fault in faults for word in ("--fault", fault)))
     joined = [parts.join(f"{number}") for number in range(5)]
     first = parts.operate(*words)
     part = first.path.with_name("run.mcap.part")

@@ -43,7 +43,7 @@ FLOWS = {
 """Subject of each rule, by the words in its id."""
 FINDS_THE_MISSION = "*/alive/operator/* -/alive/gave-up"
 ROLES_MAY = {
-    "operator says": "m/mission m/event/operator",
+    "operator says": "m/mission m/event/operator m/goal/operator/to/*",
     "operator hears": "m/uav/*/fix m/head/*/report m/head/*/command/* m/event/*",
     "operator asks": "m/mission m/orders/recorder",
     "operator answers": "m/mission m/event/operator m/claims m/orders/* m/again/operator/*",
@@ -183,7 +183,7 @@ def test_rules_let_a_uav_say_only_what_is_its_own() -> None:
     ]
     assert rules["u001 lives"]["key_exprs"] == ["swarm/m/alive/u001/*"]
     heard = [key for name in ("uavs hears", "u001 hears") for key in rules[name]["key_exprs"]]
-    assert heard[-1] == "swarm/m/head/*/command/u001"
+    assert heard[-2:] == ["swarm/m/head/*/command/u001", "swarm/m/goal/*/to/u001"]
     assert not [key for key in heard if "truth" in key or "**" in key]
 
 

@@ -10,7 +10,7 @@ from tests.processes.conftest import Fly
 RESTING = "tests.processes.resting:Resting"
 CASES = {
     "resting": (["--planner", RESTING, "--fault", "gps u001 white @1"], "broken"),
-    "split": (["--fault", "partition halves @4"], "not-applicable"),
+    "split": (["--fault", "partition halves @4", "--failsafe", "hold"], "not-applicable"),
 }
 
 
