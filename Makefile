@@ -14,17 +14,17 @@ RUN ?=
 run: $(READY)
 	$(BIN)/edc-swarm run $(RUN)
 
-# Tests of real processes wait more than they compute, so two run side by side; those marked `timing` run alone. A machine
+# Tests of real processes wait more than they compute, so three run side by side; those marked `timing` run alone. A machine
 # may stall: one of them that fails is run once more, and named at the end; never one that says that a guarantee is broken.
 RETRY := --reruns 1 --rerun-except broken -raR
 
 test: $(READY)
 	$(BIN)/pytest -n auto -m "not long" --ignore tests/processes --ignore tests/docker
-	$(BIN)/pytest -n 2 $(RETRY) -m "not timing and not long" tests/processes
+	$(BIN)/pytest -n 3 $(RETRY) -m "not timing and not long" tests/processes
 
 test-all: $(READY)
 	$(BIN)/pytest -n auto --ignore tests/processes --ignore tests/docker
-	$(BIN)/pytest -n 2 $(RETRY) -m "not timing" tests/processes
+	$(BIN)/pytest -n 3 $(RETRY) -m "not timing" tests/processes
 	$(BIN)/pytest $(RETRY) -m timing tests/processes tests/docker
 
 check: $(READY)

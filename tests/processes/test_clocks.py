@@ -34,6 +34,7 @@ def shim(tmp_path_factory: pytest.TempPathFactory) -> Path:
     return library
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("by_s", [3600, -3600, 2, -2])
 def test_a_mission_does_not_follow_the_wall_clock(start: Fly, shim: Path, tmp_path: Path, by_s: int) -> None:
     """All UAVs arrive as without the jump, a UAV started after it too; every process reports the jump once."""

@@ -24,6 +24,7 @@ from processes.uav.state import create_state
 from tests.processes.conftest import Fly, FlyToEnd, await_true
 
 
+@pytest.mark.long
 def test_ctrl_c_in_flight_leaves_a_whole_recording(start: Fly) -> None:
     """Every process publishes its last message: the recording is finished, not recovered."""
     command = start("run", "--json")
@@ -90,6 +91,7 @@ def test_a_recorder_killed_by_hand_ends_the_run_and_what_it_flushed_is_recovered
     assert {path.name for path in ended.path.parent.iterdir()} == {ended.path.name}
 
 
+@pytest.mark.long
 @pytest.mark.parametrize(("part", "module"), [("router", "services.router"), ("fork-source", "host.fork_source")])
 def test_a_part_killed_by_hand_fails_the_mission(start: Fly, part: str, module: str) -> None:
     """The input is not at fault: status 1, the cause in one line, and the summary names the UAVs not home."""
@@ -144,6 +146,7 @@ def test_a_simulation_keeps_its_recording_from_those_beside_it(start: Fly, tmp_p
     assert command.end().status == 0
 
 
+@pytest.mark.long
 @pytest.mark.parametrize(("limit", "status"), [("ulimit -Sn 32", 0), ("ulimit -n 60", 2)])
 def test_open_files_are_enough_or_their_limit_is_named(start: Fly, limit: str, status: int) -> None:
     """The command raises a low soft limit; for a low hard limit it prints one line and starts nothing."""
@@ -169,6 +172,7 @@ def tiny_disk(tmp_path: Path) -> Iterator[Path]:
     subprocess.run(["umount", "-l", folder], check=True)
 
 
+@pytest.mark.long
 def test_a_disk_that_fills_in_flight_is_named_with_what_can_be_recovered(start: Fly, tiny_disk: Path) -> None:
     """On a really full disk, one line names the folder, the reason and the part."""
     path = tiny_disk / "run.mcap"

@@ -78,6 +78,7 @@ def hosted(start: Fly) -> Hosted:
     return go
 
 
+@pytest.mark.long
 def test_two_hosts_fly_one_mission(start: Fly, hosted: Hosted) -> None:
     """Each id has one claimant, and each joiner ends with the mission."""
     run, address = hosted(3)
@@ -93,6 +94,7 @@ def test_two_hosts_fly_one_mission(start: Fly, hosted: Hosted) -> None:
     assert [command.end().status for command in joined] == [0, 0]
 
 
+@pytest.mark.long
 @pytest.mark.parametrize(("seed", "leads"), [("2", False), ("1", True)], ids=["weakest", "strongest"])
 def test_a_uav_alone_stays_small(start: Fly, hosted: Hosted, seed: str, leads: bool) -> None:
     """Neither the UAV nor its joiner imports numpy, unless the UAV may lead from the start."""
@@ -105,6 +107,7 @@ def test_a_uav_alone_stays_small(start: Fly, hosted: Hosted, seed: str, leads: b
         command.end()
 
 
+@pytest.mark.long
 def test_a_fork_source_killed_by_hand_fails_the_joiner(start: Fly, hosted: Hosted) -> None:
     """The input is not at fault; the operator names the UAVs that are gone with the fork source."""
     run, address = hosted(2)
@@ -121,6 +124,7 @@ def test_a_fork_source_killed_by_hand_fails_the_joiner(start: Fly, hosted: Hoste
     assert {who["cause"] for who in ended.json["not_home"]} == {"process-gone"}, ended.stdout
 
 
+@pytest.mark.long
 def test_faults_reach_the_uavs_of_other_hosts(start: Fly, hosted: Hosted) -> None:
     """Faults kill a UAV, restart one without memory, and freeze and resume one."""
     faults = ("kill u003 @8", "kill u004 @8 for 4", "freeze u005 @8 for 2s", "restart u004 lose-memory @20")
@@ -135,6 +139,7 @@ def test_faults_reach_the_uavs_of_other_hosts(start: Fly, hosted: Hosted) -> Non
     assert joined.end().status == 0
 
 
+@pytest.mark.long
 def test_what_a_joiner_cannot_read_is_counted_and_told(start: Fly, hosted: Hosted, tmp_path: Path) -> None:
     """Garbage in the operator's name ends nothing; the joiner reports the first, second, fourth ... of it."""
     run, address = hosted(2)
@@ -154,6 +159,7 @@ def test_what_a_joiner_cannot_read_is_counted_and_told(start: Fly, hosted: Hoste
     assert [line.split()[1] for line in told] == ["1", "2"]
 
 
+@pytest.mark.long
 def test_started_again_with_its_folder_it_is_the_same_uav(start: Fly, hosted: Hosted, tmp_path: Path) -> None:
     """The folder has the UAV's promise; another claimant gets no id meanwhile."""
     run, address = hosted(2, *HOLD)
@@ -180,6 +186,7 @@ def test_started_again_with_its_folder_it_is_the_same_uav(start: Fly, hosted: Ho
     assert [command.end().status for command in (others, again)] == [0, 0]
 
 
+@pytest.mark.long
 def test_ctrl_c_of_a_joiner_is_in_order(start: Fly, hosted: Hosted) -> None:
     """The UAVs of the joiner publish their last messages."""
     run, address = hosted(2)
@@ -206,6 +213,7 @@ def test_more_than_are_left_is_refused(start: Fly, hosted: Hosted) -> None:
     assert run.end().status == 1
 
 
+@pytest.mark.long
 def test_who_is_waited_for_is_named(start: Fly, hosted: Hosted) -> None:
     """The operator names the missing UAVs, and the joiner the state of its router."""
     run, _ = hosted(2)
@@ -224,6 +232,7 @@ def line_with(command: Started, words: str) -> str:
     return next(line.strip() for line in command.process.stderr if words in line)
 
 
+@pytest.mark.long
 def test_who_was_away_flies_what_is_left(start: Fly, hosted: Hosted, tmp_path: Path) -> None:
     """Before the mission the operator issues the id of an absent joiner to another; the joiner then claims again."""
     run, address = hosted(2)
@@ -298,6 +307,7 @@ def parts(start: Fly, tmp_path: Path, request: pytest.FixtureRequest) -> Iterato
     made.kill()
 
 
+@pytest.mark.long
 @either
 def test_everything_run_by_others(parts: Parts) -> None:
     """The operator is the first to leave, and every part ends by itself."""
@@ -313,6 +323,7 @@ def test_everything_run_by_others(parts: Parts) -> None:
     parts.await_end()
 
 
+@pytest.mark.long
 @either
 def test_an_operator_that_died_is_taken_over_from(parts: Parts) -> None:
     """The mission continues in one recording, and no further claimant gets an id."""
@@ -334,6 +345,7 @@ def test_an_operator_that_died_is_taken_over_from(parts: Parts) -> None:
     parts.await_end()
 
 
+@pytest.mark.long
 def test_faults_in_force_are_told_again_after_a_takeover(parts: Parts) -> None:
     """A UAV that the next operator restarts is as cut off as its first instance."""
     faults = ("partition u001,u002,u004,u005>u003 @4 for 40s", "restart u003 @60")
@@ -425,6 +437,7 @@ def test_a_router_waits_for_an_operator_only_so_long(start: Fly) -> None:
         assert router.stderr.read() == "router: no operator has come within 0.5 s\n"
 
 
+@pytest.mark.long
 def test_told_to_stop_all_at_once_the_record_has_every_last_word(parts: Parts) -> None:
     """Compose stops all at once, the recorder too: the recorder waits for the others."""
     joined = [parts.join(f"{number}") for number in range(5)]
@@ -457,6 +470,7 @@ def test_ctrl_c_of_an_operator_without_a_recorder(start: Fly, endpoint: str) -> 
     assert not list(ended.path.parent.glob("run.*"))
 
 
+@pytest.mark.long
 def test_a_bad_option_ends_no_mission(parts: Parts) -> None:
     """A mistyped command of another user at the same router disturbs no flying or waiting part."""
     joined = [parts.join(f"{number}") for number in range(4)]
@@ -469,6 +483,7 @@ def test_a_bad_option_ends_no_mission(parts: Parts) -> None:
     parts.await_end()
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("lost", ["operator", "router"])
 def test_ids_are_known_again_after_a_restart(parts: Parts, tmp_path: Path, lost: str) -> None:
     """Before the mission, a new operator learns the ids from the tokens on the bus."""

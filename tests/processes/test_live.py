@@ -42,6 +42,7 @@ def first_scene(viewer: Any, channel: dict[str, Any]) -> SceneUpdate:
             return SceneUpdate.FromString(said[13:])
 
 
+@pytest.mark.long
 def test_a_late_viewer_sees_what_does_not_move(start: Fly) -> None:
     """The area was sent once, before the viewer connected; the discs are sent twice a second."""
     command = start("run", "--live", "--uavs", "3", "--area", "10000", "--seed", "4", "--speed-max", "3")

@@ -70,6 +70,7 @@ def test_run_metadata_and_nothing_else_is_left(default_flight: Ended) -> None:
     assert [entry.name for entry in default_flight.path.parent.iterdir()] == ["run.mcap"]
 
 
+@pytest.mark.long
 def test_straight_planner_collides_and_check_names_the_pairs(run: FlyToEnd, capsys: pytest.CaptureFixture[str]) -> None:
     """A run that breaks a guarantee has that exit status."""
     ended = run("--planner", "straight", "--uavs", "30")
@@ -81,6 +82,7 @@ def test_straight_planner_collides_and_check_names_the_pairs(run: FlyToEnd, caps
     assert "discs overlap by up to" in shown
 
 
+@pytest.mark.long
 def test_a_process_killed_by_hand_is_told_and_the_others_finish(start: Fly) -> None:
     """The run reports and records a death that no fault caused."""
     command = start("run", "--json", "--time-scale", "4")
@@ -97,6 +99,7 @@ def test_a_process_killed_by_hand_is_told_and_the_others_finish(start: Fly) -> N
     assert (dead["cause"], "was ended by SIGKILL" in dead["reason"]) == ("process-gone", True)
 
 
+@pytest.mark.long
 def test_a_process_frozen_for_good_by_hand_is_not_home(start: Fly) -> None:
     """Only its silence shows the freeze; all others arrive, and the status says that one UAV did not."""
     command = start("run", "--json", "--time-scale", "4", "--uavs", "4", "--max-slots", "60")
@@ -108,6 +111,7 @@ def test_a_process_frozen_for_good_by_hand_is_not_home(start: Fly) -> None:
     assert (silent["cause"], ended.json["completed"]) == ("silent", False)
 
 
+@pytest.mark.long
 def test_two_missions_side_by_side(start: Fly) -> None:
     """Each mission has its own id and port."""
     flights = [

@@ -164,6 +164,7 @@ def test_a_flood_of_large_messages_takes_neither_memory_nor_disk(recorder: Bench
     assert peak_kb < 400_000
 
 
+@pytest.mark.long
 def test_a_recorder_frozen_across_the_end_proves_nothing(start: Fly) -> None:
     """A recorder that is frozen until all UAVs have ended has no evidence: the command says so, and nothing is held."""
     command = start("run", "--json", "--uavs", "10", "--time-scale", "4")

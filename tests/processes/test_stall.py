@@ -14,6 +14,7 @@ CASES = {
 }
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("name", CASES)
 def test_the_end_says_that_nothing_can_change(start: Fly, name: str) -> None:
     """The mission ends soon after, not when the batteries are empty."""

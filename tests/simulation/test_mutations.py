@@ -551,6 +551,7 @@ DEFECTS: list[tuple[Defect, int, int]] = [
 ]
 
 
+@pytest.mark.long
 @pytest.mark.parametrize(("defect", "first", "runs"), DEFECTS, ids=[defect.__name__ for defect, *_ in DEFECTS])
 def test_the_fuzzer_finds(defect: Defect, first: int, runs: int, monkeypatch: Patch) -> None:
     """A planted defect breaks a guarantee within the stated number of runs."""
