@@ -86,6 +86,7 @@ def mission_of(case: Case, seed: int) -> tuple[Mission, Floats, Floats]:
         r_m=case.r_m,
         minimise=case.minimise,
         seed=seed,
+        fence="none",  # benchmarks/zones.py says what a fence costs
     )
     if case.circle:
         radius_m = max(40.0, 10.5 * case.uavs / (2 * math.pi))

@@ -36,7 +36,7 @@ def test_a_uav_flies_where_it_is_sent(faults: tuple[str, ...]) -> None:
     recording = flown("goal u002 95,95 5,95 @20", *faults)
     metrics = compute_metrics(recording)
     last = [fix for fix in recording.fixes if fix.uav == "u002"][-1]
-    assert statuses(recording) == dict.fromkeys(["G1", "G2", "G3", "G4", "G5", "G7"], "held")
+    assert statuses(recording) == dict.fromkeys(["G1", "G2", "G3", "G4", "G5", "G7", "G8"], "held")
     assert (last.arrived, last.course.goal, last.course.leg) == (True, 1, 1)
     assert (round(last.waypoint_x_m), round(last.waypoint_y_m)) == (5, 95)
     assert metrics.arrived == 4 - len(metrics.not_living)

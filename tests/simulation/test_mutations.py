@@ -487,7 +487,7 @@ def goals_before_restarts(seed: int) -> Mission:
     faults = []
     for slot in range(6, 60, 9):
         at_s, uav = slot * 0.5 + 0.1, f"u00{1 + slot // 9 % 4}"
-        faults += [f"goal {uav} {slot % 20},{slot % 17} @{at_s:.3f}s", f"restart {uav} @{at_s + 0.05:.3f}s"]
+        faults += [f"goal {uav} {1 + slot % 20},{1 + slot % 17} @{at_s:.3f}s", f"restart {uav} @{at_s + 0.05:.3f}s"]
     return _crowd(seed, faults)
 
 

@@ -444,15 +444,24 @@ BAD_VALUES: dict[str, dict[str, str | None]] = {
     "report": {"out": "x", "force": ANY},
     "metrics": {"json": ANY},
     "check": {"load-planner": ANY, "json": ANY},
+    "import": {  # The file is wrong before its origin is.
+        "out": ANY, "force": ANY, "json": ANY, "origin": ANY, "r": "0", "speed-max": "0", "slot": "0", "start": "x",
+        "polygons": "x", "cell": "0", "agents": "0", "list-unknown": ANY, "mixed-altitudes": ANY,
+    },
+    "export": {"format": "x", "out": ANY, "force": ANY},
     "sim": {
-        "uavs": "0", "area": "0", "gps-error": "-1", "gps-model": "x", "seed": "-1", "slot": "0", "speed-max": "0",
+        "uavs": "0", "area": "0", "area-x": "-1", "area-y": "-1", "fence": "x", "failsafe": "x", "land-after": "-1",
+        "gps-error": "-1", "gps-model": "x", "seed": "-1", "slot": "0", "speed-max": "0",
         "planner": "x", "minimise": "x", "elect": "x", "fault": "x", "fault-help": ANY, "delay-ms": "-1",
         "jitter-ms": "-1", "loss": "1.5", "time-scale": "0", "max-slots": "-1", "out": "x", "no-viz": ANY, "json": ANY,
         "force": ANY,
     },
 }  # fmt: skip
 BAD_VALUES["run"] |= BAD_VALUES["sim"]
-ARGUMENTS = {"join": ["tcp/localhost:1"], **{name: ["X"] for name in ("replay", "recover", "visualise", "report")}}
+ARGUMENTS = {
+    "join": ["tcp/localhost:1"],
+    **{name: ["X"] for name in ("replay", "recover", "visualise", "report", "import", "export")},
+}
 CASES = [(name, option, bad) for name, bads in BAD_VALUES.items() for option, bad in bads.items() if bad is not None]
 
 
