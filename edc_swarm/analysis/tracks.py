@@ -160,12 +160,18 @@ def last_slots(flags: Bools) -> Ints:
 def stepped_slots(recording: Recording, executed: Bools, heard: Bools) -> Ints:
     """Return (K,) the slot of each UAV's last accepted step, -1 for none.
 
-    A UAV that is silent may have accepted a command for the slot after its newest fix, which then counts.
+    A UAV that is silent may have accepted a command for the slot after its newest fix, which then counts, unless that
+    fix grants a newer term: the UAV has then discarded the command.
     """
     index, stepped, newest = roster_index(recording.mission.roster), last_slots(executed), last_slots(heard)
+    term = np.full(len(index), -1)
+    for fix in recording.fixes:
+        k = index.get(fix.uav, -1)
+        if k >= 0 and fix.slot == newest[k]:
+            term[k] = max(term[k], fix.term)
     for command in recording.commands:
         k = index.get(command.uav, -1)
-        if k >= 0 and command.slot == newest[k] + 1:
+        if k >= 0 and command.slot == newest[k] + 1 and command.term >= term[k]:
             stepped[k] = max(stepped[k], command.slot)
     return stepped
 
