@@ -6,7 +6,7 @@ from dataclasses import dataclass
 from operator import attrgetter
 
 from edc_swarm.mission.configuration import OPERATOR, RECORDER
-from edc_swarm.mission.faults import Freeze, Kill, read_fault
+from edc_swarm.mission.faults import Freeze, Kill, Restart, read_fault
 from edc_swarm.protocol.events import EventKind
 from edc_swarm.protocol.keys import KEY_FORMS
 from edc_swarm.recording.model import Recording
@@ -60,16 +60,23 @@ def ends_of(recording: Recording) -> Ends:
 
 
 def _deaths(recording: Recording) -> dict[str, int]:
-    """Return, by id, the time of the last recorded kill, freeze or observed death in nanoseconds."""
+    """Return, by id, the time of the last recorded kill, freeze or observed death in nanoseconds.
+
+    A fault `mid-step` strikes in the next step of its process, up to a slot after its event, unless a restart of the
+    process comes first.
+    """
     deaths: dict[str, int] = {}
     for event in recording.events:
         if event.source != OPERATOR:
             continue
-        who = ""
         if event.kind == EventKind.FAULT:
             fault = read_fault(event.detail, recording.mission.dt_s)
-            who = fault.target if isinstance(fault, (Kill, Freeze)) else ""
+            if isinstance(fault, Restart) and fault.target in deaths:
+                deaths[fault.target] = min(deaths[fault.target], event.sent_ns)
+            if isinstance(fault, (Kill, Freeze)):
+                struck_ns = event.sent_ns + fault.mid_step * recording.mission.slot_ns
+                deaths[fault.target] = max(struck_ns, deaths.get(fault.target, 0))
         elif event.kind == EventKind.EXITED:
             who = event.detail.split(" ", 1)[0]
-        deaths[who] = max(event.sent_ns, deaths.get(who, 0))
+            deaths[who] = max(event.sent_ns, deaths.get(who, 0))
     return deaths

@@ -20,6 +20,9 @@ ONCE_BROKEN = {
     "1522": "the same, two UAVs",
     "10989": "a head that was still planning when the mission ended",
     "1856": "the same, on a slow computer: it said no last word",
+    "406": "a vehicle that lags counted in the slot after it had landed",
+    "705": "a process that was killed in its first step of all: nothing told who had ended it",
+    "1017": "a landing that counted from a command which a newer grant had discarded",
 }
 MISSIONS = msgspec.json.decode(Path(__file__).with_name("once_broken.json").read_bytes())
 """The missions themselves, since a seed gives another one when the generator changes."""
