@@ -11,6 +11,7 @@ import pytest
 from edc_swarm.protocol.messages import Event
 from edc_swarm.recording.mcap_file import McapFile
 from edc_swarm.recording.reader import read_recording
+from edc_swarm.recording.sifting import OLDER
 from edc_swarm.recording.writer import RecordingWriter
 from processes.bus.address import free_endpoint
 from tests.processes.conftest import Fly, Started
@@ -43,7 +44,7 @@ def test_neither_replays_nor_fuzzed_bytes_disturb_a_mission(start: Fly, tmp_path
     _check_events(ended.recording.events)
     reasons = [garbage.reason for garbage in ended.recording.garbage]
     assert len(reasons) > MESSAGES / 4
-    assert reasons.count("of an older run") > len(read_recording(old).commands)
+    assert reasons.count(OLDER) > len(read_recording(old).commands)
     assert len({report.term for report in ended.recording.reports}) == 1
 
 

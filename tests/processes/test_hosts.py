@@ -80,7 +80,19 @@ def test_a_cut_link_between_hosts(hosts: dict[str, str], start: Fly, tmp_path: P
     protocol, certs = ("tls", ("--certs", str(tmp_path / "certs"))) if secured else ("tcp", ())
     if secured:
         write_certificates(tmp_path / "certs", uav_ids(9), hosts=[address.split(":")[0] for address in hosts.values()])
-    options = ("--uavs", "9", "--time-scale", "2", "--remote", "6", "--listen", f"{protocol}/0.0.0.0:{PORT}")
+    # The cut may last longer than a vehicle waits before it lands.
+    options = (
+        "--uavs",
+        "9",
+        "--time-scale",
+        "2",
+        "--failsafe",
+        "hold",
+        "--remote",
+        "6",
+        "--listen",
+        f"{protocol}/0.0.0.0:{PORT}",
+    )
     run = start("run", "--json", *options, *(("--secure",) if secured else ()), *certs, prefix=on(HOME))
     joined = [
         start("join", f"{protocol}/{address}", "--uavs", "3", *certs, prefix=on(name))
