@@ -19,6 +19,7 @@ from edc_swarm.formats.registry import Source
 from edc_swarm.geodesy import from_wgs84
 from edc_swarm.mission.configuration import (
     ARRIVED_M,
+    MAX_ALL_CORNERS,
     MAX_CORNERS,
     MAX_UAVS,
     MAX_ZONES,
@@ -236,6 +237,9 @@ def _zones(sources: Sequence[Source], plane: _Plane, imported: Imported) -> list
                 imported.remarks.append(f"{source.file}: {area.item}: read as {area.kind} zone: {area.why}")
     if len(zones) > MAX_ZONES:
         raise FormatError("", f"{len(zones)} zones: must be at most {MAX_ZONES}", sources[-1].file)
+    if (corners := sum(zone.corners for zone in zones)) > MAX_ALL_CORNERS:
+        message = f"{corners} corners in all zones: must be at most {MAX_ALL_CORNERS}"
+        raise FormatError("", message, sources[-1].file)
     inclusions = [zone.name for zone in zones if zone.kind == "inclusion"]
     if len(inclusions) > 1:
         imported.remarks.append(f"{len(inclusions)} inclusion zones: every UAV must be inside all of them")

@@ -79,6 +79,11 @@ BOMB = (
 )
 DEEP = "<kml>" + "<Folder>" * 5000 + "</Folder>" * 5000 + "</kml>"
 
+MANY_BLOCKS = "type octile\nheight 100\nwidth 100\nmap\n" + ("@." * 50 + "\n" + "." * 100 + "\n") * 50
+MANY_CORNERS = (
+    "type octile\nheight 90\nwidth 90\nmap\n" + ("@@." * 30 + "\n" + "@.." * 30 + "\n" + "." * 90 + "\n") * 30
+)
+
 
 def broken_archive() -> bytes:
     """An archive with a byte of the compressed data changed."""
@@ -197,6 +202,8 @@ BAD: list[tuple[str, str | bytes, str]] = [
     ),
     ("a.waypoints", wpl(row(1, 5001, first=4), row(2, 5001, first=4, lat=48)), "corners of the polygon = 2: must be 4"),
     ("a.waypoints", wpl(row(1, 5001, first=4), row(2, 5002, first=4)), "item 2: must continue the polygon"),
+    ("m.map", MANY_BLOCKS, "2501 zones of its cells: must be at most 1000"),
+    ("m.map", MANY_CORNERS, "5404 corners in all zones: must be at most 5000"),
     # Way points that a zone forbids.
     (
         "a.geojson",
