@@ -108,6 +108,23 @@ def segment_distance_m(a_m: ArrayLike, b_m: ArrayLike, c_m: ArrayLike, d_m: Arra
     return length_m(first - second)
 
 
+def ray_crosses(point_m: Floats, a_m: Floats, b_m: Floats) -> NDArray[np.bool_]:
+    """Return a mask (n, m): True where the ray from a point (n, 2) to the east crosses the segment a-b (m, 2)."""
+    y_m = point_m[:, 1:]
+    spans = (a_m[:, 1] > y_m) != (b_m[:, 1] > y_m)
+    rise_m = np.where(a_m[:, 1] == b_m[:, 1], 1.0, b_m[:, 1] - a_m[:, 1])
+    east_m = a_m[:, 0] + (y_m - a_m[:, 1]) / rise_m * (b_m[:, 0] - a_m[:, 0])
+    return np.asarray(spans & (point_m[:, :1] < east_m))
+
+
+def inside_polygon(point_m: Floats, a_m: Floats, b_m: Floats) -> NDArray[np.bool_]:
+    """Return a mask (n,) of the points inside the polygon with the edges a-b: a ray crosses an odd number of them.
+
+    A point on the boundary counts as either.
+    """
+    return np.asarray(ray_crosses(point_m, a_m, b_m).sum(axis=1) % 2 == 1)
+
+
 def near_pairs(points_m: ArrayLike, reach_m: float) -> tuple[Indices, Indices]:
     """Return index pairs i < j with |p_i - p_j| <= reach, in lexicographic order.
 
@@ -183,15 +200,10 @@ class Barriers:
         starts = np.flatnonzero(np.diff(self.zone, prepend=-1))
         if not len(starts):
             return inside
-        x_m, y_m = point_m[:, :1], point_m[:, 1:]
-        a_m, b_m = self.a_m, self.b_m
-        rise_m = np.where(a_m[:, 1] == b_m[:, 1], 1.0, b_m[:, 1] - a_m[:, 1])
-        cross_m = a_m[:, 0] + (y_m - a_m[:, 1]) / rise_m * (b_m[:, 0] - a_m[:, 0])
-        # A ray to the east crosses the edges of a polygon an odd number of times from inside.
-        crosses = ((a_m[:, 1] > y_m) != (b_m[:, 1] > y_m)) & (x_m < cross_m)
+        crosses = ray_crosses(point_m, self.a_m, self.b_m)
         odd = np.add.reduceat(crosses, starts, axis=1, dtype=np.int64) % 2 == 1
         circle = self.radius_m[starts] > 0
-        in_circle = length_m(point_m[:, None] - a_m[starts][None]) < self.radius_m[starts]
+        in_circle = length_m(point_m[:, None] - self.a_m[starts][None]) < self.radius_m[starts]
         within = np.where(circle, in_circle, odd)
         return np.asarray((within == self.kept_in[starts]).all(axis=1))
 

@@ -11,11 +11,16 @@ import itertools
 import numpy as np
 from numpy.typing import NDArray
 
-from edc_swarm.geometry import DISC_TOLERANCE_M, nearest_on_segment, point_segment_distance_m, segment_distance_m
+from edc_swarm.geometry import (
+    DISC_TOLERANCE_M,
+    inside_polygon,
+    nearest_on_segment,
+    point_segment_distance_m,
+    segment_distance_m,
+)
 from edc_swarm.mission.configuration import Zone
 
 Floats = NDArray[np.float64]
-Bools = NDArray[np.bool_]
 
 PARTS = 8
 """Parts of a stretch on the wrong side at whose ends its depth is measured."""
@@ -61,7 +66,7 @@ def _of_polygon(zone: Zone, p_m: Floats, q_m: Floats, keep_m: Floats) -> tuple[F
     near = from_p_m <= np.hypot(*(q_m - p_m).T) + keep_m + 1e-6
     gap_m = from_p_m.copy()
     gap_m[near] = segment_distance_m(p_m[near][:, None], q_m[near][:, None], a_m, b_m).min(axis=1)
-    wrong = inside(a_m, b_m, p_m) != (zone.kind == "inclusion")
+    wrong = inside_polygon(p_m, a_m, b_m) != (zone.kind == "inclusion")
     breach_m = np.where(wrong, keep_m + from_p_m, keep_m - gap_m)
     share = np.zeros(len(p_m))
     for row in np.flatnonzero((gap_m <= DISC_TOLERANCE_M) | (breach_m > DISC_TOLERANCE_M)):
@@ -75,7 +80,7 @@ def _of_one(zone: Zone, a_m: Floats, b_m: Floats, p_m: Floats, q_m: Floats, keep
     share = np.unique(np.concatenate([np.linspace(s, t, PARTS + 1) for s, t in itertools.pairwise(cut)]))
     point_m = p_m + share[:, None] * (q_m - p_m)
     away_m = point_segment_distance_m(point_m[:, None], a_m, b_m).min(axis=1)
-    depth_m = np.where(inside(a_m, b_m, point_m) != (zone.kind == "inclusion"), away_m, -away_m)
+    depth_m = np.where(inside_polygon(point_m, a_m, b_m) != (zone.kind == "inclusion"), away_m, -away_m)
     deepest = int(np.argmax(depth_m))
     if depth_m[deepest] > 0:
         return keep_m + float(depth_m[deepest]), float(share[deepest])
@@ -101,15 +106,3 @@ def _share(p_m: Floats, q_m: Floats, point_m: Floats) -> Floats:
     along_m = q_m - p_m
     squared = (along_m**2).sum(axis=-1)
     return np.asarray(((point_m - p_m) * along_m).sum(axis=-1) / np.where(squared > 0, squared, 1.0))
-
-
-def inside(a_m: Floats, b_m: Floats, point_m: Floats) -> Bools:
-    """Return a mask (n,) of the points inside the polygon with the edges a-b: a ray to the east crosses an odd number.
-
-    On the boundary it is either.
-    """
-    y_m = point_m[:, 1:]
-    spans = (a_m[:, 1] > y_m) != (b_m[:, 1] > y_m)
-    rise_m = np.where(a_m[:, 1] == b_m[:, 1], 1.0, b_m[:, 1] - a_m[:, 1])
-    east_m = a_m[:, 0] + (y_m - a_m[:, 1]) / rise_m * (b_m[:, 0] - a_m[:, 0])
-    return np.asarray((spans & (point_m[:, :1] < east_m)).sum(axis=1) % 2 == 1)

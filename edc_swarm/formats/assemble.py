@@ -21,6 +21,7 @@ from edc_swarm.mission.configuration import (
     ARRIVED_M,
     MAX_ALL_CORNERS,
     MAX_CORNERS,
+    MAX_ROUTE,
     MAX_UAVS,
     MAX_ZONES,
     MOST_M,
@@ -32,8 +33,6 @@ from edc_swarm.mission.polygons import polygon_fault
 
 MOST_AWAY_M = 200_000.0
 """Largest distance from the origin: up to there, the plane of the mission is true to 0.02 %."""
-MAX_STOPS = 1000
-"""Most points of one route."""
 SAME_M = 0.01
 """Successive points of a route closer than this are one point."""
 _ID = re.compile(r"[A-Za-z0-9_-]{1,32}")
@@ -211,8 +210,8 @@ def _flown(source: Source, route: Route, settings: Settings, plane: _Plane, impo
     first = next((stop for stop in stops if not stop.at_home), None)
     if first is None:
         raise FormatError(route.item, "must hold a position", source.file)
-    if len(stops) > MAX_STOPS:
-        raise FormatError(route.item, f"{len(stops)} points: must be at most {MAX_STOPS}", source.file)
+    if len(stops) > MAX_ROUTE:
+        raise FormatError(route.item, f"{len(stops)} points: must be at most {MAX_ROUTE}", source.file)
     flown: list[Stop] = []
     for stop in stops:
         point = plane.metres(source, stop.item, first.point if stop.at_home else stop.point)

@@ -7,7 +7,18 @@ from dataclasses import dataclass, field
 from typing import Literal
 
 from edc_swarm.errors import FormatError
-from edc_swarm.formats.content import Area, Content, Kind, Options, Point, Route, Stop, check_lat_lon, parsed
+from edc_swarm.formats.content import (
+    MAX_POINTS,
+    Area,
+    Content,
+    Kind,
+    Options,
+    Point,
+    Route,
+    Stop,
+    check_lat_lon,
+    parsed,
+)
 
 READ = frozenset({"name", "kind", "uav", "r_m", "v_max_mps", "accept_m", "radius_m", "hover_s", "keep"})
 """Properties that a mission expresses."""
@@ -47,15 +58,19 @@ class Feature:
         return parsed(self.item, name, text) if text.strip() else 0.0
 
 
-def features_content(features: Sequence[Feature], options: Options) -> Content:
+def features_content(features: Sequence[Feature], notes: Content, options: Options) -> Content:
     """Return lines as routes, polygons and points with a radius as zones, and other points as way points of one route.
 
-    Points are flown if they state `uav` or their `kind`, or if the file has no line.
+    Points are flown if they state `uav` or their `kind`, or if the file has no line. `notes` has what the reader has
+    noted; it comes last among the notes.
 
     Raises
     ------
     FormatError
     """
+    count = sum(len(ring) for feature in features for shape in feature.shapes for ring in shape.rings)
+    if count > MAX_POINTS:
+        raise FormatError("", f"{count} points: must be at most {MAX_POINTS}")
     content = Content()
     has_lines = any(shape.kind == "line" for feature in features for shape in feature.shapes)
     way_points: dict[str, list[tuple[Feature, Shape]]] = {}
@@ -76,6 +91,8 @@ def features_content(features: Sequence[Feature], options: Options) -> Content:
             else:
                 content.note(f"point of kind {feature.kind!r}" if feature.kind else "point beside lines", shape.item)
     content.routes += [_through(uav, found) for uav, found in way_points.items()]
+    for what, items in notes.notes.items():
+        content.note(what, *items)
     return content
 
 

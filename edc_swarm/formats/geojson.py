@@ -6,7 +6,7 @@ from collections.abc import Iterator
 from typing import Any
 
 from edc_swarm.errors import FormatError
-from edc_swarm.formats.content import MAX_POINTS, Content, Options, check_lat_lon, number
+from edc_swarm.formats.content import Content, Options, check_lat_lon, number
 from edc_swarm.formats.features import Feature, Shape, features_content
 from edc_swarm.formats.json_values import as_list, as_table, as_word, json_value
 
@@ -33,14 +33,7 @@ def read_geojson(data: bytes, options: Options) -> Content:
         raise FormatError("type", f"{kind!r}: must be a type of GeoJSON")
     _check_reference_system(root)
     notes = Content()
-    features = list(_features(root, notes))
-    count = sum(len(ring) for feature in features for shape in feature.shapes for ring in shape.rings)
-    if count > MAX_POINTS:
-        raise FormatError("", f"{count} points: must be at most {MAX_POINTS}")
-    content = features_content(features, options)
-    for what, items in notes.notes.items():
-        content.note(what, *items)
-    return content
+    return features_content(list(_features(root, notes)), notes, options)
 
 
 def _check_reference_system(root: dict[str, Any]) -> None:

@@ -14,7 +14,7 @@ from dataclasses import dataclass, field
 from xml.parsers import expat
 
 from edc_swarm.errors import FormatError
-from edc_swarm.formats.content import MAX_FILE_BYTES, MAX_POINTS, Content, Options, check_lat_lon, parsed
+from edc_swarm.formats.content import MAX_FILE_BYTES, Content, Options, check_lat_lon, parsed
 from edc_swarm.formats.features import Feature, Shape, features_content
 
 MAX_ELEMENTS = 500_000
@@ -68,14 +68,7 @@ def read_kml(data: bytes, options: Options) -> Content:
     if root.name not in {*CONTAINERS, "placemark"}:
         raise FormatError(f"line {root.line}", f"element {root.name[:40]}: must be kml")
     notes = Content()
-    features = list(_features(root, notes))
-    count = sum(len(ring) for feature in features for shape in feature.shapes for ring in shape.rings)
-    if count > MAX_POINTS:
-        raise FormatError("", f"{count} points: must be at most {MAX_POINTS}")
-    content = features_content(features, options)
-    for what, items in notes.notes.items():
-        content.note(what, *items)
-    return content
+    return features_content(list(_features(root, notes)), notes, options)
 
 
 def _unpacked(data: bytes) -> bytes:

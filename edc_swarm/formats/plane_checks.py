@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from edc_swarm.geometry import Floats, length_m, point_segment_distance_m, segment_distance_m
+from edc_swarm.geometry import Floats, inside_polygon, length_m, point_segment_distance_m, segment_distance_m
 from edc_swarm.mission.configuration import Zone
 from edc_swarm.mission.zones import barriers
 
@@ -21,20 +21,11 @@ def outside_by_rule(zone: Zone, points: Floats, r_m: float) -> NDArray[np.bool_]
         ends = np.roll(corners, -1, axis=0)
         # The sign says on which side of the boundary a point lies: above 0 inside.
         distance_m = point_segment_distance_m(points[:, None], corners, ends).min(axis=1)
-        depth_m = np.where(_inside(corners, ends, points), distance_m, -distance_m)
+        depth_m = np.where(inside_polygon(points, corners, ends), distance_m, -distance_m)
     else:
         depth_m = zone.radius_m - length_m(points - np.array(zone.centre))
     allowed_m = depth_m if zone.kind == "inclusion" else -depth_m
     return np.asarray(allowed_m < margin_m - TOLERANCE_M)
-
-
-def _inside(corners: Floats, ends: Floats, points: Floats) -> NDArray[np.bool_]:
-    """Return which points (n, 2) lie inside a polygon: those whose ray to the east crosses an odd number of sides."""
-    x, y = points[:, :1], points[:, 1:]
-    spans = (corners[:, 1] > y) != (ends[:, 1] > y)
-    rise = np.where(ends[:, 1] == corners[:, 1], 1.0, ends[:, 1] - corners[:, 1])
-    at_x = corners[:, 0] + (y - corners[:, 1]) / rise * (ends[:, 0] - corners[:, 0])
-    return np.asarray((spans & (x < at_x)).sum(axis=1) % 2 == 1)
 
 
 def legs_through(zones: list[Zone], points: Floats, r_m: float) -> NDArray[np.bool_]:

@@ -53,17 +53,15 @@ MOST_NAMED = 4
 
 @dataclass(frozen=True, slots=True)
 class Airspace:
-    """Zones with their barriers: `owner` (m,) is the index of each barrier's zone."""
+    """Zones with their barriers."""
 
     zones: Sequence[Zone]
     barriers: Barriers
-    owner: Indices
 
     @classmethod
     def of(cls, zones: Sequence[Zone]) -> Airspace:
         """Return the airspace of zones that `zone_shapes.check_shapes` accepts."""
-        counts = [zone.corners for zone in zones]
-        return cls(zones, barriers(list(zones)), np.repeat(np.arange(len(zones)), counts))
+        return cls(zones, barriers(list(zones)))
 
     def keep_m(self, r_m: float) -> Floats:
         """Return (m,) the least distance of a UAV's centre from each barrier, for a UAV of radius `r_m`."""
@@ -73,7 +71,7 @@ class Airspace:
         """Return (n, zones) how far points (n, 2) are on the allowed side of each zone's edge, below 0 if not."""
         if not self.zones:
             return np.empty((len(points_m), 0))
-        first = np.searchsorted(self.owner, np.arange(len(self.zones)))
+        first = np.searchsorted(self.barriers.zone, np.arange(len(self.zones)))
         is_circle = np.array([zone.kind == "exclusion" and not zone.polygon for zone in self.zones])
         is_exclusion = np.array([zone.kind == "exclusion" for zone in self.zones])
         a_m, b_m = self.barriers.a_m, self.barriers.b_m
@@ -274,7 +272,7 @@ class _Rings:
     def apart(self, from_m: Floats, to_m: Floats) -> Indices:
         """Return the indices of the pairs of places (n, 2) between which there is no way."""
         found = [np.empty(0, np.int64)]
-        for rows in _chunks(len(from_m), 2 * len(self.first) + len(self.airspace.owner)):
+        for rows in _chunks(len(from_m), 2 * len(self.first) + len(self.airspace.barriers.zone)):
             differ = (self.signatures(from_m[rows]) != self.signatures(to_m[rows])).any(axis=0)
             found.append(rows.start + np.flatnonzero(differ))
         return np.concatenate(found)
@@ -293,7 +291,8 @@ class _Rings:
         sides = [_path_up(int(end), parent) for end in (self.first[edge], self.second[edge])]
         while len(sides[0]) > 1 and len(sides[1]) > 1 and sides[0][-2] == sides[1][-2]:
             del sides[0][-1], sides[1][-1]
-        return list(dict.fromkeys(self.airspace.owner[barrier].item() for barrier in [*sides[0], *sides[1][-2::-1]]))
+        zone = self.airspace.barriers.zone
+        return list(dict.fromkeys(zone[barrier].item() for barrier in [*sides[0], *sides[1][-2::-1]]))
 
 
 def _overlaps(airspace: Airspace, r_m: float) -> _Overlaps | None:
@@ -326,7 +325,7 @@ def _rings(airspace: Airspace, r_m: float, margin_m: float, overlaps: _Overlaps)
     share = first_m / np.where(first_m + second_m > 0, first_m + second_m, 1.0)
     meeting_m = overlaps.on_first_m + share[:, None] * (overlaps.on_second_m - overlaps.on_first_m)
     first, second = overlaps.first[chosen], overlaps.second[chosen]
-    return _Rings(airspace, first, second, meeting_m[chosen], _forest(airspace.owner, first, second))
+    return _Rings(airspace, first, second, meeting_m[chosen], _forest(airspace.barriers.zone, first, second))
 
 
 def _forest(owner: Indices, first: Indices, second: Indices) -> list[tuple[int, int, int]]:
