@@ -33,8 +33,9 @@ from rich.progress import track
 from edc_swarm.analysis.living import living_at_end
 from edc_swarm.analysis.tracks import Tracks, tracks_of
 from edc_swarm.experiments.fuzzing import overlaps
-from edc_swarm.mission.configuration import ARRIVED_M, Mission
+from edc_swarm.mission.configuration import Mission
 from edc_swarm.mission.roster import complete_mission
+from edc_swarm.mission.roster_entry import ARRIVED_M
 from edc_swarm.mission.validation import mission_from_dict
 from edc_swarm.planner.registry import make_planner, warm_up
 from edc_swarm.protocol.events import EventKind

@@ -32,8 +32,10 @@ from rich.table import Table
 
 from edc_swarm.emulation.energy import propulsion_powers_w
 from edc_swarm.geometry import Floats, closest_approach_m, length_m, near_pairs
-from edc_swarm.mission.configuration import ARRIVED_M, Minimise, Mission
+from edc_swarm.mission.configuration import Mission
+from edc_swarm.mission.field_types import Minimise
 from edc_swarm.mission.roster import complete_mission
+from edc_swarm.mission.roster_entry import ARRIVED_M
 from edc_swarm.planner.interface import PlanRequest
 from edc_swarm.planner.registry import make_planner, warm_up
 from edc_swarm.solver import slot_qp, solution

@@ -31,8 +31,10 @@ from rich.table import Table
 
 from edc_swarm.analysis.breaches import breaches
 from edc_swarm.geometry import DISC_TOLERANCE_M, Floats, closest_approach_m, length_m, near_pairs
-from edc_swarm.mission.configuration import ARRIVED_M, Mission, Zone
+from edc_swarm.mission.configuration import Mission
 from edc_swarm.mission.roster import complete_mission
+from edc_swarm.mission.roster_entry import ARRIVED_M
+from edc_swarm.mission.zone import Zone
 from edc_swarm.planner.charts import Charts, clear_of
 from edc_swarm.planner.interface import PlanRequest
 from edc_swarm.planner.registry import make_planner, warm_up

@@ -7,7 +7,8 @@ from typing import Any
 
 from edc_swarm.agent.node import UavNode
 from edc_swarm.agent.vehicle import Airframe, Promise
-from edc_swarm.mission.configuration import Mission, RosterEntry
+from edc_swarm.mission.configuration import Mission
+from edc_swarm.mission.roster_entry import RosterEntry
 from edc_swarm.planner.interface import Plan, PlanRequest
 from edc_swarm.protocol.messages import Command, Fix, MissionMessage, Report, Truth
 

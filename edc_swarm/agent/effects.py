@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 from edc_swarm.agent.vehicle import Airframe, Promise
-from edc_swarm.mission.configuration import GpsModel
+from edc_swarm.mission.field_types import GpsModel
 from edc_swarm.planner.interface import Planner
 from edc_swarm.protocol.messages import Message
 

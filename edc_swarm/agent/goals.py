@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 from edc_swarm.emulation.energy import propulsion_power_w
-from edc_swarm.mission.configuration import Mission, Point, RosterEntry
+from edc_swarm.mission.configuration import Mission
+from edc_swarm.mission.field_types import Point
+from edc_swarm.mission.roster_entry import RosterEntry
 from edc_swarm.mission.routes import Course, way_m
 from edc_swarm.protocol.messages import Goal
 

@@ -17,7 +17,7 @@ from collections import Counter
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 
-from edc_swarm.mission.configuration import RosterEntry
+from edc_swarm.mission.roster_entry import RosterEntry
 from edc_swarm.planner.interface import Hull
 from edc_swarm.protocol.messages import Command, Fix, Report
 

@@ -21,9 +21,11 @@ from edc_swarm.agent.goals import unflyable
 from edc_swarm.agent.knowledge import Grant
 from edc_swarm.emulation.energy import step_energy_j
 from edc_swarm.emulation.gps import GpsReceiver
-from edc_swarm.mission.configuration import GpsModel, Mission, RosterEntry
+from edc_swarm.mission.configuration import Mission
 from edc_swarm.mission.failsafe import LATE_FRACTION, failsafe_of
+from edc_swarm.mission.field_types import GpsModel
 from edc_swarm.mission.lifelong import next_goal
+from edc_swarm.mission.roster_entry import RosterEntry
 from edc_swarm.mission.routes import Course
 from edc_swarm.protocol.messages import NO_ONE, Command, Goal, MissionMessage
 

@@ -18,7 +18,7 @@ from edc_swarm.geometry import (
     point_segment_distance_m,
     segment_distance_m,
 )
-from edc_swarm.mission.configuration import Zone
+from edc_swarm.mission.zone import Zone
 
 Floats = NDArray[np.float64]
 

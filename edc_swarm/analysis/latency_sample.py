@@ -21,7 +21,7 @@ from edc_swarm.analysis.guarantees.check import check
 from edc_swarm.analysis.guarantees.progress import PROGRESS
 from edc_swarm.analysis.metrics import OVERLOADED_PCT, compute_metrics
 from edc_swarm.emulation.links import DelayError
-from edc_swarm.mission.configuration import ARRIVED_M
+from edc_swarm.mission.roster_entry import ARRIVED_M
 from edc_swarm.protocol.events import EventKind
 from edc_swarm.protocol.messages import roster_index
 from edc_swarm.recording.model import Recording

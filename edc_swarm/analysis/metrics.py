@@ -17,6 +17,7 @@ from msgspec import Struct
 from numpy.typing import NDArray
 
 from edc_swarm.analysis.columns import Columns, Floats, columns_from
+from edc_swarm.analysis.energy_use import compute_j, propulsion_j, straight_energy_j
 from edc_swarm.analysis.guarantees.completeness import unproved
 from edc_swarm.analysis.guarantees.evidence import Evidence, gather
 from edc_swarm.analysis.landing import Landing, landings
@@ -26,14 +27,14 @@ from edc_swarm.analysis.separation import encounters, least_gap_m
 from edc_swarm.analysis.timings import Timing
 from edc_swarm.analysis.tracks import Tracks
 from edc_swarm.analysis.voyages import Voyages, voyages_of
-from edc_swarm.emulation.energy import compute_energy_j, full_speed_energy_j, propulsion_power_w, propulsion_powers_w
 from edc_swarm.geometry import BODY_TOLERANCE_M, DISC_TOLERANCE_M
-from edc_swarm.mission.configuration import ARRIVED_M, OPERATOR, Mission
+from edc_swarm.mission.configuration import Mission
 from edc_swarm.mission.faults import parse_faults
 from edc_swarm.mission.prospect import COMPLETED, GIVEN_UP
+from edc_swarm.mission.roles import OPERATOR
+from edc_swarm.mission.roster_entry import ARRIVED_M
 from edc_swarm.mission.routes import hover_time_s
 from edc_swarm.protocol.events import EventKind
-from edc_swarm.protocol.messages import PLANNED
 from edc_swarm.recording.model import Recording
 from edc_swarm.recording.ordering import fetched_count
 
@@ -155,9 +156,9 @@ def compute_metrics(recording: Recording, timings: Sequence[Timing] = ()) -> Met
         ),
         makespan_s=makespan_s,
         makespan_ratio=_makespan_ratio(makespan_s, _least_s(mission, voyages, _reached_m(columns, arrival))[living]),
-        energy_propulsion_j=_propulsion_j(mission, columns, arrival, first) if known.motion else None,
-        energy_compute_j=_compute_j(recording, columns),
-        energy_straight_j=_straight_energy_j(mission),
+        energy_propulsion_j=propulsion_j(mission, columns, arrival, first) if known.motion else None,
+        energy_compute_j=compute_j(recording, columns),
+        energy_straight_j=straight_energy_j(mission),
         plan_ms=_quantiles(columns.plan_ms),
         fix_to_command_ms=_quantiles(columns.fix_to_command_ms),
         slots_held=_slots_held(columns, at_target, first, last) if known.motion else None,
@@ -341,29 +342,6 @@ def _extra_mean_pct(path_m: Floats, ended_m: Floats, straight_m: Floats) -> floa
     if not going.any():
         return None
     return max(0.0, float(np.mean(100 * (path_m[going] / ended_m[going] - 1))))
-
-
-def _propulsion_j(mission: Mission, columns: Columns, arrival: NDArray[np.int64], first: int | None) -> float:
-    """Return the propulsion energy of all UAVs, each from the first commanded slot until it arrives or dies."""
-    if first is None:
-        return 0.0
-    flown_s = mission.dt_s - 2 * mission.guard_s
-    flying_j = propulsion_powers_w(columns.step_m / flown_s, mission.energy) * flown_s
-    hovering_j = propulsion_power_w(0.0, mission.energy) * (mission.dt_s - flown_s)
-    slot = np.arange(len(columns.step_m))[:, None]
-    return float(np.sum((flying_j + hovering_j)[(slot >= first) & (slot <= arrival) & columns.alive]))
-
-
-def _compute_j(recording: Recording, columns: Columns) -> float | None:
-    """Return the energy of all plans; None if there is no plan, or one without a measured time."""
-    plans = sum(report.status in PLANNED for report in recording.reports)
-    if not plans or len(columns.plan_ms) < plans:
-        return None
-    return compute_energy_j(float(columns.plan_ms.sum()) / 1e3, recording.mission.head)
-
-
-def _straight_energy_j(mission: Mission) -> float:
-    return sum(full_speed_energy_j(mission, entry) for entry in mission.roster)
 
 
 def _quantiles(values: Floats) -> Quantiles:

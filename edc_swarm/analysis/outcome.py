@@ -19,8 +19,9 @@ from numpy.typing import NDArray
 from edc_swarm.analysis.living import SILENT_SLOTS, living_at_end
 from edc_swarm.analysis.tracks import Tracks, tracks_of
 from edc_swarm.analysis.voyages import Voyages, voyages_of
-from edc_swarm.mission.configuration import ARRIVED_M, OPERATOR
 from edc_swarm.mission.faults import Freeze, Kill, read_fault
+from edc_swarm.mission.roles import OPERATOR
+from edc_swarm.mission.roster_entry import ARRIVED_M
 from edc_swarm.protocol.completion import STILL_SLOTS
 from edc_swarm.protocol.events import EventKind
 from edc_swarm.protocol.hindrance import Place, hindrances, places_of, point

@@ -14,7 +14,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from edc_swarm.analysis.tracks import Tracks
-from edc_swarm.mission.configuration import ARRIVED_M, Point, RosterEntry
+from edc_swarm.mission.field_types import Point
+from edc_swarm.mission.roster_entry import ARRIVED_M, RosterEntry
 from edc_swarm.mission.routes import Course, headed, way_m
 from edc_swarm.protocol.messages import Fix, roster_index
 from edc_swarm.recording.model import Recording

@@ -12,7 +12,9 @@ from __future__ import annotations
 from typing import TYPE_CHECKING, Any
 
 from edc_swarm.errors import MissionError
-from edc_swarm.mission.configuration import ARRIVED_M, EnergyModel, HeadModel, Mission, RosterEntry
+from edc_swarm.mission.configuration import Mission
+from edc_swarm.mission.power_models import EnergyModel, HeadModel
+from edc_swarm.mission.roster_entry import ARRIVED_M, RosterEntry
 from edc_swarm.mission.routes import hover_time_s
 
 if TYPE_CHECKING:

@@ -13,7 +13,7 @@ import math
 import random
 from typing import assert_never
 
-from edc_swarm.mission.configuration import GpsModel
+from edc_swarm.mission.field_types import GpsModel
 
 CORRELATION_S = 30.0
 """Time constant of the `gauss-markov` model."""

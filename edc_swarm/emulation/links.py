@@ -19,8 +19,10 @@ from random import Random
 
 from msgspec import Struct
 
-from edc_swarm.mission.configuration import MAX_FAULTS, MAX_LINKS, NS_PER_S, Link, Mission
+from edc_swarm.mission.configuration import NS_PER_S, Mission
 from edc_swarm.mission.faults import ChangeLink, parse_faults
+from edc_swarm.mission.field_types import MAX_FAULTS, MAX_LINKS
+from edc_swarm.mission.link import Link
 
 NS_PER_MS = 1_000_000
 ANYONE = "*"

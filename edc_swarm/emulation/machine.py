@@ -8,9 +8,9 @@ from __future__ import annotations
 from typing import Protocol
 
 from edc_swarm.emulation.links import NS_PER_MS, LinkEmulator, cut_pair
-from edc_swarm.mission.configuration import GpsModel
 from edc_swarm.mission.fault_handlers import FaultHandlers
 from edc_swarm.mission.faults import ChangeClock, ChangeGps, ChangeLink, Heal, Partition, SlowSolver
+from edc_swarm.mission.field_types import GpsModel
 
 
 class Machine(Protocol):

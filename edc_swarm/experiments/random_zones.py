@@ -13,7 +13,8 @@ from msgspec.structs import replace
 
 from edc_swarm.errors import MissionError
 from edc_swarm.mission.airspace import check_zones
-from edc_swarm.mission.configuration import Mission, Zone
+from edc_swarm.mission.configuration import Mission
+from edc_swarm.mission.zone import Zone
 from edc_swarm.planner.charts import Charts
 from edc_swarm.planner.safe import airspace_of
 

@@ -13,8 +13,9 @@ from typing import Any
 import msgspec
 
 from edc_swarm.errors import InputError
-from edc_swarm.mission.configuration import Link, Mission
+from edc_swarm.mission.configuration import Mission
 from edc_swarm.mission.declarations import option_names
+from edc_swarm.mission.link import Link
 
 
 @dataclass(frozen=True, slots=True)

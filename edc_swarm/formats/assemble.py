@@ -17,19 +17,12 @@ from edc_swarm.formats.content import Area, Point, Route, Stop, ranges
 from edc_swarm.formats.plane_checks import legs_through, outside_by_rule, widest_radius_m
 from edc_swarm.formats.registry import Source
 from edc_swarm.geodesy import from_wgs84
-from edc_swarm.mission.configuration import (
-    ARRIVED_M,
-    MAX_ALL_CORNERS,
-    MAX_CORNERS,
-    MAX_ROUTE,
-    MAX_UAVS,
-    MAX_ZONES,
-    MOST_M,
-    RESERVED_IDS,
-    Mission,
-    Zone,
-)
+from edc_swarm.mission.configuration import Mission
+from edc_swarm.mission.field_types import MAX_ALL_CORNERS, MAX_CORNERS, MAX_ROUTE, MAX_UAVS, MAX_ZONES, MOST_M
 from edc_swarm.mission.polygons import polygon_fault
+from edc_swarm.mission.roles import RESERVED_IDS
+from edc_swarm.mission.roster_entry import ARRIVED_M
+from edc_swarm.mission.zone import Zone
 
 MOST_AWAY_M = 200_000.0
 """Largest distance from the origin: up to there, the plane of the mission is true to 0.02 %."""

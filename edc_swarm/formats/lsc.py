@@ -7,7 +7,7 @@ from typing import Any
 from edc_swarm.errors import FormatError
 from edc_swarm.formats.content import Area, Content, Options, Route, Stop, number
 from edc_swarm.formats.json_values import as_list, as_table, as_word, json_value
-from edc_swarm.mission.configuration import MAX_UAVS
+from edc_swarm.mission.field_types import MAX_UAVS
 
 READ = frozenset({"type", "start", "goal", "cid"})
 TYPE_READ = frozenset({"max_vel", "radius"})

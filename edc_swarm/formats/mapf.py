@@ -9,7 +9,7 @@ from edc_swarm.errors import FormatError
 from edc_swarm.formats.cells import Cell, Loop, component_of, components, loops, polygons
 from edc_swarm.formats.content import Area, Content, Options, Point, Route, Stop
 from edc_swarm.formats.fence import lines_of
-from edc_swarm.mission.configuration import MAX_CORNERS, MAX_ZONES
+from edc_swarm.mission.field_types import MAX_CORNERS, MAX_ZONES
 
 FREE = ".GS"
 """Ground and swamp, which agents of the benchmarks pass."""

@@ -6,7 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from edc_swarm.geometry import Floats, inside_polygon, length_m, point_segment_distance_m, segment_distance_m
-from edc_swarm.mission.configuration import Zone
+from edc_swarm.mission.zone import Zone
 from edc_swarm.mission.zones import barriers
 
 TOLERANCE_M = 1e-6

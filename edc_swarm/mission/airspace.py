@@ -25,8 +25,10 @@ from numpy.typing import NDArray
 
 from edc_swarm.errors import MissionError
 from edc_swarm.geometry import Floats, Indices, closest_points_of_segments, length_m, point_segment_distance_m
-from edc_swarm.mission.configuration import Mission, Point, Zone
+from edc_swarm.mission.configuration import Mission
 from edc_swarm.mission.faults import GiveGoal, parse_fault
+from edc_swarm.mission.field_types import Point
+from edc_swarm.mission.zone import Zone
 from edc_swarm.mission.zones import Barriers, barriers
 
 Bools = NDArray[np.bool_]
@@ -36,7 +38,7 @@ KEPT_M = 1e-9
 LEAST_M = 1e-6
 """Least distance of starts and targets from a barrier, even for a UAV whose centre alone keeps to the zone."""
 PLANNER_MARGIN_M = 0.02
-"""Distance that the planner keeps beyond what zones ask (`solver.slot_qp.DELTA_M`).
+"""Distance that the planner keeps beyond what zones ask (`solver.normals.DELTA_M`).
 
 A passage with less room on either side is legal, but the planner may not enter it.
 """

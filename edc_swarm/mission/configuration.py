@@ -14,351 +14,41 @@ where the default comes from, where that differs from the source of the class. T
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
-from itertools import pairwise
-from typing import Annotated, Literal
+from typing import Annotated
 
 from msgspec import Meta, Struct
-from msgspec.structs import force_setattr
 
-MAX_UAVS = 2000
-MAX_FAULTS = 1000
-MAX_LINKS = 1000
-MAX_ZONES = 1000
-MAX_CORNERS = 1000
-MAX_ALL_CORNERS = 5000
-"""Most corners of all zones together, so that the mission with 2000 UAVs still fits into one message."""
-RIM_CORNERS = 64
-"""Corners of the polygon inscribed in a circular inclusion zone. It is smaller than the circle by at most 0.12 %."""
+from edc_swarm.mission.field_types import (
+    MAX_FAULTS,
+    MAX_LINKS,
+    MAX_UAVS,
+    MAX_ZONES,
+    MOST_M,
+    MOST_SLOTS,
+    Criterion,
+    FailsafeAction,
+    FaultText,
+    Fence,
+    Goals,
+    GoalSource,
+    GpsModel,
+    Minimise,
+    MissionId,
+    NonNegative,
+    Option,
+    PlannerName,
+    Positive,
+    Speed,
+)
+from edc_swarm.mission.link import Link
+from edc_swarm.mission.power_models import EnergyModel, HeadModel
+from edc_swarm.mission.roster_entry import RosterEntry
+from edc_swarm.mission.zone import Zone
+
 AREA_M2 = 10_000.0
 """Default of `area_m2`."""
-MAX_ROUTE = 1000
-MAX_GOAL_POINTS = 32
-"""Most points of a route that a UAV receives in flight: it is part of its promise and of its fixes."""
-MOST_SLOTS = 1_000_000
-FOR_GOOD_S = 1e9
-"""A link rule that ends then or later never ends."""
-
-PlannerName = Annotated[str, Meta(min_length=1, max_length=200)]
-Minimise = Literal["distance", "energy", "time"]
-Criterion = Literal["energy", "response-time"]
-GpsModel = Literal["none", "bias", "white", "gauss-markov"]
-Distribution = Literal["constant", "uniform", "normal", "lognormal"]
-ZoneKind = Literal["inclusion", "exclusion"]
-ZoneRule = Literal["", "disc", "centre"]
-Fence = Literal["area", "none"]
-FailsafeAction = Literal["hold", "land"]
-
-UavId = Annotated[str, Meta(pattern=r"^[A-Za-z0-9_-]{1,32}$(?!\n)")]
-MissionId = Annotated[str, Meta(pattern=r"^[A-Za-z0-9_-]{1,64}$(?!\n)")]
-MOST_M = 1e7
-MOST = 1e12
-"""Largest quantity of any kind: products of a few of them are still finite."""
-Metres = Annotated[float, Meta(ge=-MOST_M, le=MOST_M)]
-"""A coordinate in the local frame."""
-Point = tuple[Metres, Metres]
-"""A point (x, y) in the local frame."""
-Speed = Annotated[float, Meta(gt=0, le=1e4)]
-Positive = Annotated[float, Meta(gt=0, le=MOST)]
-NonNegative = Annotated[float, Meta(ge=0, le=MOST)]
-Fraction = Annotated[float, Meta(ge=0, le=1)]
-LinkEnd = Annotated[str, Meta(max_length=32)]
-FaultText = Annotated[str, Meta(max_length=65536)]
-
-OPERATOR, RECORDER, VISUALISER, ROUTER = "operator", "recorder", "viz", "router"
-LIVE = "live"
-"""A visualiser that only shows: it asks for orders of its own."""
-ROLES = frozenset({OPERATOR, RECORDER, VISUALISER, ROUTER})
-"""Processes beside the UAVs, by the names under which they speak and are certified."""
-JOIN = "join"
-"""In the place of a UAV's id in the liveliness token of a claimant (`edc-swarm join`), and its certificate's name."""
-RESERVED_IDS = ROLES | {JOIN, "ca"}
-"""No UAV may be named like a role, a claimant, or the file of the authority that certifies them."""
-
-Goals = Literal["once", "lifelong"]
-GoalSource = Literal["operator", "any"]
 
 NS_PER_S = 1_000_000_000
-ARRIVED_M = 0.1
-"""A UAV closer than this to its target has arrived."""
-
-
-LACKS_TARGET = "a table with target_x_m and target_y_m, or with a route"
-"""What an entry of the roster must be, in words."""
-
-
-@dataclass(frozen=True, slots=True)
-class Option:
-    """The option of `edc-swarm run` and `sim` that sets the annotated field, by its name without dashes."""
-
-    name: str
-
-
-class EnergyModel(Struct, frozen=True, kw_only=True):
-    """Rotary-wing propulsion power, radio energy, and the batteries of random missions.
-
-    P(V) = P0 (1 + 3 V^2 / U_tip^2) + Pi sqrt(sqrt(1 + V^4 / (4 v0^4)) - V^2 / (2 v0^2))
-    + d0 rho s A V^3 / 2, from Y. Zeng, J. Xu, R. Zhang, "Energy Minimization for Wireless
-    Communication With Rotary-Wing UAV", IEEE Trans. Wireless Commun. 18(4), 2019, eq. 12.
-
-    Source: Zeng, Xu, Zhang 2019, eq. 12.
-    """
-
-    blade_profile_w: Positive = 79.86
-    """Blade profile power in hover, P0."""
-    induced_w: Positive = 88.63
-    """Induced power in hover, Pi."""
-    tip_speed_mps: Positive = 120.0
-    """Speed of the rotor blade's tip, U_tip."""
-    induced_velocity_mps: Positive = 4.03
-    """Mean velocity that the rotor induces in hover, v0."""
-    drag_ratio: NonNegative = 0.6
-    """Fuselage drag ratio, d0."""
-    air_density_kgpm3: Positive = 1.225
-    """Density of the air, rho."""
-    rotor_solidity: Positive = 0.05
-    """Rotor solidity, s."""
-    rotor_area_m2: Positive = 0.503
-    """Area of the rotor disc, A."""
-    radio_j_per_message: NonNegative = 0.005
-    """Energy that a UAV spends on each message that it publishes.
-
-    Source: this project.
-    """
-    initial_min_j: Positive = 50_000.0
-    """Least charge of a battery at the start of a random mission.
-
-    Charges are drawn uniformly from `initial_min_j` to `initial_max_j`. At most `initial_max_j`.
-
-    Source: this project.
-    """
-    initial_max_j: Positive = 100_000.0
-    """Greatest charge of a battery at the start of a random mission.
-
-    Source: this project.
-    """
-
-
-class HeadModel(Struct, frozen=True, kw_only=True):
-    """Power that leading costs.
-
-    Source: this project.
-    """
-
-    p_active_w: NonNegative = 5.0
-    """Power that the head draws while its processor plans.
-
-    Its energy is this power times the processor time that planning has taken.
-    """
-
-
-class RosterEntry(Struct, frozen=True, kw_only=True):
-    """One UAV: its start, its target or route, and what differs from the other UAVs.
-
-    A field that is 0 or left out is inherited from the mission; `roster.complete_mission` fills it in.
-
-    Source: the user; a random mission draws it.
-    """
-
-    uav: UavId
-    """Id of the UAV, which no other UAV has.
-
-    Ids of processes are reserved: operator, recorder, viz, router, join, ca.
-    """
-    start_x_m: Metres
-    """Start, first coordinate in the local frame (east).
-
-    The discs of all UAVs at their starts are disjoint.
-    """
-    start_y_m: Metres
-    """Start, second coordinate in the local frame (north)."""
-    target_x_m: Metres = math.nan
-    """Target, first coordinate in the local frame (east).
-
-    The discs of all UAVs at their targets are disjoint.
-
-    Default: the last point of `route`.
-    """
-    target_y_m: Metres = math.nan
-    """Target, second coordinate in the local frame (north).
-
-    Default: the last point of `route`.
-    """
-    route: Annotated[list[Point], Meta(max_length=MAX_ROUTE)] = []
-    """Points (x, y) that the UAV flies to one after another; the last one is its target.
-
-    Default: empty, which stands for the target alone.
-    """
-    accept_m: Annotated[float, Meta(ge=ARRIVED_M, le=MOST_M)] = 1.0
-    """Acceptance radius: a step that comes as near as this to a point of the route, but the last, has reached it."""
-    hover_s: Annotated[list[NonNegative], Meta(max_length=MAX_ROUTE)] = []
-    """Times for which the UAV hovers within `accept_m` of each point of its route, as many as points.
-
-    At the last point the UAV stays in any case.
-    """
-    finish_by_s: NonNegative = 0.0
-    """Mission time by which the UAV is to be at its target, the paper's t_F; 0: no such time.
-
-    Metrics and summary say whether it was met. No plan depends on it.
-
-    Source: the paper, section II.
-    """
-    r_m: NonNegative = 0.0
-    """GPS error radius of this UAV.
-
-    Default: 0, which stands for `r_m` of the mission.
-    """
-    body_m: NonNegative = 0.0
-    """Radius of the vehicle itself.
-
-    At most `r_m` of this UAV.
-
-    Default: 0, which stands for `body_m` of the mission.
-    """
-    v_max_mps: Annotated[float, Meta(ge=0, le=1e4)] = 0.0
-    """Largest speed of this UAV, the paper's V_k,Max.
-
-    Default: 0, which stands for `v_max_mps` of the mission.
-    Source: the paper, eq. 36.
-    """
-    energy_j: NonNegative = 0.0
-    """Charge of the battery at the start.
-
-    A UAV whose battery is empty lands where it is; with `failsafe = "hold"` it stays an obstacle. The charge covers at
-    least one step at full speed, unless the UAV starts at its target.
-
-    Default: 0, which stands for a charge that `seed` draws, as in a random mission.
-    """
-    compute_factor: Positive = 1.0
-    """Factor on the response time that the UAV reports, for the election criterion `response-time`.
-
-    Source: this project.
-    """
-
-    def __post_init__(self) -> None:
-        """Take the target from the route if no target is given."""
-        if self.route and math.isnan(self.target_x_m) and math.isnan(self.target_y_m):
-            force_setattr(self, "target_x_m", self.route[-1][0])
-            force_setattr(self, "target_y_m", self.route[-1][1])
-        if math.isnan(self.target_x_m) or math.isnan(self.target_y_m):
-            raise ValueError(LACKS_TARGET)
-
-    @property
-    def points(self) -> list[Point]:
-        """Points that the UAV flies to one after another: its route, or its target alone."""
-        return self.route or [(self.target_x_m, self.target_y_m)]
-
-    @property
-    def straight_m(self) -> float:
-        """Length of the straight lines from the start through all points of the route to the target, in metres."""
-        return sum(
-            math.hypot(x - u, y - v) for (u, v), (x, y) in pairwise(((self.start_x_m, self.start_y_m), *self.points))
-        )
-
-
-class Link(Struct, frozen=True, kw_only=True):
-    """One rule of the emulated network: the quality of the directed links from `sender` to `receiver`.
-
-    The last rule that matches a sender, a receiver and a time decides. A link without a rule is perfect.
-
-    Source: this project.
-    """
-
-    sender: LinkEnd = "*"
-    """Id of the sending UAV; "*" is every UAV."""
-    receiver: LinkEnd = "*"
-    """Id of the receiving UAV; "*" is every UAV."""
-    delay_ms: Annotated[NonNegative, Option("delay-ms")] = 0.0
-    """One-way delay of a link.
-
-    It comes on top of the delay of the real transport. The emulator applies it in the receiving agent.
-    """
-    jitter_ms: Annotated[NonNegative, Option("jitter-ms")] = 0.0
-    """Jitter of a link: an additional delay, drawn for each message as `distribution` says."""
-    distribution: Distribution = "uniform"
-    """Distribution of the jitter J.
-
-    `constant` adds none, `uniform` adds U(0, J), `normal` adds |N(0, J)| clipped at 3 J, `lognormal` adds a lognormal
-    delay of median J / 2.
-    """
-    loss: Annotated[Fraction, Option("loss")] = 0.0
-    """Fraction of the messages that a link loses, each independently."""
-    burst_enter: Fraction = 0.0
-    """Probability per message that the link enters its bad state (Gilbert-Elliott); 0: no bursts.
-
-    Source: E. N. Gilbert, Bell Syst. Tech. J. 39(5), 1960; E. O. Elliott, ibid. 42(5), 1963.
-    """
-    burst_leave: Fraction = 0.5
-    """Probability per message that the link leaves its bad state."""
-    burst_loss: Fraction = 1.0
-    """Fraction of the messages that the link loses in its bad state, in place of `loss`."""
-    duplicate: Fraction = 0.0
-    """Probability that a message arrives twice."""
-    reorder: Fraction = 0.0
-    """Probability that a message is delayed by up to three slots more, so that later messages overtake it."""
-    range_m: NonNegative = 0.0
-    """Radio range: the distance at which half of the messages are lost; 0: no limit.
-
-    More messages are lost beyond it, fewer within.
-
-    Source: T. S. Rappaport, "Wireless Communications", 2nd ed., 2002, sections 4.9.1-4.9.3.
-    """
-    path_loss_exponent: Positive = 2.0
-    """Exponent of the path loss: the received power falls as distance to this power.
-
-    Source: free space.
-    """
-    shadowing_db: NonNegative = 4.0
-    """Standard deviation of the received power, drawn for each message; 0: every message beyond `range_m` is lost."""
-    start_s: NonNegative = 0.0
-    """Mission time at which the rule begins."""
-    end_s: NonNegative = FOR_GOOD_S
-    """Mission time at which the rule ends; from 1e9 on it never ends."""
-
-
-class Zone(Struct, frozen=True, kw_only=True):
-    """One zone of the airspace: a polygon or a circle that UAVs must not leave, or must not enter.
-
-    A UAV stays inside all inclusion zones and outside all exclusion zones.
-
-    Source: the user.
-    """
-
-    name: Annotated[str, Meta(min_length=1, max_length=64)]
-    """Name of the zone, which no other zone has."""
-    kind: ZoneKind
-    """Kind of the zone: `inclusion` (a fence that no UAV leaves) or `exclusion` (no UAV enters)."""
-    polygon: Annotated[list[Point], Meta(max_length=MAX_CORNERS)] = []
-    """Corners (x, y) of a simple polygon, at least three, in either sense of rotation; or else `centre`, `radius_m`."""
-    centre: Annotated[list[Metres], Meta(max_length=2)] = []
-    """Centre (x, y) of a circle, for a zone without `polygon`."""
-    radius_m: NonNegative = 0.0
-    """Radius of the circle about `centre`, for a zone without `polygon`."""
-    keep: ZoneRule = ""
-    """Part of a UAV that keeps to the zone: its whole tracked `disc`, or the `centre` of the disc.
-
-    Default: "", which stands for `centre` at an inclusion zone and `disc` at an exclusion zone.
-    """
-
-    @property
-    def keeps_disc(self) -> bool:
-        """True if the whole tracked disc keeps to the zone, False if only its centre does."""
-        return self.keep == "disc" or (self.keep == "" and self.kind == "exclusion")
-
-    @property
-    def corners(self) -> int:
-        """Number of corners, which a circle has too: one as an exclusion zone, else those of its rim."""
-        return len(self.polygon) or (RIM_CORNERS if self.kind == "inclusion" else 1)
-
-    @property
-    def bounds_m(self) -> tuple[float, float, float, float]:
-        """Left, low, right and high edge of the box around the zone, in metres."""
-        corners = self.polygon or [
-            (self.centre[0] - self.radius_m, self.centre[1] - self.radius_m),
-            (self.centre[0] + self.radius_m, self.centre[1] + self.radius_m),
-        ]
-        xs_m, ys_m = zip(*corners, strict=True)
-        return min(xs_m), min(ys_m), max(xs_m), max(ys_m)
 
 
 class Mission(Struct, frozen=True, kw_only=True):

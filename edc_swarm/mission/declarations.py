@@ -1,6 +1,6 @@
 """The declarations of the mission's fields as data, from which docs and option help are made.
 
-The texts are the docstrings below the fields in `configuration`, so they are read from its source.
+The texts are the docstrings below the fields, so they are read from the source of the class.
 """
 
 from __future__ import annotations
@@ -16,8 +16,7 @@ from typing import Annotated, get_args, get_origin, get_type_hints
 import msgspec
 from msgspec import Struct
 
-from edc_swarm.mission import configuration
-from edc_swarm.mission.configuration import Option
+from edc_swarm.mission.field_types import Option
 from edc_swarm.mission.wording import in_words, plain_number, type_at
 
 UNITS = {
@@ -85,7 +84,8 @@ def declarations(kind: type[Struct]) -> dict[str, Declaration]:
 
     Only what the class itself declares counts; each of its fields must have a docstring.
     """
-    tree = next(node for node in _source().body if isinstance(node, ast.ClassDef) and node.name == kind.__name__)
+    tree = ast.parse(inspect.getsource(kind)).body[0]
+    assert isinstance(tree, ast.ClassDef)
     general = _sections(ast.get_docstring(tree) or "")
     options = option_names(kind)
     found = {}
@@ -112,11 +112,6 @@ def option_names(kind: type[Struct]) -> dict[str, str]:
         marks = get_args(hint)[1:] if get_origin(hint) is Annotated else ()
         found.update((name, mark.name) for mark in marks if isinstance(mark, Option))
     return found
-
-
-@cache
-def _source() -> ast.Module:
-    return ast.parse(inspect.getsource(configuration))
 
 
 def _documented(tree: ast.ClassDef) -> Iterator[tuple[str, str]]:

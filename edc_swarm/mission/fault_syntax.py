@@ -10,7 +10,7 @@ from collections import deque
 from dataclasses import dataclass
 from typing import Any
 
-from edc_swarm.mission.configuration import MAX_GOAL_POINTS, MOST_M
+from edc_swarm.mission.field_types import MAX_GOAL_POINTS, MOST_M
 
 HEAD, STANDBY, REST, HALVES, EVERY_UAV = "head", "standby", "rest", "halves", "*"
 ONE_UAV = frozenset({HEAD, STANDBY})

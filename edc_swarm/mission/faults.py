@@ -16,7 +16,7 @@ from dataclasses import dataclass, replace
 from typing import Any, ClassVar, TypeVar, get_args
 
 from edc_swarm.errors import MissionError
-from edc_swarm.mission.configuration import FOR_GOOD_S, RECORDER, ROUTER, GpsModel, Link, Mission, Point
+from edc_swarm.mission.configuration import Mission
 from edc_swarm.mission.fault_syntax import (
     HALVES,
     HEAD,
@@ -37,6 +37,9 @@ from edc_swarm.mission.fault_syntax import (
     number,
     number_text,
 )
+from edc_swarm.mission.field_types import GpsModel, Point
+from edc_swarm.mission.link import FOR_GOOD_S, Link
+from edc_swarm.mission.roles import RECORDER, ROUTER
 from edc_swarm.mission.validation import convert
 
 MOST_IN_FAULT = 1e9

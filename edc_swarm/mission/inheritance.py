@@ -6,7 +6,8 @@ from collections.abc import Sequence
 
 import msgspec
 
-from edc_swarm.mission.configuration import Mission, RosterEntry
+from edc_swarm.mission.configuration import Mission
+from edc_swarm.mission.roster_entry import RosterEntry
 
 
 def with_radii(mission: Mission) -> list[RosterEntry]:

@@ -11,7 +11,9 @@ import math
 from functools import lru_cache
 from random import Random
 
-from edc_swarm.mission.configuration import Mission, Point, RosterEntry
+from edc_swarm.mission.configuration import Mission
+from edc_swarm.mission.field_types import Point
+from edc_swarm.mission.roster_entry import RosterEntry
 from edc_swarm.mission.routes import rectangle_m
 
 SITES = 6

@@ -29,7 +29,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from edc_swarm.mission.configuration import FOR_GOOD_S, MOST_SLOTS, ROUTER, Link, Mission, default_tau_s
+from edc_swarm.mission.configuration import Mission, default_tau_s
 from edc_swarm.mission.failsafe import failsafe_of
 from edc_swarm.mission.faults import (
     ChangeClock,
@@ -45,6 +45,9 @@ from edc_swarm.mission.faults import (
     parse_faults,
     resolve,
 )
+from edc_swarm.mission.field_types import MOST_SLOTS
+from edc_swarm.mission.link import FOR_GOOD_S, Link
+from edc_swarm.mission.roles import ROUTER
 from edc_swarm.mission.routes import hover_time_s, rectangle_m, way_m
 
 LEAST_WAIT_SLOTS = 200

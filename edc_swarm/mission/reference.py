@@ -12,8 +12,12 @@ from typing import Any
 import msgspec
 from msgspec import Struct
 
-from edc_swarm.mission.configuration import EnergyModel, HeadModel, Link, Mission, RosterEntry, Zone
+from edc_swarm.mission.configuration import Mission
 from edc_swarm.mission.declarations import Declaration, declarations
+from edc_swarm.mission.link import Link
+from edc_swarm.mission.power_models import EnergyModel, HeadModel
+from edc_swarm.mission.roster_entry import RosterEntry
+from edc_swarm.mission.zone import Zone
 
 TABLES: dict[str, type[Struct]] = {"energy": EnergyModel, "head": HeadModel}
 """Tables of a mission file, by key."""
@@ -33,7 +37,7 @@ EXAMPLES: dict[type[Struct], dict[str, Any]] = {RosterEntry: EXAMPLE, Zone: ZONE
 PAGE = """\
 # Mission file
 
-<!-- Made by `pytest tests/unit/test_mission_reference.py --rewrite` from edc_swarm/mission/configuration.py. -->
+<!-- Made by `pytest tests/unit/test_mission_reference.py --rewrite` from the structs of edc_swarm/mission. -->
 
 A mission file is TOML. A file states only what differs from the defaults; [scenarios/reference.toml][reference] states
 every field. An unknown field, a value of another type or beyond its limits, and a number that is not finite are
@@ -48,7 +52,7 @@ Zones, and how a mission with them is checked before take-off: [zones.md](zones.
 """
 FILE = """\
 # Every field of a mission with its default. `edc-swarm sim scenarios/reference.toml` flies the default mission.
-# docs/mission.md says more of each field. Both files are made from edc_swarm/mission/configuration.py.
+# docs/mission.md says more of each field. Both files are made from the structs of edc_swarm/mission.
 """
 
 

@@ -8,10 +8,12 @@ from numpy.typing import NDArray
 
 from edc_swarm.errors import MissionError, PlacementError
 from edc_swarm.mission.airspace import Airspace, check_goals, check_zones
-from edc_swarm.mission.configuration import Mission, RosterEntry, Zone, default_tau_s
+from edc_swarm.mission.configuration import Mission, default_tau_s
 from edc_swarm.mission.inheritance import with_charges, with_radii
 from edc_swarm.mission.prospect import default_max_slots
+from edc_swarm.mission.roster_entry import RosterEntry
 from edc_swarm.mission.validation import check_links
+from edc_swarm.mission.zone import Zone
 from edc_swarm.mission.zone_shapes import check_shapes
 
 TRIES = 10_000

@@ -17,7 +17,8 @@ from typing import Annotated
 import msgspec
 from msgspec import Meta, Struct
 
-from edc_swarm.mission.configuration import ARRIVED_M, MAX_GOAL_POINTS, MAX_ROUTE, Point, RosterEntry
+from edc_swarm.mission.field_types import MAX_GOAL_POINTS, MAX_ROUTE, Point
+from edc_swarm.mission.roster_entry import ARRIVED_M, RosterEntry
 
 GoalNumber = Annotated[int, Meta(ge=0, lt=1 << 40)]
 

@@ -17,8 +17,10 @@ from msgspec import Struct
 
 from edc_swarm.errors import InputError, MissionError
 from edc_swarm.files import open_regular
-from edc_swarm.mission.configuration import AREA_M2, LACKS_TARGET, RESERVED_IDS, Mission, RosterEntry
+from edc_swarm.mission.configuration import AREA_M2, Mission
 from edc_swarm.mission.inheritance import with_radii
+from edc_swarm.mission.roles import RESERVED_IDS
+from edc_swarm.mission.roster_entry import LACKS_TARGET, RosterEntry
 from edc_swarm.mission.wording import in_words, type_at
 from edc_swarm.mission.zone_shapes import check_shapes
 

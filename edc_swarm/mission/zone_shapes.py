@@ -5,8 +5,9 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 from edc_swarm.errors import MissionError
-from edc_swarm.mission.configuration import MAX_ALL_CORNERS, MAX_ZONES, Zone
+from edc_swarm.mission.field_types import MAX_ALL_CORNERS, MAX_ZONES
 from edc_swarm.mission.polygons import polygon_fault
+from edc_swarm.mission.zone import Zone
 
 
 def check_shapes(zones: Sequence[Zone]) -> None:

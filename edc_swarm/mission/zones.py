@@ -12,7 +12,7 @@ import math
 import numpy as np
 
 from edc_swarm.geometry import Barriers, Floats, length_m
-from edc_swarm.mission.configuration import RIM_CORNERS, Zone
+from edc_swarm.mission.zone import RIM_CORNERS, Zone
 
 
 def barriers(zones: list[Zone]) -> Barriers:

@@ -16,7 +16,8 @@ from numpy.typing import NDArray
 
 from edc_swarm.geometry import Floats, Indices, point_segment_distance_m
 from edc_swarm.planner import guidance_kernel as kernel
-from edc_swarm.solver.slot_qp import DELTA_M, Airspace
+from edc_swarm.solver.barrier_rows import Airspace
+from edc_swarm.solver.normals import DELTA_M
 
 SPARE_M = 1e-5
 """Distance added to a node for rounding."""

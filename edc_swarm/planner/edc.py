@@ -14,7 +14,8 @@ from edc_swarm.planner.interface import Plan, PlanRequest, Stopwatch
 from edc_swarm.planner.request import Arrays, checked_arrays
 from edc_swarm.planner.safe import SafeSteps, airspace_of
 from edc_swarm.solver import certificate, slot_qp
-from edc_swarm.solver.slot_qp import Obstacles
+from edc_swarm.solver.hull_rows import Obstacles
+from edc_swarm.solver.normals import DELTA_M
 
 
 def weights(mission: Mission, speed_mps: float) -> tuple[float, float]:
@@ -106,9 +107,9 @@ class Edc:
             normal = alone.row_normal[inner]
             step_m = certificate.nearest_step_m(alone.wish_step_m[k], normal, np.zeros(len(normal)))
             gained_m = lack_m[k] - self._lack_m(arrays, arrays.position_m[k] + step_m, k)
-            must_m = np.minimum(lack_m[k] + slot_qp.DELTA_M, u_max_m[k])[lack_m[k] > 0]
+            must_m = np.minimum(lack_m[k] + DELTA_M, u_max_m[k])[lack_m[k] > 0]
             if (gained_m[lack_m[k] > 0] < must_m / 2).any():
-                far_m = min(float(lack_m[k].max()) + 2 * slot_qp.DELTA_M, u_max_m[k])
+                far_m = min(float(lack_m[k].max()) + 2 * DELTA_M, u_max_m[k])
                 wish_m[k] = arrays.position_m[k] + far_m * ways.clearest(normal)
 
     def _lack_m(self, arrays: Arrays, point_m: Floats, k: int | None = None) -> Floats:

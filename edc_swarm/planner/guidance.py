@@ -48,11 +48,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from edc_swarm.geometry import Floats, Indices, length_m
-from edc_swarm.mission.configuration import ARRIVED_M
+from edc_swarm.mission.roster_entry import ARRIVED_M
 from edc_swarm.planner import guidance_kernel as kernel
 from edc_swarm.planner import ways
 from edc_swarm.planner.charts import Charts
-from edc_swarm.solver.slot_qp import DELTA_M, Airspace, Obstacles
+from edc_swarm.solver.barrier_rows import Airspace
+from edc_swarm.solver.hull_rows import Obstacles
+from edc_swarm.solver.normals import DELTA_M
 
 NEVER = -(10**9)
 """Slot of the last plan for a UAV that has none."""

@@ -31,7 +31,8 @@ import osqp
 import scipy.sparse
 
 from edc_swarm.geometry import Floats, by_libm, length_m
-from edc_swarm.mission.configuration import ARRIVED_M, Mission
+from edc_swarm.mission.configuration import Mission
+from edc_swarm.mission.roster_entry import ARRIVED_M
 from edc_swarm.planner.interface import Plan, PlanRequest, PlanStatus, Stopwatch
 from edc_swarm.planner.request import Arrays, checked_arrays
 from edc_swarm.planner.straight import least_end_gap_m

@@ -7,7 +7,8 @@ import importlib
 import msgspec
 
 from edc_swarm.errors import MissionError, SwarmError
-from edc_swarm.mission.configuration import Mission, RosterEntry
+from edc_swarm.mission.configuration import Mission
+from edc_swarm.mission.roster_entry import RosterEntry
 from edc_swarm.planner.interface import Hull, Planner, PlannerFactory, PlanRequest, Stopwatch, stopped
 
 BUILT_IN = {

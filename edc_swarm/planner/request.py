@@ -9,7 +9,7 @@ import numpy as np
 from edc_swarm.errors import InputError
 from edc_swarm.geometry import Floats, Indices
 from edc_swarm.planner.interface import PlanRequest
-from edc_swarm.solver.slot_qp import Obstacles
+from edc_swarm.solver.hull_rows import Obstacles
 
 
 @dataclass(frozen=True, slots=True)

@@ -14,7 +14,7 @@ from edc_swarm.mission.zones import barriers
 from edc_swarm.planner.interface import Plan, PlanStatus, Stopwatch, stopped
 from edc_swarm.planner.request import Arrays, steps_of
 from edc_swarm.solver import certificate, slot_qp, solution
-from edc_swarm.solver.slot_qp import Airspace
+from edc_swarm.solver.barrier_rows import Airspace
 
 
 def airspace_of(mission: Mission) -> Airspace:

@@ -16,7 +16,9 @@ from numpy.typing import NDArray
 from edc_swarm.geometry import Floats, Indices, length_m, nearest_on_segment, point_segment_distance_m
 from edc_swarm.planner import guidance_kernel as kernel
 from edc_swarm.planner.charts import LEG_TESTS, Charts, along, clear_of
-from edc_swarm.solver.slot_qp import DELTA_M, ON_EDGE_M, Airspace, Obstacles
+from edc_swarm.solver.barrier_rows import ON_EDGE_M, Airspace
+from edc_swarm.solver.hull_rows import Obstacles
+from edc_swarm.solver.normals import DELTA_M
 
 SPARE_M = 1e-5
 """Distance added to a moved goal for rounding."""

@@ -15,8 +15,8 @@ from typing import assert_never
 import msgspec
 
 from edc_swarm.errors import MessageError, MissionError
-from edc_swarm.mission.configuration import OPERATOR, ROLES
 from edc_swarm.mission.faults import parse_faults
+from edc_swarm.mission.roles import OPERATOR, ROLES
 from edc_swarm.protocol.events import EventKind
 from edc_swarm.protocol.messages import NO_ONE, Command, Event, Fix, Goal, Message, MissionMessage, Report, Truth
 

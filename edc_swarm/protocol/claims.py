@@ -24,7 +24,8 @@ from typing import Annotated
 
 from msgspec import Meta, Struct
 
-from edc_swarm.mission.configuration import MAX_UAVS, Mission
+from edc_swarm.mission.configuration import Mission
+from edc_swarm.mission.field_types import MAX_UAVS
 from edc_swarm.protocol.messages import UavIds
 
 LAUNCHED = ""

@@ -5,10 +5,11 @@ from __future__ import annotations
 import math
 from collections.abc import Iterator
 
-from edc_swarm.mission.configuration import Mission, RosterEntry
+from edc_swarm.mission.configuration import Mission
 from edc_swarm.mission.failsafe import failsafe_of
 from edc_swarm.mission.faults import GiveGoal, parse_faults
 from edc_swarm.mission.prospect import prospect_of, settled_slot
+from edc_swarm.mission.roster_entry import RosterEntry
 from edc_swarm.mission.routes import headed
 from edc_swarm.protocol.hindrance import Place, hindrances, places_of
 from edc_swarm.protocol.messages import Command, Fix, Report

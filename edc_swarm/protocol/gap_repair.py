@@ -14,7 +14,7 @@ from collections.abc import Container, Mapping
 from dataclasses import dataclass, field
 from itertools import islice
 
-from edc_swarm.mission.configuration import RECORDER
+from edc_swarm.mission.roles import RECORDER
 from edc_swarm.protocol.keys import PREFIX, source_of
 from edc_swarm.protocol.retransmission import Answer, Ask, Kept, Span
 

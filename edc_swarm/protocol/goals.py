@@ -13,7 +13,9 @@ from dataclasses import dataclass
 import msgspec
 from msgspec import Struct
 
-from edc_swarm.mission.configuration import OPERATOR, Mission, Point
+from edc_swarm.mission.configuration import Mission
+from edc_swarm.mission.field_types import Point
+from edc_swarm.mission.roles import OPERATOR
 from edc_swarm.protocol.events import EventKind
 from edc_swarm.protocol.messages import Event, Fix, Goal
 

@@ -28,7 +28,7 @@ from edc_swarm.geometry import (
     length_m,
     point_segment_distance_m,
 )
-from edc_swarm.mission.configuration import RosterEntry
+from edc_swarm.mission.roster_entry import RosterEntry
 from edc_swarm.protocol.messages import Report
 
 Point = tuple[float, float]

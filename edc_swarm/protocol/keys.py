@@ -10,7 +10,8 @@ from typing import Any, get_args
 
 from msgspec import Struct
 
-from edc_swarm.mission.configuration import OPERATOR, VISUALISER, MissionId
+from edc_swarm.mission.field_types import MissionId
+from edc_swarm.mission.roles import OPERATOR, VISUALISER
 from edc_swarm.protocol.messages import Command, Event, Fix, Goal, Message, MissionMessage, Report, Truth
 
 PREFIX = "swarm"

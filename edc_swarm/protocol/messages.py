@@ -12,20 +12,19 @@ from typing import Annotated, Literal, get_args
 
 from msgspec import Meta, Struct
 
-from edc_swarm.mission.configuration import (
+from edc_swarm.mission.configuration import NS_PER_S, Mission
+from edc_swarm.mission.field_types import (
     MAX_GOAL_POINTS,
     MAX_UAVS,
     MOST,
-    NS_PER_S,
     FailsafeAction,
     Metres,
-    Mission,
     NonNegative,
     Point,
     Positive,
-    RosterEntry,
     UavId,
 )
+from edc_swarm.mission.roster_entry import RosterEntry
 from edc_swarm.mission.routes import Course
 
 NO_ONE = ""

@@ -5,8 +5,8 @@ from __future__ import annotations
 from dataclasses import dataclass
 from operator import attrgetter
 
-from edc_swarm.mission.configuration import OPERATOR, RECORDER
 from edc_swarm.mission.faults import Freeze, Kill, Restart, read_fault
+from edc_swarm.mission.roles import OPERATOR, RECORDER
 from edc_swarm.protocol.events import EventKind
 from edc_swarm.protocol.keys import KEY_FORMS
 from edc_swarm.recording.model import Recording

@@ -10,7 +10,7 @@ from collections.abc import Callable
 from operator import attrgetter
 from typing import Any
 
-from edc_swarm.mission.configuration import ROLES
+from edc_swarm.mission.roles import ROLES
 from edc_swarm.protocol.keys import KEY_FORMS
 from edc_swarm.protocol.messages import Event, Goal, MissionMessage
 from edc_swarm.recording.model import Bin, Garbage, Recording

@@ -15,7 +15,8 @@ from edc_swarm.analysis.metrics import HeadTerm
 from edc_swarm.analysis.separation import least_gaps_m
 from edc_swarm.analysis.timings import Timing
 from edc_swarm.foreign_text import MAX_LINE, shown
-from edc_swarm.mission.configuration import Zone, ZoneKind
+from edc_swarm.mission.field_types import ZoneKind
+from edc_swarm.mission.zone import Zone
 from edc_swarm.protocol.events import EventKind
 from edc_swarm.protocol.messages import MissionMessage
 from edc_swarm.recording.model import Recording

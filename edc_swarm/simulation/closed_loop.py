@@ -12,7 +12,8 @@ import msgspec
 import numpy as np
 
 from edc_swarm.geometry import Floats, length_m
-from edc_swarm.mission.configuration import ARRIVED_M, Mission
+from edc_swarm.mission.configuration import Mission
+from edc_swarm.mission.roster_entry import ARRIVED_M
 from edc_swarm.planner.interface import Plan, Planner, PlanRequest, Stopwatch
 from edc_swarm.planner.paper import Paper
 from edc_swarm.protocol.events import EventKind

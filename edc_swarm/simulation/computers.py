@@ -28,9 +28,9 @@ from edc_swarm.agent.node import (
 )
 from edc_swarm.agent.vehicle import Airframe, Promise, comes_too_late, first_airframe, first_promise
 from edc_swarm.emulation.links import NS_PER_MS, LinkEmulator
-from edc_swarm.mission.configuration import RosterEntry
 from edc_swarm.mission.failsafe import LATE_FRACTION
 from edc_swarm.mission.faults import Freeze, Kill, SlowSolver
+from edc_swarm.mission.roster_entry import RosterEntry
 from edc_swarm.planner.interface import Planner
 from edc_swarm.protocol.events import EventKind
 from edc_swarm.protocol.keys import SESSION_LEASE_MS

@@ -12,7 +12,6 @@ from dataclasses import dataclass, replace
 from edc_swarm.agent.node import GpsChanged, Tick
 from edc_swarm.emulation.links import LinkEmulator
 from edc_swarm.emulation.machine import MACHINE_FAULTS
-from edc_swarm.mission.configuration import RECORDER, ROUTER, GpsModel
 from edc_swarm.mission.fault_handlers import FaultHandlers
 from edc_swarm.mission.faults import (
     ROUTER_OUTAGE_S,
@@ -27,6 +26,8 @@ from edc_swarm.mission.faults import (
     SlowSolver,
     resolve,
 )
+from edc_swarm.mission.field_types import GpsModel
+from edc_swarm.mission.roles import RECORDER, ROUTER
 from edc_swarm.protocol.events import EventKind
 from edc_swarm.simulation.computers import FOREVER_NS, Clock, Computer
 from edc_swarm.simulation.network import Network

@@ -10,7 +10,8 @@ import msgspec
 
 from edc_swarm.agent.node import NodeEvent, PeerGone, Received
 from edc_swarm.emulation.links import LinkEmulator, have_range
-from edc_swarm.mission.configuration import OPERATOR, Point
+from edc_swarm.mission.field_types import Point
+from edc_swarm.mission.roles import OPERATOR
 from edc_swarm.protocol.completion import MissionMonitor
 from edc_swarm.protocol.events import EventKind
 from edc_swarm.protocol.goals import GoalDesk

@@ -18,9 +18,9 @@ from random import Random
 
 import msgspec
 
-from edc_swarm.mission.configuration import OPERATOR
 from edc_swarm.mission.faults import Fault, Restart, parse_faults
 from edc_swarm.mission.prospect import COMPLETED, GIVEN_UP, NOBODY_LEFT, STALLED
+from edc_swarm.mission.roles import OPERATOR
 from edc_swarm.planner.interface import Planner
 from edc_swarm.protocol.completion import MissionMonitor
 from edc_swarm.protocol.events import EventKind

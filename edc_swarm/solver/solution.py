@@ -11,7 +11,8 @@ import scipy.sparse
 from numpy.typing import NDArray
 
 from edc_swarm.geometry import Floats, Indices, length_m
-from edc_swarm.solver.slot_qp import DELTA_M, Problem
+from edc_swarm.solver.normals import DELTA_M
+from edc_swarm.solver.slot_qp import Problem
 
 SETTINGS: dict[str, Any] = {
     "verbose": False,

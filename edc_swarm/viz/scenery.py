@@ -17,7 +17,8 @@ from foxglove_schemas_protobuf.SceneEntity_pb2 import SceneEntity
 from msgspec import UNSET
 
 from edc_swarm.geometry import DISC_TOLERANCE_M
-from edc_swarm.mission.configuration import NS_PER_S, RosterEntry
+from edc_swarm.mission.configuration import NS_PER_S
+from edc_swarm.mission.roster_entry import RosterEntry
 from edc_swarm.mission.routes import rectangle_m
 from edc_swarm.protocol.events import EVENT_FORMS
 from edc_swarm.protocol.messages import Command, Event, Fix, Message, MissionMessage, Report, Truth

@@ -6,8 +6,9 @@ from collections.abc import Iterator, Sequence
 
 from foxglove_schemas_protobuf.SceneEntity_pb2 import SceneEntity
 
-from edc_swarm.mission.configuration import Point, Zone
+from edc_swarm.mission.field_types import Point
 from edc_swarm.mission.polygons import turn
+from edc_swarm.mission.zone import Zone
 from edc_swarm.viz.shapes import AMBER, GREEN, disc, entity, line, ring, text, triangles
 
 FILLED = 0.25

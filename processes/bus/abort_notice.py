@@ -14,7 +14,7 @@ import time
 from collections.abc import Sequence
 
 from edc_swarm.errors import InputError
-from edc_swarm.mission.configuration import OPERATOR
+from edc_swarm.mission.roles import OPERATOR
 from edc_swarm.protocol.keys import PREFIX
 from processes.bus.address import parse_endpoint
 from processes.bus.credentials import TLS, credentials

@@ -9,7 +9,7 @@ from pathlib import Path
 from typing import Any
 
 from edc_swarm.errors import InputError
-from edc_swarm.mission.configuration import JOIN, RESERVED_IDS, ROLES
+from edc_swarm.mission.roles import JOIN, RESERVED_IDS, ROLES
 
 CERTIFIED = (*sorted(ROLES), JOIN)
 """Names with a certificate beside the UAVs: the roles, and a joiner."""

@@ -7,7 +7,7 @@ import time
 import zenoh
 
 from edc_swarm.errors import InputError, SwarmError
-from edc_swarm.mission.configuration import OPERATOR
+from edc_swarm.mission.roles import OPERATOR
 from edc_swarm.protocol.keys import PREFIX
 from processes.bus.session import hand_over
 from processes.runtime.console import MAX_NAMES

@@ -15,7 +15,7 @@ import zenoh
 
 from edc_swarm.emulation.links import DelayError, LinkEmulator
 from edc_swarm.errors import MessageError
-from edc_swarm.mission.configuration import OPERATOR
+from edc_swarm.mission.roles import OPERATOR
 from edc_swarm.protocol.admission import Admission
 from edc_swarm.protocol.codec import MAX_MESSAGE_BYTES, decode
 from edc_swarm.protocol.keys import Keys

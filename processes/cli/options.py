@@ -16,9 +16,10 @@ from edc_swarm.emulation.energy import check_batteries, stranded
 from edc_swarm.errors import InputError
 from edc_swarm.foreign_text import listed
 from edc_swarm.mission.airspace import check_zones
-from edc_swarm.mission.configuration import AREA_M2, Link, Mission
+from edc_swarm.mission.configuration import AREA_M2, Mission
 from edc_swarm.mission.declarations import declarations, option_names
 from edc_swarm.mission.faults import parse_faults
+from edc_swarm.mission.link import Link
 from edc_swarm.mission.roster import complete_mission
 from edc_swarm.mission.validation import load_mission, with_options
 from edc_swarm.planner.registry import check_planner

@@ -20,8 +20,9 @@ from edc_swarm.analysis.metrics import compute_metrics
 from edc_swarm.analysis.timings import Timing
 from edc_swarm.emulation.energy import compute_energy_j
 from edc_swarm.geometry import length_m
-from edc_swarm.mission.configuration import ARRIVED_M, Mission
+from edc_swarm.mission.configuration import Mission
 from edc_swarm.mission.roster import complete_mission
+from edc_swarm.mission.roster_entry import ARRIVED_M
 from edc_swarm.planner.paper import horizon_program, solve_horizon
 from edc_swarm.planner.registry import make_planner, warm_up
 from edc_swarm.protocol.messages import Message, mission_message

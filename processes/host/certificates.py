@@ -20,7 +20,7 @@ from cryptography.hazmat.primitives.serialization import Encoding, NoEncryption,
 from cryptography.x509.oid import ExtendedKeyUsageOID, NameOID
 
 from edc_swarm.errors import InputError
-from edc_swarm.mission.configuration import ROUTER
+from edc_swarm.mission.roles import ROUTER
 from processes.bus.credentials import AUTHORITY, CERTIFIED, certificate_path, key_path
 from processes.runtime.output import unwritten
 

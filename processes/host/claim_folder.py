@@ -12,7 +12,7 @@ from pathlib import Path
 from types import TracebackType
 
 from edc_swarm.errors import InputError, SwarmError
-from edc_swarm.mission.configuration import RosterEntry
+from edc_swarm.mission.roster_entry import RosterEntry
 from processes.uav.state import create_state, has_state
 
 FIELD = "--state"

@@ -13,7 +13,7 @@ import zenoh
 
 from edc_swarm.agent.node import startup_candidates
 from edc_swarm.errors import InputError, SwarmError
-from edc_swarm.mission.configuration import JOIN, OPERATOR
+from edc_swarm.mission.roles import JOIN, OPERATOR
 from edc_swarm.protocol.claims import IdClaim, Issued
 from edc_swarm.protocol.events import EventKind
 from edc_swarm.protocol.keys import Keys

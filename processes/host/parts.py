@@ -8,7 +8,7 @@ import signal
 import msgspec
 
 from edc_swarm.errors import InputError
-from edc_swarm.mission.configuration import ROUTER
+from edc_swarm.mission.roles import ROUTER
 from processes.bus.address import check_endpoint, connect_endpoint, free_endpoint, parse_endpoint
 from processes.host.ending import CLOSE_TIMEOUT_S, Deaths, end_fork_source
 from processes.host.pool import FORK_SOURCE, UavPool

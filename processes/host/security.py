@@ -10,7 +10,7 @@ from pathlib import Path
 import msgspec
 
 from edc_swarm.errors import InputError
-from edc_swarm.mission.configuration import ROLES
+from edc_swarm.mission.roles import ROLES
 from processes.bus.credentials import check_certificates
 from processes.services.router import RouterAccess
 

@@ -10,7 +10,7 @@ import zenoh
 
 from edc_swarm.errors import InputError, SwarmError
 from edc_swarm.foreign_text import listed
-from edc_swarm.mission.configuration import LIVE, OPERATOR
+from edc_swarm.mission.roles import LIVE, OPERATOR
 from processes.bus.address import advertised_endpoint, connect_endpoint, unreachable_router
 from processes.bus.credentials import credentials
 from processes.bus.session import open_client

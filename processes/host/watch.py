@@ -6,8 +6,8 @@ import signal
 import time
 
 from edc_swarm.emulation.links import mission_s
-from edc_swarm.mission.configuration import ROUTER
 from edc_swarm.mission.prospect import COMPLETED, GIVEN_UP, NOBODY_LEFT, STALLED
+from edc_swarm.mission.roles import ROUTER
 from edc_swarm.protocol.events import EventKind
 from edc_swarm.protocol.messages import MissionMessage, mission_message
 from processes.host import fork_source

@@ -9,8 +9,9 @@ from functools import partial
 import msgspec
 import zenoh
 
-from edc_swarm.mission.configuration import OPERATOR, Point
 from edc_swarm.mission.faults import ProcessFault, declaration_of
+from edc_swarm.mission.field_types import Point
+from edc_swarm.mission.roles import OPERATOR
 from edc_swarm.protocol.codec import encode
 from edc_swarm.protocol.completion import MissionMonitor
 from edc_swarm.protocol.events import EventKind

@@ -11,7 +11,7 @@ from itertools import count
 from typing import Protocol
 
 from edc_swarm.emulation.links import mission_s
-from edc_swarm.mission.configuration import NS_PER_S, RECORDER, ROUTER
+from edc_swarm.mission.configuration import NS_PER_S
 from edc_swarm.mission.fault_handlers import FaultHandlers
 from edc_swarm.mission.faults import (
     ROUTER_OUTAGE_S,
@@ -25,6 +25,7 @@ from edc_swarm.mission.faults import (
     parse_faults,
     resolve,
 )
+from edc_swarm.mission.roles import RECORDER, ROUTER
 from edc_swarm.protocol.events import EventKind
 from edc_swarm.protocol.messages import MissionMessage
 from processes.operator.bus_client import Operator

@@ -7,7 +7,8 @@ from collections.abc import Mapping, Sequence
 import msgspec
 import zenoh
 
-from edc_swarm.mission.configuration import JOIN, Mission
+from edc_swarm.mission.configuration import Mission
+from edc_swarm.mission.roles import JOIN
 from edc_swarm.protocol.claims import Claims, IdClaim, Issued
 from edc_swarm.protocol.keys import Keys
 from processes.bus.session import hand_over

@@ -17,7 +17,8 @@ import zenoh
 
 from edc_swarm.emulation.links import MAX_CHANGES
 from edc_swarm.errors import RecordingError
-from edc_swarm.mission.configuration import OPERATOR, RECORDER, Mission
+from edc_swarm.mission.configuration import Mission
+from edc_swarm.mission.roles import OPERATOR, RECORDER
 from edc_swarm.protocol.codec import decode
 from edc_swarm.protocol.keys import ALL_ALIVE, Keys
 from edc_swarm.protocol.messages import Event, MissionMessage

@@ -23,7 +23,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from typing import Any
 
-from edc_swarm.mission.configuration import JOIN, LIVE, OPERATOR, RECORDER, VISUALISER
+from edc_swarm.mission.roles import JOIN, LIVE, OPERATOR, RECORDER, VISUALISER
 from edc_swarm.protocol.keys import ALL_ALIVE, PREFIX, Keys
 from processes.bus.abort_notice import NOTICE_KEY
 from processes.bus.operator_presence import GAVE_UP

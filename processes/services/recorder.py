@@ -25,7 +25,7 @@ import zenoh
 from msgspec import Struct
 
 from edc_swarm.errors import InputError, SwarmError
-from edc_swarm.mission.configuration import OPERATOR, RECORDER
+from edc_swarm.mission.roles import OPERATOR, RECORDER
 from edc_swarm.protocol import retransmission
 from edc_swarm.protocol.codec import MAX_MESSAGE_BYTES, encode
 from edc_swarm.protocol.events import EventKind

@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import BinaryIO, cast
 
-from edc_swarm.mission.configuration import ROLES
+from edc_swarm.mission.roles import ROLES
 from edc_swarm.protocol.codec import MAX_MESSAGE_BYTES, decode
 from edc_swarm.protocol.keys import SCENES, Keys, kind_of
 from edc_swarm.protocol.messages import MissionMessage

@@ -19,7 +19,7 @@ import zenoh
 from msgspec import Struct
 
 from edc_swarm.errors import InputError
-from edc_swarm.mission.configuration import OPERATOR, ROUTER
+from edc_swarm.mission.roles import OPERATOR, ROUTER
 from edc_swarm.protocol.keys import ALL_ALIVE
 from processes.bus.abort_notice import NOTICE_KEY
 from processes.bus.credentials import certified_uavs, check_certificates, credentials

@@ -18,7 +18,7 @@ import zenoh
 from msgspec import Struct
 
 from edc_swarm.errors import SwarmError
-from edc_swarm.mission.configuration import OPERATOR, VISUALISER
+from edc_swarm.mission.roles import OPERATOR, VISUALISER
 from edc_swarm.protocol.codec import encode
 from edc_swarm.protocol.events import EventKind
 from edc_swarm.protocol.keys import Keys

@@ -8,8 +8,9 @@ from __future__ import annotations
 from edc_swarm.agent.node import GpsChanged, NodeEvent, Tick
 from edc_swarm.emulation.links import LinkEmulator
 from edc_swarm.emulation.machine import MACHINE_FAULTS
-from edc_swarm.mission.configuration import GpsModel, Mission
+from edc_swarm.mission.configuration import Mission
 from edc_swarm.mission.faults import ProcessFault, SlowSolver, read_fault
+from edc_swarm.mission.field_types import GpsModel
 from processes.runtime.clock import MissionClock
 from processes.uav.planner_loader import SlowPlanner
 

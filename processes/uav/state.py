@@ -18,7 +18,7 @@ from msgspec import Struct
 
 from edc_swarm.agent.vehicle import Airframe, Promise, first_airframe, first_promise
 from edc_swarm.errors import InputError
-from edc_swarm.mission.configuration import RosterEntry
+from edc_swarm.mission.roster_entry import RosterEntry
 
 RECORD_BYTES = 4096
 

@@ -8,7 +8,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from edc_swarm.emulation.energy import propulsion_power_w, propulsion_powers_w
-from edc_swarm.mission.configuration import EnergyModel
+from edc_swarm.mission.power_models import EnergyModel
 
 MODEL = EnergyModel()
 SPEEDS_MPS = np.linspace(0.05, 40, 8000)

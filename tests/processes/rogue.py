@@ -17,7 +17,7 @@ from typing import Any
 import msgspec
 import zenoh
 
-from edc_swarm.mission.configuration import JOIN
+from edc_swarm.mission.roles import JOIN
 from edc_swarm.protocol.claims import IdClaim
 from edc_swarm.protocol.codec import encode
 from edc_swarm.protocol.keys import Keys

@@ -12,7 +12,7 @@ from pathlib import Path
 import msgspec
 import pytest
 
-from edc_swarm.mission.configuration import JOIN, OPERATOR
+from edc_swarm.mission.roles import JOIN, OPERATOR
 from edc_swarm.protocol.claims import IdClaim, Issued
 from edc_swarm.protocol.keys import PREFIX, Keys
 from edc_swarm.recording.model import Recording

@@ -10,7 +10,7 @@ import pytest
 import zenoh
 
 from edc_swarm.errors import InputError
-from edc_swarm.mission.configuration import OPERATOR
+from edc_swarm.mission.roles import OPERATOR
 from edc_swarm.protocol.codec import MAX_MESSAGE_BYTES
 from edc_swarm.protocol.keys import Keys
 from processes.bus.address import free_endpoint

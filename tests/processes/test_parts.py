@@ -14,7 +14,8 @@ from edc_swarm.agent.node import GpsChanged, Tick
 from edc_swarm.agent.vehicle import Airframe, Promise
 from edc_swarm.emulation.links import DelayError, LinkEmulator, cut_pair
 from edc_swarm.errors import InputError, MessageError
-from edc_swarm.mission.configuration import Link, Mission
+from edc_swarm.mission.configuration import Mission
+from edc_swarm.mission.link import Link
 from edc_swarm.mission.roster import complete_mission
 from edc_swarm.planner.interface import Plan, PlanRequest
 from edc_swarm.protocol.codec import encode

@@ -17,7 +17,7 @@ import pytest
 import zenoh
 
 from edc_swarm.analysis.guarantees.check import check
-from edc_swarm.mission.configuration import JOIN, OPERATOR
+from edc_swarm.mission.roles import JOIN, OPERATOR
 from edc_swarm.protocol.keys import Keys
 from edc_swarm.protocol.messages import Command, Fix, MissionMessage, Truth
 from edc_swarm.recording.model import Recording

@@ -9,7 +9,7 @@ from pathlib import Path
 
 import pytest
 
-from edc_swarm.mission.configuration import JOIN
+from edc_swarm.mission.roles import JOIN
 from processes.bus.address import free_endpoint
 from processes.bus.credentials import Credentials
 from processes.host.certificates import write_certificates

@@ -13,8 +13,9 @@ from hypothesis import strategies as st
 from shapely.geometry import LineString, Point, Polygon
 
 from edc_swarm.mission.airspace import Airspace, zones_refusal
-from edc_swarm.mission.configuration import RIM_CORNERS, Zone, ZoneRule
+from edc_swarm.mission.field_types import ZoneRule
 from edc_swarm.mission.polygons import polygon_fault
+from edc_swarm.mission.zone import RIM_CORNERS, Zone
 
 SIDE_M = 100.0
 QUAD_SEGS = 64

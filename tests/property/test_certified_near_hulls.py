@@ -9,7 +9,9 @@ import pytest
 
 from edc_swarm.geometry import dot, length_m, point_segment_distance_m
 from edc_swarm.solver.certificate import certify, nearest_step_m
-from edc_swarm.solver.slot_qp import DELTA_M, Obstacles, Problem, slot_problem
+from edc_swarm.solver.hull_rows import Obstacles
+from edc_swarm.solver.normals import DELTA_M
+from edc_swarm.solver.slot_qp import Problem, slot_problem
 from edc_swarm.solver.solution import Memory, active_program, solve
 
 R_M, U_MAX_M, CASES = 5.0, 2.5, 1000

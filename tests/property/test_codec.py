@@ -10,7 +10,8 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from edc_swarm.errors import MessageError
-from edc_swarm.mission.configuration import MOST, MOST_M, RosterEntry
+from edc_swarm.mission.field_types import MOST, MOST_M
+from edc_swarm.mission.roster_entry import RosterEntry
 from edc_swarm.protocol.codec import MAX_MESSAGE_BYTES, decode, encode
 from edc_swarm.protocol.keys import Keys, kind_of
 from edc_swarm.protocol.messages import Command, Event, Fix, Message, MissionMessage, Report, Truth

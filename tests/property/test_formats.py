@@ -19,8 +19,8 @@ from edc_swarm.formats.content import Options
 from edc_swarm.formats.plane_checks import outside_by_rule
 from edc_swarm.formats.registry import FORMATS, read_files
 from edc_swarm.formats.toml_text import mission_text, note_lines
-from edc_swarm.mission.configuration import Zone
 from edc_swarm.mission.polygons import polygon_fault
+from edc_swarm.mission.zone import Zone
 from tests.unit.test_formats_read import (
     AREA,
     HOLE,

@@ -12,7 +12,8 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from edc_swarm.emulation.links import LinkEmulator
-from edc_swarm.mission.configuration import Link, Mission
+from edc_swarm.mission.configuration import Mission
+from edc_swarm.mission.link import Link
 
 MESSAGES = 20_000
 MS = 1e6

@@ -21,7 +21,7 @@ from edc_swarm.agent.node import (
     UavNode,
 )
 from edc_swarm.agent.vehicle import Promise, first_airframe, first_promise
-from edc_swarm.mission.configuration import Criterion
+from edc_swarm.mission.field_types import Criterion
 from edc_swarm.protocol.codec import decode, encode
 from edc_swarm.protocol.keys import Keys
 from edc_swarm.protocol.messages import Command, Event, Fix, MissionMessage, Report

@@ -10,7 +10,8 @@ from hypothesis import strategies as st
 
 from edc_swarm.geometry import length_m, segment_distance_m
 from edc_swarm.solver.certificate import certify
-from edc_swarm.solver.slot_qp import Obstacles, slot_problem
+from edc_swarm.solver.hull_rows import Obstacles
+from edc_swarm.solver.slot_qp import slot_problem
 from edc_swarm.solver.solution import Memory, active_program, solve
 
 TOLERANCE_M = 1e-9

@@ -17,16 +17,19 @@ from msgspec.structs import replace
 from edc_swarm.analysis.breaches import breaches
 from edc_swarm.experiments.random_zones import random_zones
 from edc_swarm.geometry import Floats, segment_distance_m
-from edc_swarm.mission.configuration import Mission, Zone
+from edc_swarm.mission.configuration import Mission
 from edc_swarm.mission.roster import complete_mission
+from edc_swarm.mission.zone import Zone
 from edc_swarm.mission.zones import barriers
 from edc_swarm.planner import guidance_kernel as kernel
 from edc_swarm.planner.charts import Charts, clear_of
 from edc_swarm.planner.interface import PlanRequest
 from edc_swarm.planner.registry import make_planner
 from edc_swarm.planner.safe import airspace_of
+from edc_swarm.solver.barrier_rows import Airspace
 from edc_swarm.solver.certificate import certify
-from edc_swarm.solver.slot_qp import DELTA_M, Airspace, slot_problem
+from edc_swarm.solver.normals import DELTA_M
+from edc_swarm.solver.slot_qp import slot_problem
 from edc_swarm.solver.solution import Memory, active_program, solve
 
 TOLERANCE_M = 1e-9

@@ -13,7 +13,8 @@ from edc_swarm.analysis.columns import columns_of
 from edc_swarm.analysis.energy_bill import energy_bills, exhausted
 from edc_swarm.experiments.figures.catalogue import FIGURES, LONG_MISSION, Figure
 from edc_swarm.experiments.figures.table import rows_of
-from edc_swarm.mission.configuration import EnergyModel, Mission
+from edc_swarm.mission.configuration import Mission
+from edc_swarm.mission.power_models import EnergyModel
 from edc_swarm.mission.roster import complete_mission
 from edc_swarm.planner.registry import make_planner
 from edc_swarm.simulation.closed_loop import AS_PRINTED, closed_loop

@@ -8,7 +8,8 @@ import msgspec
 import pytest
 
 from edc_swarm.experiments import fuzzing
-from edc_swarm.experiments.fuzzing import Counterexample, fly, scenario, search, smallest
+from edc_swarm.experiments.fuzz_scenarios import RECKLESS, scenario
+from edc_swarm.experiments.fuzzing import Counterexample, fly, search, smallest
 from edc_swarm.mission.validation import mission_from_dict
 
 ONCE_BROKEN = {
@@ -44,7 +45,7 @@ def test_what_is_asked_and_not_judged_counts_as_broken() -> None:
     """A run that ends before G7 can be judged, or without time for a quorum, counts as broken."""
     (said,) = fly(mission_from_dict({"uavs": 4, "max_slots": 5}))
     assert said.startswith("G7: not judged: stopped after 5 slots (max_slots = 5 was given)")
-    assert fly(mission_from_dict({"uavs": 4, "max_slots": 5, "planner": fuzzing.RECKLESS})) == []
+    assert fly(mission_from_dict({"uavs": 4, "max_slots": 5, "planner": RECKLESS})) == []
 
 
 def test_progress_is_asked_after_faults_that_never_end() -> None:

@@ -23,6 +23,7 @@ from edc_swarm.agent.head import Head, Office
 from edc_swarm.agent.knowledge import Knowledge
 from edc_swarm.agent.node import Effect, Persist, UavNode
 from edc_swarm.experiments import fuzzing
+from edc_swarm.experiments.fuzz_scenarios import RECKLESS
 from edc_swarm.geometry import Barriers, Floats, point_segment_distance_m
 from edc_swarm.mission.configuration import Mission
 from edc_swarm.mission.roster import complete_mission
@@ -34,6 +35,8 @@ from edc_swarm.planner.request import Arrays
 from edc_swarm.protocol.messages import Command, Fix, Report
 from edc_swarm.simulation import computers
 from edc_swarm.solver import certificate, slot_qp, solution
+from edc_swarm.solver.barrier_rows import Airspace, barrier_rows
+from edc_swarm.solver.normals import DELTA_M
 
 Patch = pytest.MonkeyPatch
 Defect = Callable[[Patch], None]
@@ -300,7 +303,7 @@ def negative_gap_taken(patch: Patch) -> None:
     share = certificate._share
 
     def mutant(closing_m: NDArray[np.float64], room_m: NDArray[np.float64]) -> Any:
-        return np.where(room_m < slot_qp.DELTA_M, 1.0, share(closing_m, room_m))
+        return np.where(room_m < DELTA_M, 1.0, share(closing_m, room_m))
 
     patch.setattr(certificate, "_share", mutant)
     patch.setattr(certificate, "_refused", lambda _problem, waypoint_m: np.zeros(len(waypoint_m), dtype=bool))
@@ -308,15 +311,13 @@ def negative_gap_taken(patch: Patch) -> None:
 
 def _with_barriers(patch: Patch, change: Callable[[Barriers], Barriers]) -> None:
     """Assemble the rows, which solver and certificate share, from changed barriers."""
-    rows = slot_qp._barrier_rows
+    rows = barrier_rows
 
-    def mutant(
-        position_m: Floats, wish_m: Floats, r_m: Floats, u_max_m: Floats, airspace: slot_qp.Airspace
-    ) -> tuple[Any, ...]:
-        changed = slot_qp.Airspace.of(change(airspace.barriers), airspace.r_m, 2 * float(u_max_m.max(initial=0.0)))
+    def mutant(position_m: Floats, wish_m: Floats, r_m: Floats, u_max_m: Floats, airspace: Airspace) -> tuple[Any, ...]:
+        changed = Airspace.of(change(airspace.barriers), airspace.r_m, 2 * float(u_max_m.max(initial=0.0)))
         return rows(position_m, wish_m, r_m, u_max_m, changed)
 
-    patch.setattr(slot_qp, "_barrier_rows", mutant)
+    patch.setattr(slot_qp, "barrier_rows", mutant)
 
 
 def rows_of_one_zone_left_out(patch: Patch) -> None:
@@ -336,18 +337,16 @@ def zones_kept_by_centres_alone(patch: Patch) -> None:
 
 def rows_for_the_end_of_the_step_only(patch: Patch) -> None:
     """A UAV whose preferred waypoint keeps its distance from all barriers has no row, whatever lies between."""
-    rows = slot_qp._barrier_rows
+    rows = barrier_rows
 
-    def mutant(
-        position_m: Floats, wish_m: Floats, r_m: Floats, u_max_m: Floats, airspace: slot_qp.Airspace
-    ) -> tuple[Any, ...]:
+    def mutant(position_m: Floats, wish_m: Floats, r_m: Floats, u_max_m: Floats, airspace: Airspace) -> tuple[Any, ...]:
         uav, normal, room_m, frozen = rows(position_m, wish_m, r_m, u_max_m, airspace)
         barriers = airspace.barriers
         away_m = point_segment_distance_m(wish_m[:, None], barriers.a_m, barriers.b_m) - barriers.least_m(r_m)
         counts = (away_m.min(axis=1, initial=np.inf) < 0)[uav]
         return uav[counts], normal[counts], room_m[counts], frozen
 
-    patch.setattr(slot_qp, "_barrier_rows", mutant)
+    patch.setattr(slot_qp, "barrier_rows", mutant)
 
 
 def zones_neither_solved_nor_checked(patch: Patch) -> None:
@@ -478,7 +477,7 @@ def returns(seed: int) -> Mission:
 
 
 def _crowd(seed: int, faults: list[str], uavs: int = 4, standbys: int = 0, **more: Any) -> Mission:
-    crowd = {"area_m2": 300.0 * uavs, "planner": fuzzing.RECKLESS, "max_slots": 70, **more}
+    crowd = {"area_m2": 300.0 * uavs, "planner": RECKLESS, "max_slots": 70, **more}
     return mission_from_dict({**crowd, "uavs": uavs, "standbys": standbys, "seed": seed, "fault": faults})
 
 

@@ -8,7 +8,7 @@ from typing import Any
 
 import msgspec
 
-from edc_swarm.mission.configuration import RosterEntry
+from edc_swarm.mission.roster_entry import RosterEntry
 from edc_swarm.protocol.messages import Command, Event, Fix, Message, MissionMessage, Report, Truth
 from edc_swarm.recording.model import Recording
 

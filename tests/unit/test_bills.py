@@ -9,7 +9,7 @@ import pytest
 from edc_swarm.analysis.energy_bill import EnergyBill, Exhausted, energy_bills, exhausted
 from edc_swarm.analysis.timings import Timing
 from edc_swarm.emulation.energy import propulsion_power_w
-from edc_swarm.mission.configuration import EnergyModel
+from edc_swarm.mission.power_models import EnergyModel
 from edc_swarm.protocol.messages import Command, Event, Fix, Message, Report, Truth
 from tests.unit.synthetic import EPOCH_NS, SLOT_NS, flight, parallel, recorded, whole
 

@@ -11,7 +11,7 @@ from pathlib import Path
 
 import pytest
 
-from edc_swarm.mission.configuration import Link
+from edc_swarm.mission.link import Link
 from edc_swarm.protocol.events import EventKind
 from edc_swarm.recording.reader import read_recording
 from processes.cli.main import app, main

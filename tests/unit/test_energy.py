@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from edc_swarm.emulation.energy import compute_energy_j, propulsion_power_w, propulsion_powers_w
-from edc_swarm.mission.configuration import EnergyModel, HeadModel
+from edc_swarm.mission.power_models import EnergyModel, HeadModel
 
 MODEL = EnergyModel()
 

@@ -12,8 +12,9 @@ from edc_swarm.agent.knowledge import Knowledge
 from edc_swarm.agent.node import Effect, Land, Persist, Publish, Received, Tick, UavNode
 from edc_swarm.agent.vehicle import Airframe, Promise, comes_too_late, first_airframe, first_promise
 from edc_swarm.errors import MissionError
-from edc_swarm.mission.configuration import Mission, RosterEntry
+from edc_swarm.mission.configuration import Mission
 from edc_swarm.mission.failsafe import Failsafe, failsafe_of
+from edc_swarm.mission.roster_entry import RosterEntry
 from edc_swarm.mission.validation import mission_from_dict
 from edc_swarm.planner.interface import Plan, PlanRequest
 from edc_swarm.protocol.admission import Admission

@@ -9,7 +9,7 @@ import pytest
 
 from edc_swarm.emulation.machine import MACHINE_FAULTS
 from edc_swarm.errors import MissionError
-from edc_swarm.mission.configuration import FOR_GOOD_S, Mission
+from edc_swarm.mission.configuration import Mission
 from edc_swarm.mission.fault_help import fault_help
 from edc_swarm.mission.faults import (
     DECLARATIONS,
@@ -30,6 +30,7 @@ from edc_swarm.mission.faults import (
     parse_faults,
     resolve,
 )
+from edc_swarm.mission.link import FOR_GOOD_S
 from edc_swarm.simulation.faults import PROCESS_FAULTS
 from processes.operator.fault_injector import Injector
 from tests.builders import mission, row

@@ -20,8 +20,10 @@ from geographiclib.geodesic import Geodesic
 from shapely.geometry import shape
 
 from edc_swarm.analysis.columns import columns_of
-from edc_swarm.mission.configuration import Mission, RosterEntry, Zone
+from edc_swarm.mission.configuration import Mission
+from edc_swarm.mission.roster_entry import RosterEntry
 from edc_swarm.mission.validation import load_mission
+from edc_swarm.mission.zone import Zone
 from edc_swarm.recording.model import Recording
 from edc_swarm.recording.reader import read_recording
 from processes.cli.commands.export import tracks_of

@@ -14,8 +14,9 @@ from edc_swarm.agent.effects import Persist, Publish, Received, Tick
 from edc_swarm.agent.node import UavNode
 from edc_swarm.agent.vehicle import Promise, first_airframe, first_promise
 from edc_swarm.errors import MessageError
-from edc_swarm.mission.configuration import MAX_GOAL_POINTS, Mission
+from edc_swarm.mission.configuration import Mission
 from edc_swarm.mission.faults import GiveGoal, parse_fault
+from edc_swarm.mission.field_types import MAX_GOAL_POINTS
 from edc_swarm.mission.lifelong import next_goal
 from edc_swarm.mission.prospect import prospect_of
 from edc_swarm.mission.roster import complete_mission

@@ -8,7 +8,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from edc_swarm.emulation.gps import CORRELATION_S, GpsReceiver
-from edc_swarm.mission.configuration import GpsModel
+from edc_swarm.mission.field_types import GpsModel
 
 MODELS = get_args(GpsModel)
 

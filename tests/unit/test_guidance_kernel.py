@@ -13,7 +13,7 @@ from edc_swarm.geometry import length_m, segment_distance_m
 from edc_swarm.planner import guidance_kernel as kernel
 from edc_swarm.planner.guidance import Guidance, Scene, Tuning, coverage
 from edc_swarm.planner.ways import walls_of
-from edc_swarm.solver.slot_qp import Obstacles
+from edc_swarm.solver.hull_rows import Obstacles
 
 TUNING = Tuning(look_ahead=8, greed=1.0, expand=10**6)
 

@@ -9,7 +9,9 @@ import pytest
 
 from edc_swarm.protocol.completion import MissionMonitor
 from edc_swarm.protocol.hindrance import BUFFER_M, Place, Point, hindrance, hindrances
-from edc_swarm.solver.slot_qp import DELTA_M, Obstacles, slot_problem
+from edc_swarm.solver.hull_rows import Obstacles
+from edc_swarm.solver.normals import DELTA_M
+from edc_swarm.solver.slot_qp import slot_problem
 from tests.builders import entry, fix, hulls, mission, report
 
 R_M = 5.0

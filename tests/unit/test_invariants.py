@@ -18,7 +18,8 @@ from edc_swarm.analysis.guarantees.evidence import gather
 from edc_swarm.analysis.guarantees.verdict import GuaranteeResult, Violation
 from edc_swarm.analysis.metrics import compute_metrics
 from edc_swarm.errors import RecordingError
-from edc_swarm.mission.configuration import Link, Zone
+from edc_swarm.mission.link import Link
+from edc_swarm.mission.zone import Zone
 from edc_swarm.protocol.messages import Command, Event, Fix, Message, MissionMessage, Report, Truth
 from edc_swarm.recording.model import Garbage
 from tests.unit.synthetic import EPOCH_NS, OFFSET_M, SLOT_NS, at, change, close, flight, parallel, recorded, straight

@@ -7,8 +7,9 @@ from typing import Any
 
 import pytest
 
-from edc_swarm.mission.configuration import Link, Mission
+from edc_swarm.mission.configuration import Mission
 from edc_swarm.mission.faults import parse_faults
+from edc_swarm.mission.link import Link
 from edc_swarm.mission.prospect import FAULT_SLACK_SLOTS, default_max_slots, prospect_of, settled_slot
 from edc_swarm.mission.roster import complete_mission
 from tests import builders

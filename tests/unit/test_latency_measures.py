@@ -12,7 +12,8 @@ from edc_swarm.emulation.links import DelayError
 from edc_swarm.experiments.latency.declared import sweep_of
 from edc_swarm.experiments.latency.findings import NAMED, findings, is_judged, is_safe, named
 from edc_swarm.experiments.latency.table import CellRow, flat, row_of
-from edc_swarm.mission.configuration import Link, Mission
+from edc_swarm.mission.configuration import Mission
+from edc_swarm.mission.link import Link
 from edc_swarm.protocol.events import EventKind
 from edc_swarm.protocol.messages import Command, Event, Fix, Report, Truth
 from processes.experiments.measures import simulate

@@ -11,7 +11,8 @@ import pytest
 from edc_swarm.errors import InputError
 from edc_swarm.experiments.latency.arithmetic import hold_delay_ms, in_time_share, only_holds, starves
 from edc_swarm.experiments.latency.declared import DEFAULTS, Cell, in_turn, mission_of, run_name, runs_of, sweep_of
-from edc_swarm.mission.configuration import Link, Mission
+from edc_swarm.mission.configuration import Mission
+from edc_swarm.mission.link import Link
 from edc_swarm.mission.validation import read_toml
 from tests.builders import entry, mission
 

@@ -15,7 +15,7 @@ from edc_swarm.analysis.tables import metric_rows
 from edc_swarm.analysis.timings import Timing, Timings, content_hash, load_timings
 from edc_swarm.emulation.energy import propulsion_power_w
 from edc_swarm.errors import RecordingError
-from edc_swarm.mission.configuration import EnergyModel
+from edc_swarm.mission.power_models import EnergyModel
 from edc_swarm.protocol.messages import Command, Event, Fix, Message, MissionMessage, Report, Truth
 from tests.unit.synthetic import EPOCH_NS, SLOT_NS, change, flight, parallel, recorded, straight, whole
 

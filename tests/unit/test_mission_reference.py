@@ -8,10 +8,14 @@ from pathlib import Path
 import pytest
 from msgspec import Struct
 
-from edc_swarm.mission.configuration import EnergyModel, HeadModel, Link, Mission, RosterEntry, Zone
+from edc_swarm.mission.configuration import Mission
 from edc_swarm.mission.declarations import declarations
+from edc_swarm.mission.link import Link
+from edc_swarm.mission.power_models import EnergyModel, HeadModel
 from edc_swarm.mission.reference import EXAMPLE, ZONE, mission_page, reference_mission
+from edc_swarm.mission.roster_entry import RosterEntry
 from edc_swarm.mission.validation import load_mission
+from edc_swarm.mission.zone import Zone
 from edc_swarm.protocol.messages import MissionMessage
 from edc_swarm.recording.schemas import json_schema
 from processes.cli.main import main

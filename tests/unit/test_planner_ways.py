@@ -8,12 +8,15 @@ import numpy as np
 import pytest
 
 from edc_swarm.geometry import capsule_distance_m, length_m, segment_distance_m
-from edc_swarm.mission.configuration import ARRIVED_M, Mission
+from edc_swarm.mission.configuration import Mission
+from edc_swarm.mission.roster_entry import ARRIVED_M
 from edc_swarm.planner.charts import Charts
 from edc_swarm.planner.interface import Hull, PlanRequest
 from edc_swarm.planner.registry import make_planner
 from edc_swarm.planner.ways import free_goals, routed, walls_of
-from edc_swarm.solver.slot_qp import DELTA_M, Airspace, Obstacles
+from edc_swarm.solver.barrier_rows import Airspace
+from edc_swarm.solver.hull_rows import Obstacles
+from edc_swarm.solver.normals import DELTA_M
 
 R_M = 5.0
 WALL = (1.0, 1.0)

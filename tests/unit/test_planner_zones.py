@@ -13,15 +13,20 @@ from msgspec import convert
 
 from edc_swarm.experiments.fuzzing import fly
 from edc_swarm.geometry import Floats, length_m, segment_distance_m
-from edc_swarm.mission.configuration import ARRIVED_M, Mission, RosterEntry, Zone
+from edc_swarm.mission.configuration import Mission
+from edc_swarm.mission.roster_entry import ARRIVED_M, RosterEntry
+from edc_swarm.mission.zone import Zone
 from edc_swarm.mission.zones import barriers
 from edc_swarm.planner import charts as chart_module
 from edc_swarm.planner.charts import Charts, clear_of
 from edc_swarm.planner.interface import Hull, PlanRequest
 from edc_swarm.planner.registry import make_planner
 from edc_swarm.planner.ways import free_goals
+from edc_swarm.solver.barrier_rows import Airspace
 from edc_swarm.solver.certificate import certify
-from edc_swarm.solver.slot_qp import DELTA_M, Airspace, Obstacles, slot_problem
+from edc_swarm.solver.hull_rows import Obstacles
+from edc_swarm.solver.normals import DELTA_M
+from edc_swarm.solver.slot_qp import slot_problem
 
 R_M = 5.0
 Pair = tuple[tuple[float, float], tuple[float, float]]

@@ -15,7 +15,7 @@ from edc_swarm.analysis.guarantees.check import check
 from edc_swarm.analysis.guarantees.verdict import GuaranteeResult, Status, Violation, headline
 from edc_swarm.analysis.metrics import compute_metrics
 from edc_swarm.analysis.tables import metric_rows
-from edc_swarm.mission.configuration import Zone
+from edc_swarm.mission.zone import Zone
 from edc_swarm.protocol.messages import Event, Fix, Message, Report
 from edc_swarm.recording.model import Recording
 from edc_swarm.report_page import data as page_data

@@ -7,7 +7,9 @@ import numpy as np
 import pytest
 
 from edc_swarm.errors import MissionError, PlacementError
-from edc_swarm.mission.configuration import EnergyModel, Link, Mission
+from edc_swarm.mission.configuration import Mission
+from edc_swarm.mission.link import Link
+from edc_swarm.mission.power_models import EnergyModel
 from edc_swarm.mission.roster import complete_mission, random_roster
 from tests.builders import row
 

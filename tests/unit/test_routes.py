@@ -11,9 +11,10 @@ import pytest
 from edc_swarm.agent.vehicle import Vehicle, first_airframe, first_promise
 from edc_swarm.emulation.energy import full_speed_energy_j, propulsion_power_w
 from edc_swarm.errors import MissionError
-from edc_swarm.mission.configuration import Mission, RosterEntry
+from edc_swarm.mission.configuration import Mission
 from edc_swarm.mission.prospect import prospect_of
 from edc_swarm.mission.roster import complete_mission
+from edc_swarm.mission.roster_entry import RosterEntry
 from edc_swarm.mission.routes import Course, aim_m, headed, rectangle_m, way_m
 from edc_swarm.mission.validation import mission_from_dict
 from edc_swarm.protocol.admission import Admission

@@ -8,7 +8,9 @@ import qpsolvers
 import scipy.sparse
 
 from edc_swarm.geometry import length_m
-from edc_swarm.solver.slot_qp import DELTA_M, Obstacles, Problem, slot_problem
+from edc_swarm.solver.hull_rows import Obstacles
+from edc_swarm.solver.normals import DELTA_M
+from edc_swarm.solver.slot_qp import Problem, slot_problem
 from edc_swarm.solver.solution import Memory, active_program, keeps_every_row, solve
 
 U_MAX_M = 2.5

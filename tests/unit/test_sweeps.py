@@ -9,7 +9,9 @@ import pytest
 from edc_swarm.errors import InputError
 from edc_swarm.experiments.figures.catalogue import LONG_FILE, LONG_MISSION, NAMES, chosen, runs_of
 from edc_swarm.experiments.sweeps import Run, command_of, mission_toml
-from edc_swarm.mission.configuration import EnergyModel, Link, Mission
+from edc_swarm.mission.configuration import Mission
+from edc_swarm.mission.link import Link
+from edc_swarm.mission.power_models import EnergyModel
 from edc_swarm.mission.roster import complete_mission
 from edc_swarm.mission.validation import load_mission
 

@@ -21,8 +21,9 @@ from hypothesis import strategies as st
 from msgspec import UNSET
 
 from edc_swarm.geodesy import to_wgs84
-from edc_swarm.mission.configuration import NS_PER_S, Zone
+from edc_swarm.mission.configuration import NS_PER_S
 from edc_swarm.mission.polygons import polygon_fault
+from edc_swarm.mission.zone import Zone
 from edc_swarm.protocol.messages import Command, Event, Fix, Message, MissionMessage, Report, Truth
 from edc_swarm.viz.channels import Status, channel_of, topic_of
 from edc_swarm.viz.layout import MAP_PX, TILE_MPP, layout

@@ -17,20 +17,16 @@ from edc_swarm.agent.goals import unflyable
 from edc_swarm.errors import MessageError, MissionError, PlacementError
 from edc_swarm.mission import airspace
 from edc_swarm.mission.airspace import PLANNER_MARGIN_M, Airspace, check_zones, zones_refusal
-from edc_swarm.mission.configuration import (
-    MAX_ALL_CORNERS,
-    MAX_UAVS,
-    MAX_ZONES,
-    Mission,
-    RosterEntry,
-    Zone,
-)
+from edc_swarm.mission.configuration import Mission
+from edc_swarm.mission.field_types import MAX_ALL_CORNERS, MAX_UAVS, MAX_ZONES
 from edc_swarm.mission.roster import complete_mission, random_roster
+from edc_swarm.mission.roster_entry import RosterEntry
 from edc_swarm.mission.validation import load_mission, mission_from_dict, with_options
+from edc_swarm.mission.zone import Zone
 from edc_swarm.protocol.codec import MAX_MESSAGE_BYTES, decode, encode
 from edc_swarm.protocol.keys import Keys
 from edc_swarm.protocol.messages import MissionMessage, mission_message
-from edc_swarm.solver import slot_qp
+from edc_swarm.solver.normals import DELTA_M
 
 SCENARIOS = Path(__file__).parents[2] / "scenarios"
 SQUARE = [[0, 0], [100, 0], [100, 100], [0, 100]]
@@ -282,7 +278,7 @@ def test_a_corridor_one_disc_wide(width_m: float, outcome: str) -> None:
 
 def test_the_margin_is_the_planners() -> None:
     """The mission knows no solver, so the number is written twice."""
-    assert PLANNER_MARGIN_M == slot_qp.DELTA_M
+    assert PLANNER_MARGIN_M == DELTA_M
 
 
 def test_every_uav_is_checked_with_its_own_radius() -> None:

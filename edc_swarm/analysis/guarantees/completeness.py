@@ -8,7 +8,7 @@ from collections.abc import Iterator
 from edc_swarm.analysis.guarantees.evidence import Evidence
 from edc_swarm.analysis.guarantees.verdict import GuaranteeResult, Violation, not_judged, verdict
 from edc_swarm.foreign_text import shown
-from edc_swarm.mission.configuration import OPERATOR
+from edc_swarm.mission.roles import OPERATOR
 from edc_swarm.protocol.codec import MISPLACED
 from edc_swarm.protocol.events import EventKind
 from edc_swarm.recording.model import Recording

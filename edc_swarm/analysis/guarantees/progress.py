@@ -34,9 +34,11 @@ from edc_swarm.analysis.landing import landings
 from edc_swarm.analysis.living import living_at_end
 from edc_swarm.analysis.voyages import Voyages, forgotten, voyages_of
 from edc_swarm.emulation.energy import step_energy_j
-from edc_swarm.mission.configuration import ARRIVED_M, OPERATOR, Mission
+from edc_swarm.mission.configuration import Mission
 from edc_swarm.mission.faults import Fault, parse_faults, read_fault
 from edc_swarm.mission.prospect import STALLED, Prospect, default_max_slots, prospect_of, settled_slot
+from edc_swarm.mission.roles import OPERATOR
+from edc_swarm.mission.roster_entry import ARRIVED_M
 from edc_swarm.mission.routes import Course
 from edc_swarm.protocol.events import EventKind
 from edc_swarm.protocol.hindrance import Hindrance, hindrances, places_of, point

@@ -11,7 +11,7 @@ from edc_swarm.analysis.breaches import breaches
 from edc_swarm.analysis.guarantees.evidence import Evidence
 from edc_swarm.analysis.guarantees.verdict import GuaranteeResult, Violation, not_applicable, verdict
 from edc_swarm.geometry import DISC_TOLERANCE_M
-from edc_swarm.mission.configuration import Zone
+from edc_swarm.mission.zone import Zone
 
 _G8 = ("G8", "Zones")
 

@@ -17,7 +17,8 @@ import msgspec
 
 from edc_swarm.errors import InputError
 from edc_swarm.experiments.sweeps import Run
-from edc_swarm.mission.configuration import EnergyModel, Mission
+from edc_swarm.mission.configuration import Mission
+from edc_swarm.mission.power_models import EnergyModel
 from edc_swarm.simulation.closed_loop import AS_PRINTED
 
 FLY, FLY_PLAN, FLY_LONG = "fly", "fly_plan", "fly_long"

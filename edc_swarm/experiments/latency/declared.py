@@ -18,8 +18,10 @@ from edc_swarm.emulation.energy import check_batteries
 from edc_swarm.errors import MissionError
 from edc_swarm.experiments.latency.arithmetic import only_holds
 from edc_swarm.experiments.sweeps import Run
-from edc_swarm.mission.configuration import MAX_UAVS, MOST_SLOTS, Link, Mission
+from edc_swarm.mission.configuration import Mission
 from edc_swarm.mission.faults import parse_faults
+from edc_swarm.mission.field_types import MAX_UAVS, MOST_SLOTS
+from edc_swarm.mission.link import Link
 from edc_swarm.mission.roster import complete_mission
 from edc_swarm.mission.validation import convert, mission_from_dict, refuse_non_finite, refuse_unknown, with_options
 from edc_swarm.planner.registry import check_planner

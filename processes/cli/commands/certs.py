@@ -8,7 +8,7 @@ from typing import Annotated
 from cyclopts import Parameter
 
 from edc_swarm.errors import InputError
-from edc_swarm.mission.configuration import MAX_UAVS
+from edc_swarm.mission.field_types import MAX_UAVS
 from edc_swarm.mission.roster import uav_ids
 from edc_swarm.mission.validation import load_mission
 from processes.bus.credentials import CERTIFIED

@@ -118,7 +118,8 @@ def _search(options: FuzzOptions, kept: tuple[int, ...] | None) -> Iterator[Foun
 
 
 def _run(job: tuple[int, tuple[int, ...] | None]) -> Found | None:
-    from edc_swarm.experiments.fuzzing import scenario, search, smallest  # noqa: PLC0415 - heavy, and only the workers need it
+    from edc_swarm.experiments.fuzz_scenarios import scenario  # noqa: PLC0415 - as below
+    from edc_swarm.experiments.fuzzing import search, smallest  # noqa: PLC0415 - heavy, and only the workers need it
 
     seed, kept = job
     finding = search(seed, kept)

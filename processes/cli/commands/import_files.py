@@ -16,7 +16,7 @@ from edc_swarm.formats.assemble import Imported, Settings, assemble
 from edc_swarm.formats.content import MAX_FILE_BYTES, Options, Point
 from edc_swarm.formats.registry import Source, read_files
 from edc_swarm.formats.toml_text import mission_text, note_lines
-from edc_swarm.mission.configuration import MAX_UAVS
+from edc_swarm.mission.field_types import MAX_UAVS
 from processes.cli.whole_number import WholeNumber
 from processes.runtime.console import print_json
 from processes.runtime.output import check_new, new_file

@@ -8,7 +8,8 @@ from typing import Annotated
 from cyclopts import Parameter
 
 from edc_swarm.errors import InputError
-from edc_swarm.mission.configuration import JOIN, MAX_UAVS
+from edc_swarm.mission.field_types import MAX_UAVS
+from edc_swarm.mission.roles import JOIN
 from processes.bus.address import parse_endpoint
 from processes.bus.credentials import certified_uavs, check_certificates
 from processes.cli.whole_number import WholeNumber

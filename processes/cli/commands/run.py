@@ -11,9 +11,10 @@ from cyclopts import Parameter
 
 from edc_swarm.emulation.links import have_range
 from edc_swarm.errors import InputError
-from edc_swarm.mission.configuration import OPERATOR, RECORDER, ROUTER, Mission
+from edc_swarm.mission.configuration import Mission
 from edc_swarm.mission.fault_help import fault_help
 from edc_swarm.mission.faults import parse_faults
+from edc_swarm.mission.roles import OPERATOR, RECORDER, ROUTER
 from processes.bus.address import listening_endpoint, parse_endpoint, unreachable_router
 from processes.bus.credentials import TLS, Credentials, check_certificates
 from processes.bus.session import try_client
