@@ -19,11 +19,12 @@ from msgspec import Struct
 
 from edc_swarm.agent.goals import unflyable
 from edc_swarm.agent.knowledge import Grant
+from edc_swarm.emulation.bodies import body_of
+from edc_swarm.emulation.body import BodyState
 from edc_swarm.emulation.energy import step_energy_j
-from edc_swarm.emulation.gps import GpsReceiver
 from edc_swarm.mission.configuration import Mission
 from edc_swarm.mission.failsafe import LATE_FRACTION, failsafe_of
-from edc_swarm.mission.field_types import GpsModel
+from edc_swarm.mission.faults import VehicleFault
 from edc_swarm.mission.lifelong import next_goal
 from edc_swarm.mission.roster_entry import RosterEntry
 from edc_swarm.mission.routes import Course
@@ -52,12 +53,16 @@ class Promise(Struct, frozen=True, kw_only=True):
 
 
 class Airframe(Struct, frozen=True, kw_only=True):
-    """Emulated body, which outlives the process: the centre of the tracked disc, the battery, the last step's slot."""
+    """Emulated body, which outlives the process: the centre of the tracked disc, the battery, the last step's slot.
+
+    `body` is the true motion of a body with inertia.
+    """
 
     x_m: float
     y_m: float
     energy_j: float
     stepped_slot: int = -1
+    body: BodyState | None = None
 
 
 def first_promise(entry: RosterEntry) -> Promise:
@@ -119,23 +124,26 @@ def refusal(command: Command, now: Situation) -> str | None:
 
 
 class Vehicle:
-    """Tracked disc, true position and battery of one UAV.
+    """Tracked disc, body and battery of one UAV.
 
-    The disc's centre and the true position move by the same vector, so their offset never changes.
+    Attributes
+    ----------
+    flown
+        True flight of the present slot.
     """
 
     def __init__(self, mission: Mission, entry: RosterEntry, promise: Promise | None, airframe: Airframe) -> None:
         self._mission = mission
         self._entry = entry
-        self._gps = self._receiver(mission.gps_model, "gps")
-        self._offset_m = self._gps.true_offset_m
         self.waypoint_m = (airframe.x_m, airframe.y_m)
         if promise is not None:
             self.waypoint_m = (promise.waypoint_x_m, promise.waypoint_y_m)
         self.course = promise.course if promise is not None else Course()
         self.from_m = self.waypoint_m
         self.energy_j = airframe.energy_j
-        self.position_m = self.waypoint_m
+        self._slot = promise.slot if promise is not None else -1
+        self._body = body_of(mission, entry, self.waypoint_m, airframe.body)
+        self.flown = self._body.standing
         self.stepped_slot = max(airframe.stepped_slot, promise.stepped_slot if promise is not None else -1)
         self._failsafe = failsafe_of(mission)
 
@@ -143,7 +151,8 @@ class Vehicle:
     def airframe(self) -> Airframe:
         """The body to persist."""
         x_m, y_m = self.waypoint_m
-        return Airframe(x_m=x_m, y_m=y_m, energy_j=self.energy_j, stepped_slot=self.stepped_slot)
+        body = self._body.state
+        return Airframe(x_m=x_m, y_m=y_m, energy_j=self.energy_j, stepped_slot=self.stepped_slot, body=body)
 
     @property
     def landing_slot(self) -> int | None:
@@ -156,8 +165,8 @@ class Vehicle:
 
     @property
     def r_m(self) -> float:
-        """Radius of the tracked disc."""
-        return self._entry.r_m
+        """Radius of the tracked disc, which grows while the body flies without GPS."""
+        return self._entry.r_m + self.flown.grown_m
 
     @property
     def u_max_m(self) -> float:
@@ -172,12 +181,6 @@ class Vehicle:
     def refusal_of(self, goal: Goal) -> str:
         """Return why this UAV cannot fly a goal; "" if it accepts it."""
         return unflyable(self._mission, self._entry, self.waypoint_m, self.energy_j, goal.route)
-
-    @property
-    def truth_m(self) -> tuple[float, float, float, float]:
-        """True motion in the slot: from x, from y, to x, to y."""
-        (fx, fy), (wx, wy), (ox, oy) = self.from_m, self.waypoint_m, self._offset_m
-        return (fx + ox, fy + oy, wx + ox, wy + oy)
 
     def step_energy_j(self, length_m: float) -> float:
         """Return the propulsion energy of one slot with a step of `length_m` at constant speed."""
@@ -194,28 +197,25 @@ class Vehicle:
             number = self.course.goal + 1
             target_m = next_goal(self._mission, self._entry.uav, number, self.waypoint_m)
             self.course = Course(goal=number, route=[target_m])
-        length_m = math.hypot(self.waypoint_m[0] - self.from_m[0], self.waypoint_m[1] - self.from_m[1])
+        self._slot += slots
+        self.flown = self._body.fly(self._slot, self.from_m, self.waypoint_m)
         hovered_j = self.step_energy_j(0.0) * (slots - 1)
-        self.energy_j = max(0.0, self.energy_j - self.step_energy_j(length_m) - hovered_j)
-        self.position_m = self._reported_m(self.from_m, self._gps.next_error_m())
+        self.energy_j = max(0.0, self.energy_j - self.flown.propulsion_j - hovered_j)
+
+    @property
+    def position_m(self) -> tuple[float, float]:
+        """Position in the fix of this slot, by GPS."""
+        return self.flown.measured_m
 
     @property
     def next_position_m(self) -> tuple[float, float]:
         """Position in the next fix, after this slot, if the GPS error stays the same."""
-        return self._reported_m(self.waypoint_m, self._gps.error_m)
-
-    def _reported_m(self, centre_m: tuple[float, float], error_m: tuple[float, float]) -> tuple[float, float]:
-        (x_m, y_m), (ox_m, oy_m), (ex_m, ey_m) = centre_m, self._offset_m, error_m
-        return x_m + ox_m + ex_m, y_m + oy_m + ey_m
+        return self._body.next_measured_m
 
     def spend(self, energy_j: float) -> None:
         """Draw energy from the battery for radio or computation."""
         self.energy_j = max(0.0, self.energy_j - energy_j)
 
-    def use_gps_model(self, model: GpsModel) -> None:
-        """Change the GPS error model in flight (a fault); disc and true position do not move."""
-        self._gps = self._receiver(model, f"gps-{model}")
-
-    def _receiver(self, model: GpsModel, stream: str) -> GpsReceiver:
-        entry, mission = self._entry, self._mission
-        return GpsReceiver(model, entry.r_m - entry.body_m, mission.dt_s, f"{mission.seed}/{entry.uav}/{stream}")
+    def disturb(self, fault: VehicleFault) -> None:
+        """Let a fault of GPS, wind or motors act from the next slot on."""
+        self._body.disturb(fault)

@@ -211,6 +211,7 @@ class Mission(Struct, frozen=True, kw_only=True):
     """Slots by which a vehicle may finish its step late.
 
     With 1, each UAV is treated as the segment from its previous waypoint to its present one, which needs more room.
+    A mission with vehicles that have inertia always has 1.
     """
     handover_margin: NonNegative = 0.1
     """Lead of a standby at which the head hands over to it, as a fraction of the head's own criterion.

@@ -38,7 +38,7 @@ class VehicleModel(Struct, frozen=True, kw_only=True):
     """Largest acceleration of the planned motion.
 
     Consecutive steps differ by at most this times `dt_s` squared. It is less than what `tilt_deg` allows, since the
-    controller and the wind need the rest.
+    controller and the wind need the rest; if they need more, it is lowered to what they leave.
     """
     tilt_deg: Tilt = 0.0
     """Largest tilt, which limits the horizontal acceleration to g tan(tilt)."""
@@ -60,7 +60,7 @@ class VehicleModel(Struct, frozen=True, kw_only=True):
     tracking_m: NonNegative = 0.0
     """Tracking bound: largest distance of the vehicle from its reference without a GPS error.
 
-    Default: 0, which stands for the bound computed from the fields above (`vehicle_budget.tracking_bound_m`).
+    Default: 0, which stands for the bound computed from the fields above (docs/vehicles.md).
     """
 
     @property
@@ -79,7 +79,7 @@ ARDUCOPTER = VehicleModel(
     a_max_mps2=2.5,
     tilt_deg=30.0,
     lag_s=0.15,
-    drag_per_s=0.2,
+    drag_per_s=0.1,
     position_gain_per_s=1.0,
     velocity_gain_per_s=2.0,
     correction_mps=0.3,
@@ -87,14 +87,14 @@ ARDUCOPTER = VehicleModel(
 )
 """ArduCopter 4.6 with its defaults.
 
-WPNAV_ACCEL 250 cm/s², ANGLE_MAX 30°, ATC_INPUT_TC 0.15 s, PSC_POSXY_P 1, PSC_VELXY_P 2. Drag, filter and drift are
-this project's: a vehicle that 30° of tilt drive through the air at 28 m/s, a filter that forgets a GPS error in some
-ten seconds, and the drift that a consumer inertial unit shows in the first seconds of an outage.
+WPNAV_ACCEL 250 cm/s², ANGLE_MAX 30°, ATC_INPUT_TC 0.15 s, PSC_POSXY_P 1, PSC_VELXY_P 2. Linear drag as in M. Kamel
+and others, "Model Predictive Control for Trajectory Tracking of Unmanned Aerial Vehicles Using Robot Operating System",
+2017. Filter and drift are this project's: the drift is that of the first seconds without GPS.
 """
 HUMMINGBIRD = VehicleModel(
     model="hummingbird",
     a_max_mps2=5.0,
-    tilt_deg=45.0,
+    tilt_deg=60.0,
     lag_s=0.09,
     drag_per_s=0.45,
     position_gain_per_s=1.6,
@@ -105,7 +105,8 @@ HUMMINGBIRD = VehicleModel(
 """AscTec Hummingbird as in RotorPy (S. Folk, J. Paulos, V. Kumar, arXiv 2306.04485, 2023).
 
 Mass 0.5 kg; four rotors at 469 rad/s in hover with a rotor drag of 1.19e-4 kg: 0.45 per second. Attitude gains 544 and
-46.6 are two poles at 23 per second: 0.09 s. Position gains 6.5 and 4: 1.6 and 4 in cascade.
+46.6 are two poles at 23 per second: 0.09 s. Position gains 6.5 and 4: 1.6 and 4 in cascade. Its rotors lift ten times
+its weight, so the tilt is this project's limit.
 """
 CRAZYFLIE = VehicleModel(
     model="crazyflie",
@@ -129,7 +130,7 @@ M100 = VehicleModel(
     a_max_mps2=3.0,
     tilt_deg=35.0,
     lag_s=0.2,
-    drag_per_s=0.2,
+    drag_per_s=0.1,
     position_gain_per_s=1.0,
     velocity_gain_per_s=2.0,
     correction_mps=0.3,
