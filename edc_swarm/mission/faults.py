@@ -250,10 +250,7 @@ class ChangeClock(Fault):
 @_declare("gps", Target(), Choice("model", "MODEL", (*get_args(GpsModel), OUTAGE)), lasts=True)
 @dataclass(frozen=True, slots=True)
 class ChangeGps(Fault):
-    """The GPS receiver errs by another model, after D by the mission's again. With `outage` it measures nothing.
-
-    Without GPS the disc of a UAV whose vehicle has inertia grows in each slot, and shrinks again afterwards.
-    """
+    """The GPS receiver errs by another model or measures nothing (`outage`); after D the mission's model is back."""
 
     target: str
     model: GpsState
@@ -262,10 +259,7 @@ class ChangeGps(Fault):
 @_declare("gust", Target(), Quantity("speed_mps", "Vmps", 0.0, 100.0, suffix="mps"), lasts=True)
 @dataclass(frozen=True, slots=True)
 class Gust(Fault):
-    """A gust of V m/s hits the UAV from a random direction: it rises within a second (MIL-F-8785C, 1 - cosine).
-
-    Of gusts that overlap the last one counts. `ideal` vehicles feel no wind.
-    """
+    """A gust of V m/s from a random direction hits the UAV, if its vehicle has inertia; the last gust counts."""
 
     target: str
     speed_mps: float
@@ -274,7 +268,7 @@ class Gust(Fault):
 @_declare("motor", Target(), Quantities((Quantity("share", "SHARE", 0.0, 1.0, "weak"),), least_count=1), lasts=True)
 @dataclass(frozen=True, slots=True)
 class WeakMotor(Fault):
-    """The UAV's greatest acceleration falls to this share of what its largest tilt gives. Not for `ideal` vehicles."""
+    """The greatest acceleration of the UAV, if its vehicle has inertia, falls to this share."""
 
     target: str
     quantities: tuple[tuple[str, float], ...]
