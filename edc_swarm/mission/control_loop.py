@@ -129,6 +129,19 @@ def loop_bounds(vehicle: VehicleModel, dt_s: float) -> LoopBounds | None:
     )
 
 
+def worst_turns(vehicle: VehicleModel, dt_s: float) -> list[int]:
+    """Return the signs of the accelerations of consecutive slots, largest in size, that make the deviation largest.
+
+    The deviation is largest at the end of the last slot. The list is empty if the loop does not settle.
+    """
+    step = loop_step(vehicle.lag_s, vehicle.drag_per_s, dt_s)
+    responses = _impulse(vehicle, step, acceleration=1.0)
+    if responses is None:
+        return []
+    slots = [math.fsum(responses[0][begin : begin + step.steps]) for begin in range(0, len(responses[0]), step.steps)]
+    return [1 if each > 0 else -1 for each in reversed(slots)]
+
+
 def _impulse(
     vehicle: VehicleModel,
     step: LoopStep,

@@ -37,8 +37,10 @@ class Budget:
         Deviation by a GPS error that changes: the vehicle follows the correction of its estimate late.
     between_m
         What the deviation can grow between two steps of the controller.
+    outage_m
+        Drift in the first slot of an outage, of which no fix has told yet; 0 in a mission without outages.
     stated_m
-        Tracking bound that the mission states in place of these four; 0 for none.
+        Tracking bound that the mission states in place of these; 0 for none.
     a_max_mps2
         Acceleration of the plan, after wind and controller have taken theirs.
     others_mps2
@@ -54,6 +56,7 @@ class Budget:
     gust_m: float = 0.0
     correction_m: float = 0.0
     between_m: float = 0.0
+    outage_m: float = 0.0
     stated_m: float = 0.0
     a_max_mps2: float = 0.0
     others_mps2: float = 0.0
@@ -62,7 +65,7 @@ class Budget:
     @property
     def tracking_m(self) -> float:
         """Largest distance of the vehicle from its reference, less the error of its estimated position."""
-        return self.stated_m or self.turn_m + self.gust_m + self.correction_m + self.between_m
+        return self.stated_m or self.turn_m + self.gust_m + self.correction_m + self.between_m + self.outage_m
 
     @property
     def needed_m(self) -> float:
@@ -125,6 +128,8 @@ def budget_of(mission: Mission, entry: RosterEntry) -> Budget:
       in, a convex set, whatever the errors of the fixes are; and it moves at most at `correction_mps`. So |x - x_ref|
       is at most `gps_m` + |correction| `correction_mps`. It is also at most `gps_m` (1 + overshoot), which is less for
       a small `gps_m`; but without GPS e drifts out of that disc, so this form serves only if the mission has no outage;
+    - without GPS, e drifts at `drift_mps`. Each fix tells how far it can have drifted by the end of its slot, and heads
+      plan the next slot with that; so the drift of one slot is part of the bound;
     - between two steps of the controller, half a step h from the nearer one: h / 2 times the largest speed of the
       deviation, the sum of the same inputs' responses.
 
@@ -137,7 +142,7 @@ def budget_of(mission: Mission, entry: RosterEntry) -> Budget:
     if vehicle.is_ideal:
         return Budget(r_m, body_m, stated_gps_m or r_m - body_m)
     gust_mps, has_outage = _faults_of(tuple(mission.fault), mission.dt_s, entry.uav)
-    winds = (mission.wind.mean_mps, mission.wind.gust_mps, max(mission.wind.gust_mps, gust_mps))
+    winds = (mission.wind.mean_mps, mission.wind.gust_mps, mission.wind.gust_mps + gust_mps)
     speed_mps = mission.speed_mps(entry)
     return _budget(vehicle, mission.dt_s, speed_mps, winds, (r_m, body_m, stated_gps_m), has_outage)
 
@@ -167,7 +172,8 @@ def _budget(
     deviation_mps = loop.acceleration.speed * plan_mps2 + loop.gust.speed * gust_mps + loop.correction.speed * shift_mps
     between_m = 0.5 * loop_step(vehicle.lag_s, vehicle.drag_per_s, dt_s).step_s * deviation_mps
     most_m = loop.correction.deviation * shift_mps
-    left_m = r_m - body_m - (vehicle.tracking_m or turn_m + gust_m + between_m)
+    outage_m = vehicle.drift_mps * dt_s if has_outage else 0.0
+    left_m = r_m - body_m - (vehicle.tracking_m or turn_m + gust_m + between_m + outage_m)
     factor = float("inf") if has_outage else loop.overshoot
     gps_m = stated_gps_m or max(0.0, left_m if vehicle.tracking_m else max(left_m - most_m, left_m / (1 + factor)))
     return Budget(
@@ -178,6 +184,7 @@ def _budget(
         gust_m=gust_m,
         correction_m=min(most_m, factor * gps_m) if gps_m else 0.0,
         between_m=between_m,
+        outage_m=outage_m,
         stated_m=vehicle.tracking_m,
         a_max_mps2=plan_mps2,
         others_mps2=others_mps2,
