@@ -14,12 +14,28 @@ from __future__ import annotations
 
 import math
 
+from edc_swarm.mission.configuration import Mission
+from edc_swarm.mission.roster_entry import RosterEntry
+from edc_swarm.mission.vehicle_budget import step_change_m
+
 Point = tuple[float, float]
 
 SLACK = 1e-9
 """Rounding that a UAV allows in the change of its step: this share of it, and as many metres."""
 AT_REST_M = 1e-9
 """Length up to which a braking step is rounding: the UAV rests."""
+
+
+def change_of(mission: Mission, entry: RosterEntry) -> float:
+    """Return the largest change of consecutive steps of a UAV in metres, infinite for an `ideal` vehicle."""
+    change_m = step_change_m(mission, entry)
+    return math.inf if change_m is None else change_m
+
+
+def changes_m(mission: Mission) -> list[float] | None:
+    """Return the largest step change of every UAV of the roster, None if all vehicles are `ideal`."""
+    changes = [change_of(mission, entry) for entry in mission.roster]
+    return None if all(map(math.isinf, changes)) else changes
 
 
 def braking_m(length_m: float, change_m: float) -> float:
@@ -71,4 +87,4 @@ def reach_m(length_m: float, slots: int, u_max_m: float, change_m: float) -> flo
     return flown_m + braking_m(fastest_m, change_m)
 
 
-__all__ = ["AT_REST_M", "SLACK", "allows", "braked", "braking_m", "reach_m", "rest_point"]
+__all__ = ["AT_REST_M", "SLACK", "allows", "braked", "braking_m", "change_of", "changes_m", "reach_m", "rest_point"]

@@ -26,6 +26,9 @@ HALVINGS = 24
 SLACK = 5e-10
 """Rounding of the change of a step that the certificate allows: half of what a UAV allows (`mission.braking`)."""
 
+ROOM_M = 1e-9
+"""Distance by which preferred steps stay below the longest one, for rounding."""
+
 
 def braking_m(step_m: Floats, change_m: Floats) -> Floats:
     """Return B (n,) for steps of these lengths (n,)."""
@@ -110,11 +113,14 @@ class Momentum:
 
     def towards_m(self, wish_m: Floats) -> Floats:
         """Return the waypoints (n, 2) that the UAVs can fly to, each the nearest to a preferred one (n, 2)."""
-        change_m = wish_m - self.position_m - self.last_m
+        step_m = wish_m - self.position_m
+        length = length_m(step_m)
+        most_m = np.maximum(self.u_max_m - ROOM_M, 0.0)
+        step_m = step_m * (np.minimum(most_m, length) / np.where(length > 0, length, 1.0))[:, None]
+        change_m = step_m - self.last_m
         length = length_m(change_m)
         share = np.minimum(self.change_m, length) / np.where(length > 0, length, 1.0)
-        clipped = self.position_m + self.last_m + share[:, None] * change_m
-        return np.where((length <= self.change_m)[:, None], wish_m, clipped)
+        return np.asarray(self.position_m + self.last_m + share[:, None] * change_m)
 
     def nearest_m(self, rest_m: Floats, way_m: Floats) -> Floats:
         """Return the waypoints (n, 2) of the farthest stopping points on the ways (n, 2) from `rest_m` (n, 2).
@@ -123,7 +129,7 @@ class Momentum:
         its rest is found brakes.
         """
         waypoint_m = self.waypoints_m(rest_m + way_m)
-        beyond = ~self.allows(waypoint_m)
+        beyond = ~self.allows(waypoint_m, SLACK / 2)
         if not beyond.any():
             return waypoint_m
         low, high = np.zeros(len(way_m)), np.ones(len(way_m))
@@ -131,7 +137,7 @@ class Momentum:
         for _ in range(HALVINGS):
             middle = 0.5 * (low + high)
             trial_m = self.waypoints_m(rest_m + middle[:, None] * way_m)
-            good = self.allows(trial_m)
+            good = self.allows(trial_m, SLACK / 2)
             low, high = np.where(good, middle, low), np.where(good, high, middle)
             best_m = np.where((beyond & good)[:, None], trial_m, best_m)
         return best_m
