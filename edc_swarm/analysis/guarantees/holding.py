@@ -13,11 +13,14 @@ from numpy.typing import NDArray
 from edc_swarm.analysis.guarantees.evidence import Evidence
 from edc_swarm.analysis.guarantees.verdict import GuaranteeResult, Violation, verdict
 from edc_swarm.analysis.tracks import TRUTH_TOLERANCE_M
-from edc_swarm.mission.braking import AT_REST_M, change_of
+from edc_swarm.mission.braking import AT_REST_M, SLACK, change_of
 
 
 def check_hold_on_silence(evidence: Evidence) -> GuaranteeResult:
-    """Return the verdict on G4: a disc must do exactly so, a body up to rounding, neither jumps between two slots."""
+    """Return the verdict on G4: a disc must do exactly so, a body up to rounding, neither jumps between two slots.
+
+    No step differs from the last one by more than the vehicle's step change, since no such command is valid.
+    """
     tracks = evidence.tracks
     braking_m = _braking_m(evidence)
     disc_m = _length_m(np.diff(tracks.centre_m, axis=0) - braking_m)
@@ -27,10 +30,22 @@ def check_hold_on_silence(evidence: Evidence) -> GuaranteeResult:
     held = ~tracks.executed & ~tracks.lost
     found = [
         *_moves(evidence, disc_m, (disc_m > _rounding_m(braking_m)) & held, "moved-without-command"),
+        *_moves(evidence, *_changes(evidence), "changes-too-fast"),
         *_moves(evidence, true_m, (true_m > TRUTH_TOLERANCE_M) & held, "truth-moved"),
         *_moves(evidence, jump_m, jump_m > TRUTH_TOLERANCE_M, "truth-jumped"),
     ]
     return verdict("G4", "Hold on silence", found, evidence.gap_notes())
+
+
+def _changes(evidence: Evidence) -> tuple[NDArray[np.float64], NDArray[np.bool_]]:
+    """Return the changes (S, K) between consecutive steps, and a mask of those that no vehicle can fly."""
+    tracks = evidence.tracks
+    limit_m = np.array([change_of(evidence.mission, entry) for entry in evidence.mission.roster])
+    step_m = np.diff(tracks.centre_m, axis=0, prepend=tracks.centre_m[:1])
+    change_m = _length_m(np.diff(step_m, axis=0))
+    known = ~tracks.lost
+    known[1:] &= ~tracks.lost[:-1]
+    return change_m, known & (change_m > limit_m * (1 + 2 * SLACK) + 2 * SLACK)
 
 
 def _braking_m(evidence: Evidence) -> NDArray[np.float64]:
