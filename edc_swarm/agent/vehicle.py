@@ -22,6 +22,7 @@ from edc_swarm.agent.knowledge import Grant
 from edc_swarm.emulation.bodies import body_of
 from edc_swarm.emulation.body import BodyState
 from edc_swarm.emulation.energy import step_energy_j
+from edc_swarm.mission.braking import Point, allows, braked, change_of
 from edc_swarm.mission.configuration import Mission
 from edc_swarm.mission.failsafe import LATE_FRACTION, failsafe_of
 from edc_swarm.mission.faults import VehicleFault
@@ -35,7 +36,8 @@ class Promise(Struct, frozen=True, kw_only=True):
     """Promise that a UAV keeps on disk, with its course. Slot, term and goal only grow, and a term has one head.
 
     `stepped_slot` is the slot of the last accepted step, -1 for none. With the mission's limits it is the promise when
-    the UAV lands, which is on the disk before the step is flown.
+    the UAV lands, which is on the disk before the step is flown. `from_x_m from_y_m` is where the step of `slot` began
+    (None: the UAV rests): it tells how the UAV brakes while its process is dead.
     """
 
     slot: int = -1
@@ -45,6 +47,8 @@ class Promise(Struct, frozen=True, kw_only=True):
     waypoint_y_m: float
     stepped_slot: int = -1
     course: Course = Course()
+    from_x_m: float | None = None
+    from_y_m: float | None = None
 
     @property
     def grant(self) -> Grant:
@@ -55,13 +59,17 @@ class Promise(Struct, frozen=True, kw_only=True):
 class Airframe(Struct, frozen=True, kw_only=True):
     """Emulated body, which outlives the process: the centre of the tracked disc, the battery, the last step's slot.
 
-    `body` is the true motion of a body with inertia.
+    `slot` is the slot at whose end the UAV is at `x_m y_m`; its step in that slot began at `from_x_m from_y_m` (None:
+    it rests). `body` is the true motion of a body with inertia.
     """
 
     x_m: float
     y_m: float
     energy_j: float
     stepped_slot: int = -1
+    slot: int = -1
+    from_x_m: float | None = None
+    from_y_m: float | None = None
     body: BodyState | None = None
 
 
@@ -91,7 +99,8 @@ def comes_too_late(after: Airframe, before: Airframe, mission: MissionMessage, n
 class Situation:
     """State of a UAV at the tick of `slot`, which decides whether it may fly a command.
 
-    `landing_slot` is the last slot in which it may accept a step, None without a failsafe.
+    `landing_slot` is the last slot in which it may accept a step, None without a failsafe. Its last step began at
+    `from_m` (None: it rests), and the next one may differ from it by `change_m`.
     """
 
     slot: int
@@ -102,6 +111,8 @@ class Situation:
     energy_j: float
     step_energy_j: float
     landing_slot: int | None = None
+    from_m: Point | None = None
+    change_m: float = math.inf
 
 
 def refusal(command: Command, now: Situation) -> str | None:
@@ -116,11 +127,17 @@ def refusal(command: Command, now: Situation) -> str | None:
         ((command.term, command.head) != now.grant, "not from the head granted"),
         (start_m != now.waypoint_m, "does not start at the own waypoint"),
         (length_m > now.u_max_m, "longer than a slot allows"),
+        (not _follows(command, now), "changes the speed more than the vehicle can"),
         (now.late_tick, "the tick was late"),
         (now.energy_j < now.step_energy_j, "the battery does not cover it"),
         (now.landing_slot is not None and now.slot > now.landing_slot, "the vehicle has landed"),
     )
     return next((reason for broken, reason in reasons if broken), None)
+
+
+def _follows(command: Command, now: Situation) -> bool:
+    start_m, to_m = (command.start_x_m, command.start_y_m), (command.target_x_m, command.target_y_m)
+    return allows(start_m if now.from_m is None else now.from_m, start_m, to_m, now.change_m)
 
 
 class Vehicle:
@@ -135,13 +152,14 @@ class Vehicle:
     def __init__(self, mission: Mission, entry: RosterEntry, promise: Promise | None, airframe: Airframe) -> None:
         self._mission = mission
         self._entry = entry
+        self.change_m = change_of(mission, entry)
         self.waypoint_m = (airframe.x_m, airframe.y_m)
+        self.from_m, self.slot = _start(airframe, self.waypoint_m), airframe.slot
         if promise is not None:
             self.waypoint_m = (promise.waypoint_x_m, promise.waypoint_y_m)
+            self.from_m, self.slot = _start(promise, self.waypoint_m), promise.slot
         self.course = promise.course if promise is not None else Course()
-        self.from_m = self.waypoint_m
         self.energy_j = airframe.energy_j
-        self._slot = promise.slot if promise is not None else -1
         self._body = body_of(mission, entry, self.waypoint_m, airframe.body)
         self.flown = self._body.standing
         self.stepped_slot = max(airframe.stepped_slot, promise.stepped_slot if promise is not None else -1)
@@ -151,8 +169,16 @@ class Vehicle:
     def airframe(self) -> Airframe:
         """The body to persist."""
         x_m, y_m = self.waypoint_m
-        body = self._body.state
-        return Airframe(x_m=x_m, y_m=y_m, energy_j=self.energy_j, stepped_slot=self.stepped_slot, body=body)
+        return Airframe(
+            x_m=x_m,
+            y_m=y_m,
+            energy_j=self.energy_j,
+            stepped_slot=self.stepped_slot,
+            slot=self.slot,
+            from_x_m=self.from_m[0],
+            from_y_m=self.from_m[1],
+            body=self._body.state,
+        )
 
     @property
     def landing_slot(self) -> int | None:
@@ -186,19 +212,31 @@ class Vehicle:
         """Return the propulsion energy of one slot with a step of `length_m` at constant speed."""
         return step_energy_j(self._mission, length_m)
 
+    def brake_until(self, slot: int) -> None:
+        """Brake in the slots before `slot` for which the process did not run, as the vehicle did without it."""
+        while self.slot < slot - 1 and self.from_m != self.waypoint_m:
+            self.from_m, self.waypoint_m = braked(self.from_m, self.waypoint_m, self.change_m)
+            self.slot += 1
+            self._body.brake(self.slot, self.from_m, self.waypoint_m)
+        self.slot = max(self.slot, slot - 1)
+
     def begin_slot(self, slots: int, command: Command | None) -> None:
-        """Fly `command`, or hold; `slots` slots have passed since the last call (more than 1 after a freeze)."""
-        self.from_m = self.waypoint_m
+        """Fly `command`, or brake; `slots` slots have passed since the last call (more than 1 after a freeze).
+
+        A vehicle that stops at once holds instead, as does one that rests.
+        """
         if command is not None:
-            self.waypoint_m = (command.target_x_m, command.target_y_m)
+            self.from_m, self.waypoint_m = self.waypoint_m, (command.target_x_m, command.target_y_m)
             self.stepped_slot = command.slot
+        else:
+            self.from_m, self.waypoint_m = braked(self.from_m, self.waypoint_m, self.change_m)
+        self.slot += 1
         self.course = self.course.after_step(self._entry, self.from_m, self.waypoint_m, slots, self._mission.dt_s)
         if self._mission.goals == "lifelong" and self.arrived:
             number = self.course.goal + 1
             target_m = next_goal(self._mission, self._entry.uav, number, self.waypoint_m)
             self.course = Course(goal=number, route=[target_m])
-        self._slot += slots
-        self.flown = self._body.fly(self._slot, self.from_m, self.waypoint_m)
+        self.flown = self._body.fly(self.slot, self.from_m, self.waypoint_m)
         hovered_j = self.step_energy_j(0.0) * (slots - 1)
         self.energy_j = max(0.0, self.energy_j - self.flown.propulsion_j - hovered_j)
 
@@ -219,3 +257,10 @@ class Vehicle:
     def disturb(self, fault: VehicleFault) -> None:
         """Let a fault of GPS, wind or motors act from the next slot on."""
         self._body.disturb(fault)
+
+
+def _start(state: Promise | Airframe, waypoint_m: Point) -> Point:
+    """Return the start of a state's step; its end for a UAV that rests."""
+    if state.from_x_m is None or state.from_y_m is None:
+        return waypoint_m
+    return state.from_x_m, state.from_y_m

@@ -95,6 +95,9 @@ class Body(Protocol):
         The slots of a flight come in order, each with its step; the first point is the last one of the slot before.
         """
 
+    def brake(self, slot: int, from_m: Point, to_m: Point) -> None:
+        """Fly the step of a `slot` for which the process did not run."""
+
     def disturb(self, fault: VehicleFault) -> None:
         """Let a fault of the vehicle act from the next slot on."""
 
@@ -122,6 +125,10 @@ class Ideal:
         length_m = math.hypot(to_m[0] - from_m[0], to_m[1] - from_m[1])
         propulsion_j = step_energy_j(self._mission, length_m)
         return Flown(self._true_m(from_m), self._true_m(to_m), None, self._measured_m(from_m), propulsion_j)
+
+    def brake(self, slot: int, from_m: Point, to_m: Point) -> None:
+        """Move without a fix, which nobody asked for."""
+        self._at_m = to_m
 
     def disturb(self, fault: VehicleFault) -> None:
         """Change the GPS; wind and weak motors do not concern this body."""

@@ -79,6 +79,10 @@ class Multirotor:
         """Position of the next fix if the error stays."""
         return _point(_vector(self.state.position_m) + _vector(self._gps.error_m))
 
+    def brake(self, slot: int, from_m: Point, to_m: Point) -> None:
+        """Fly the step of a `slot` for which the process did not run."""
+        self._fly(slot, from_m, to_m)
+
     def fly(self, slot: int, from_m: Point, to_m: Point) -> Flown:
         """Fly the step of `slot`; in slots that were missed it held at `from_m`."""
         for missed in range(max(self.state.slot + 1, slot - MOST_MISSED_SLOTS), slot):

@@ -75,6 +75,7 @@ def scenario(seed: int, kept: Collection[int] | None = None) -> Mission:
         "planner": rng.choice([RECKLESS, RECKLESS, RECKLESS, "edc"]),
         "link": _links(rng),
         **_failsafe(Random(f"fuzz/{seed}/failsafe")),
+        **_vehicle(Random(f"fuzz/{seed}/vehicle")),
     }
     if fields["planner"] == RECKLESS:
         fields["max_slots"] = RECKLESS_SLOTS
@@ -127,6 +128,12 @@ def _failsafe(rng: Random) -> dict[str, Any]:
     """Draw the failsafe: none, the default one, or one so short that UAVs land and hulls go within the mission."""
     limits = {"land_after_s": rng.choice([0.5, 3.0, 4.0]), "landing_s": rng.choice([0.0, 0.5, 2.0])}
     return rng.choice([{"failsafe": "hold"}, {}, limits, limits])
+
+
+def _vehicle(rng: Random) -> dict[str, Any]:
+    """Draw the vehicle: ideal in half of the missions, else one that brakes for up to a dozen slots."""
+    model = {"model": "multirotor", "a_max_mps2": rng.choice([0.8, 1.5, 2.5, 5.0])}
+    return {"vehicle": model, "lag_slots": rng.choice([0, 1, 1])} if rng.random() < 0.5 else {}
 
 
 def _about_landings(rng: Random, mission: Mission) -> list[str]:

@@ -10,7 +10,9 @@ from numpy.typing import NDArray
 from edc_swarm.analysis.guarantees.evidence import Evidence
 from edc_swarm.analysis.guarantees.verdict import GuaranteeResult, Violation, verdict
 from edc_swarm.analysis.separation import Encounters, closest_moment, encounters, swept_encounters
-from edc_swarm.geometry import BODY_TOLERANCE_M, DISC_TOLERANCE_M
+from edc_swarm.geometry import BODY_TOLERANCE_M, DISC_TOLERANCE_M, length_m
+from edc_swarm.mission.braking import changes_m
+from edc_swarm.solver.stopping import braking_m
 
 Floats = NDArray[np.float64]
 
@@ -44,8 +46,12 @@ def _touching(evidence: Evidence) -> list[Violation]:
 
 
 def _uneven(evidence: Evidence) -> Iterator[Violation]:
-    """Yield the pairs that would overlap if one lagged within the slot (with `lag_slots`: by one slot)."""
+    """Yield the pairs that would overlap if one lagged within the slot (with `lag_slots`: by one slot), or braked.
+
+    A UAV that cannot stop at once may brake after any step, so its way goes on to where it would rest.
+    """
     from_m, to_m = evidence.tracks.seen_m
+    to_m = _stops_m(evidence, from_m, to_m)
     radius_m, count = _radius_m(evidence), len(evidence.index)
     if evidence.mission.lag_slots:
         from_m, to_m = (
@@ -57,6 +63,17 @@ def _uneven(evidence: Evidence) -> Iterator[Violation]:
     met = Encounters(met.slot[other], met.first[other], met.second[other] % count, met.gap_m[other])
     for rows in _by_pair(met):
         yield _violation(evidence, "uneven", "swept ways come too close by", met, rows, None)
+
+
+def _stops_m(evidence: Evidence, from_m: Floats, to_m: Floats) -> Floats:
+    """Return (S, K, 2) points at which the UAVs rest that brake after the steps."""
+    changes = changes_m(evidence.mission)
+    if changes is None:
+        return to_m
+    step_m = to_m - from_m
+    length = length_m(step_m)
+    share = braking_m(length, np.broadcast_to(changes, length.shape)) / np.where(length > 0, length, 1.0)
+    return np.asarray(to_m + share[..., None] * step_m)
 
 
 def _one_slot_late(points_m: Floats, grounded: NDArray[np.bool_]) -> Floats:
