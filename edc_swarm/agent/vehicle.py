@@ -162,6 +162,7 @@ class Vehicle:
         self.energy_j = airframe.energy_j
         self._body = body_of(mission, entry, self.waypoint_m, airframe.body)
         self.flown = self._body.standing
+        self._has_flown = False
         self.stepped_slot = max(airframe.stepped_slot, promise.stepped_slot if promise is not None else -1)
         self._failsafe = failsafe_of(mission)
 
@@ -213,7 +214,11 @@ class Vehicle:
         return step_energy_j(self._mission, length_m)
 
     def brake_until(self, slot: int) -> None:
-        """Brake in the slots before `slot` for which the process did not run, as the vehicle did without it."""
+        """Brake in the slots before `slot` for which the process did not run, as the vehicle did without it.
+
+        A UAV that lost its memory may begin a slot again whose step its vehicle has flown.
+        """
+        self._has_flown = self.slot >= slot
         while self.slot < slot - 1 and self.from_m != self.waypoint_m:
             self.from_m, self.waypoint_m = braked(self.from_m, self.waypoint_m, self.change_m)
             self.slot += 1
@@ -225,6 +230,9 @@ class Vehicle:
 
         A vehicle that stops at once holds instead, as does one that rests.
         """
+        if self._has_flown:
+            self._has_flown = False
+            return
         if command is not None:
             self.from_m, self.waypoint_m = self.waypoint_m, (command.target_x_m, command.target_y_m)
             self.stepped_slot = command.slot
