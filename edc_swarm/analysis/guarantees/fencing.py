@@ -182,7 +182,7 @@ def _unknown(evidence: Evidence, fix: Fix) -> tuple[str, str]:
 
 
 def _astray(evidence: Evidence) -> Iterator[Violation]:
-    """Yield a violation for each executed step whose true motion differs from the disc's, of vehicles without inertia."""
+    """Yield a violation for each executed step that truly moved otherwise than the disc, without inertia."""
     tracks = evidence.tracks
     moved_m = np.diff(tracks.centre_m, axis=0)
     apart_m = np.hypot(*np.moveaxis(tracks.true_to_m - tracks.true_from_m - moved_m, 2, 0))
