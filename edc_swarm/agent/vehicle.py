@@ -31,6 +31,9 @@ from edc_swarm.mission.roster_entry import RosterEntry
 from edc_swarm.mission.routes import Course
 from edc_swarm.protocol.messages import NO_ONE, Command, Goal, MissionMessage
 
+GROWTH_M = 0.25
+"""Least growth of a tracked disc: a planner computes ways round zones anew for each radius."""
+
 
 class Promise(Struct, frozen=True, kw_only=True):
     """Promise that a UAV keeps on disk, with its course. Slot, term and goal only grow, and a term has one head.
@@ -192,8 +195,8 @@ class Vehicle:
 
     @property
     def r_m(self) -> float:
-        """Radius of the tracked disc, which grows while the body flies without GPS."""
-        return self._entry.r_m + self.flown.grown_m
+        """Radius of the tracked disc, which grows by `GROWTH_M` at a time while the body flies without GPS."""
+        return self._entry.r_m + GROWTH_M * math.ceil(self.flown.grown_m / GROWTH_M)
 
     @property
     def u_max_m(self) -> float:
