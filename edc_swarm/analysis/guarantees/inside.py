@@ -13,13 +13,29 @@ import numpy as np
 
 from edc_swarm.analysis.guarantees.evidence import Evidence
 from edc_swarm.analysis.guarantees.verdict import Violation
-from edc_swarm.analysis.true_paths import TruePaths
+from edc_swarm.analysis.true_paths import Floats, TruePaths
 from edc_swarm.geometry import BODY_TOLERANCE_M, length_m
 from edc_swarm.mission.braking import SLACK, change_of
 from edc_swarm.mission.vehicle_budget import budget_of
 
 MEMORY_SLOTS = 8
 """Slots before a deviation in which its cause is looked for: a controller has settled by then."""
+
+
+def deviations_m(evidence: Evidence, paths: TruePaths) -> Floats:
+    """Return (S, K, N + 1) distances of the bodies from their declared paths, NaN where unknown or on the ground."""
+    tracks = evidence.tracks
+    unknown = tracks.lost | tracks.grounded
+    unknown[1:] |= tracks.lost[:-1]
+    return np.where(unknown[..., None], np.nan, paths.deviation_m(tracks.centre_m))
+
+
+def largest_deviation_m(evidence: Evidence) -> float | None:
+    """Return the largest distance of a body with inertia from its declared path, None if no truth tells of any."""
+    if evidence.paths is None:
+        return None
+    found_m = float(np.fmax.reduce(deviations_m(evidence, evidence.paths), axis=None, initial=-1.0))
+    return found_m if found_m >= 0 else None
 
 
 def strayed(evidence: Evidence) -> Iterator[Violation]:
@@ -31,9 +47,7 @@ def strayed(evidence: Evidence) -> Iterator[Violation]:
     if paths is None:
         return
     body_m = np.array([entry.body_m for entry in evidence.mission.roster])
-    unknown = tracks.lost | tracks.grounded
-    unknown[1:] |= tracks.lost[:-1]
-    deviation_m = np.where(unknown[..., None], np.nan, paths.deviation_m(tracks.centre_m))
+    deviation_m = deviations_m(evidence, paths)
     excess_m = deviation_m - (paths.radius_m - body_m)[..., None]
     for k in np.flatnonzero((excess_m > BODY_TOLERANCE_M).any(axis=(0, 2))).tolist():
         slot, sample = np.argwhere(excess_m[:, k] > BODY_TOLERANCE_M)[0].tolist()
