@@ -133,7 +133,7 @@ def _failsafe(rng: Random) -> dict[str, Any]:
 def _vehicle(rng: Random) -> dict[str, Any]:
     """Draw the vehicle: ideal in half of the missions, else one that brakes for up to a dozen slots."""
     model = {"model": "multirotor", "a_max_mps2": rng.choice([0.8, 1.5, 2.5, 5.0])}
-    return {"vehicle": model, "lag_slots": rng.choice([0, 1, 1])} if rng.random() < 0.5 else {}
+    return {"vehicle": model, "guard_s": 0.0} if rng.random() < 0.5 else {}
 
 
 def _about_landings(rng: Random, mission: Mission) -> list[str]:
