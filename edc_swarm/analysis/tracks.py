@@ -63,7 +63,8 @@ class Tracks:
         (S + 1, K, 2): the tracked disc's centre at the start of slot t and, in row t + 1, at its end.
         In `lost` slots it is interpolated linearly between the last known and the next known place.
     true_from_m, true_to_m
-        (S, K, 2): true position at both ends of slot t; NaN where no truth of the UAV is recorded.
+        (S, K, 2): true position at both ends of slot t; NaN where no truth of the UAV is recorded, for a vehicle with
+        inertia where none of the slot is.
     heard, executed
         (S, K): True where a fix of the slot is recorded; True where a command was executed in it.
     energy_j
@@ -145,10 +146,12 @@ def tracks_of(recording: Recording) -> Tracks:
     _fill_forward(centre_m, change_m)
     lost = _bridged(voters, index, unsaid, centre_m, change_m)
     true_from_m, true_to_m = _true_motion(truths, true_cells, centre_m)
-    untold = lost.copy()
+    # A vehicle with inertia is not where its disc's centre is, so without a truth nobody knows its place.
+    inert = np.isfinite(change_m)
+    untold = lost | inert
     untold[true_cells] = False
     true_from_m[untold] = true_to_m[untold] = np.nan
-    for t, k in _flown_before_birth(executed, truths, index):
+    for t, k in _flown_before_birth(executed & ~inert, truths, index):
         true_from_m[t, k] = true_to_m[t, k] - (centre_m[t + 1, k] - centre_m[t, k])
     grounded = _grounded(recording, executed, heard)
     return Tracks(list(index), centre_m, true_from_m, true_to_m, heard, executed, energy_j, silent, lost, grounded)
@@ -324,7 +327,7 @@ def _silent_steps(
     offset_m = _offsets_m(_points(truths, "to"), cells, centre_m[1:]).tolist()
     for i in np.flatnonzero(unsaid[cells]).tolist():
         truth, k = truths[i], int(cells[1][i])
-        if not math.isnan(offset_m[k][0]):
+        if not math.isnan(offset_m[k][0]) and math.isinf(change_m[k]):
             seen[k].disc_m[truth.slot] = (truth.to_x_m - offset_m[k][0], truth.to_y_m - offset_m[k][1])
     for k, sightings in seen.items():
         for first, after in runs[k]:

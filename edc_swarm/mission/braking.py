@@ -38,6 +38,11 @@ def changes_m(mission: Mission) -> list[float] | None:
     return None if all(map(math.isinf, changes)) else changes
 
 
+def have_inertia(mission: Mission) -> list[bool]:
+    """Return, for every UAV of the roster, True if its vehicle has inertia: it lags behind its disc's centre."""
+    return [math.isfinite(change_of(mission, entry)) for entry in mission.roster]
+
+
 def braking_m(length_m: float, change_m: float) -> float:
     """Return B(L), the length of the braking path after a step of `length_m`."""
     steps = math.floor(length_m / change_m)
@@ -85,6 +90,3 @@ def reach_m(length_m: float, slots: int, u_max_m: float, change_m: float) -> flo
     flown_m = sum(min(u_max_m, length_m + i * change_m) for i in range(1, growing + 1)) + (slots - growing) * u_max_m
     fastest_m = u_max_m if growing < slots else min(u_max_m, length_m + slots * change_m)
     return flown_m + braking_m(fastest_m, change_m)
-
-
-__all__ = ["AT_REST_M", "SLACK", "allows", "braked", "braking_m", "change_of", "changes_m", "reach_m", "rest_point"]

@@ -10,8 +10,8 @@ from numpy.typing import NDArray
 from edc_swarm.analysis.guarantees.evidence import Evidence
 from edc_swarm.analysis.guarantees.verdict import GuaranteeResult, Violation, verdict
 from edc_swarm.analysis.separation import Encounters, closest_moment, encounters, swept_encounters
-from edc_swarm.geometry import BODY_TOLERANCE_M, DISC_TOLERANCE_M, length_m
-from edc_swarm.mission.braking import changes_m
+from edc_swarm.geometry import BODY_TOLERANCE_M, DISC_TOLERANCE_M, length_m, point_segment_distance_m
+from edc_swarm.mission.braking import changes_m, have_inertia
 from edc_swarm.solver.stopping import braking_m
 
 Floats = NDArray[np.float64]
@@ -85,9 +85,13 @@ def _one_slot_late(points_m: Floats, grounded: NDArray[np.bool_]) -> Floats:
 
 
 def _outside(evidence: Evidence) -> Iterator[Violation]:
-    """Yield a violation for each UAV whose body is not wholly inside its tracked disc."""
+    """Yield a violation for each UAV whose body is not wholly inside its tracked disc.
+
+    A vehicle with inertia is half a slot late: it is near some point of the step.
+    """
     tracks = evidence.tracks
-    offset_m = np.hypot(*np.moveaxis(tracks.true_to_m - tracks.centre_m[1:], 2, 0))
+    from_m = np.where(np.reshape(have_inertia(evidence.mission), (-1, 1)), tracks.centre_m[:-1], tracks.centre_m[1:])
+    offset_m = point_segment_distance_m(tracks.true_to_m, from_m, tracks.centre_m[1:])
     body_m = np.array([entry.body_m for entry in evidence.mission.roster])
     excess_m = np.where(tracks.lost, np.nan, offset_m) - (_radius_m(evidence) - body_m)
     for k in np.flatnonzero((excess_m > BODY_TOLERANCE_M).any(axis=0)).tolist():
