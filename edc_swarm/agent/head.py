@@ -154,7 +154,6 @@ class Head:
         )
 
     def _request(self, slot: int, fixes: Sequence[Fix], hulls: dict[str, Hull]) -> PlanRequest:
-        entries = [self._roster[fix.uav] for fix in fixes]
         aims = [self._aim(fix) for fix in fixes]
         return PlanRequest(
             slot=slot + 1,
@@ -162,7 +161,7 @@ class Head:
             position_m=[(fix.waypoint_x_m, fix.waypoint_y_m) for fix in fixes],
             target_m=[aim_m for aim_m, _ in aims],
             rest_m=[rest_m for _, rest_m in aims],
-            r_m=[entry.r_m for entry in entries],
+            r_m=[fix.r_m for fix in fixes],
             hulls=list(hulls.values()),
             previous_m=[(fix.from_x_m, fix.from_y_m) for fix in fixes] if self._with_previous else None,
         )

@@ -194,7 +194,9 @@ class Knowledge:
         return unheard if rest_m != here_m and unheard.radius_m < heard.radius_m else heard
 
     def _place(self, uav: str, ax_m: float, ay_m: float, bx_m: float, by_m: float, radius_m: float = 0.0) -> Hull:
-        return Hull(self._index[uav], ax_m, ay_m, bx_m, by_m, radius_m, self._roster[uav].r_m)
+        fix = self.newest.get(uav)
+        r_m = self._roster[uav].r_m if fix is None else fix.r_m
+        return Hull(self._index[uav], ax_m, ay_m, bx_m, by_m, radius_m, r_m)
 
 
 @dataclass(frozen=True, slots=True)

@@ -65,6 +65,8 @@ class Outgoing:
             return truth
         return msgspec.structs.replace(
             truth,
+            waypoint_x_m=vehicle.waypoint_m[0],
+            waypoint_y_m=vehicle.waypoint_m[1],
             between_x_m=[x_m for x_m, _ in flown.between_m],
             between_y_m=[y_m for _, y_m in flown.between_m],
             propulsion_j=flown.propulsion_j,

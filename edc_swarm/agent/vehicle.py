@@ -31,6 +31,9 @@ from edc_swarm.mission.roster_entry import RosterEntry
 from edc_swarm.mission.routes import Course
 from edc_swarm.protocol.messages import NO_ONE, Command, Goal, MissionMessage
 
+GROWTH_M = 0.25
+"""Least growth of a tracked disc: a planner computes ways round zones anew for each radius."""
+
 
 class Promise(Struct, frozen=True, kw_only=True):
     """Promise that a UAV keeps on disk, with its course. Slot, term and goal only grow, and a term has one head.
@@ -162,6 +165,7 @@ class Vehicle:
         self.energy_j = airframe.energy_j
         self._body = body_of(mission, entry, self.waypoint_m, airframe.body)
         self.flown = self._body.standing
+        self._has_flown = False
         self.stepped_slot = max(airframe.stepped_slot, promise.stepped_slot if promise is not None else -1)
         self._failsafe = failsafe_of(mission)
 
@@ -191,8 +195,8 @@ class Vehicle:
 
     @property
     def r_m(self) -> float:
-        """Radius of the tracked disc, which grows while the body flies without GPS."""
-        return self._entry.r_m + self.flown.grown_m
+        """Radius of the tracked disc, which grows by `GROWTH_M` at a time while the body flies without GPS."""
+        return self._entry.r_m + GROWTH_M * math.ceil(self.flown.grown_m / GROWTH_M)
 
     @property
     def u_max_m(self) -> float:
@@ -213,7 +217,11 @@ class Vehicle:
         return step_energy_j(self._mission, length_m)
 
     def brake_until(self, slot: int) -> None:
-        """Brake in the slots before `slot` for which the process did not run, as the vehicle did without it."""
+        """Brake in the slots before `slot` for which the process did not run, as the vehicle did without it.
+
+        A UAV that lost its memory may begin a slot again whose step its vehicle has flown.
+        """
+        self._has_flown = self.slot >= slot
         while self.slot < slot - 1 and self.from_m != self.waypoint_m:
             self.from_m, self.waypoint_m = braked(self.from_m, self.waypoint_m, self.change_m)
             self.slot += 1
@@ -225,6 +233,9 @@ class Vehicle:
 
         A vehicle that stops at once holds instead, as does one that rests.
         """
+        if self._has_flown:
+            self._has_flown = False
+            return
         if command is not None:
             self.from_m, self.waypoint_m = self.waypoint_m, (command.target_x_m, command.target_y_m)
             self.stepped_slot = command.slot

@@ -17,8 +17,10 @@ from operator import attrgetter
 from typing import Any
 
 import numpy as np
+from msgspec import UNSET
 from numpy.typing import NDArray
 
+from edc_swarm.analysis.true_paths import have_inertia, parts_of, tells_path
 from edc_swarm.errors import RecordingError
 from edc_swarm.mission.braking import Point, braked, change_of
 from edc_swarm.mission.failsafe import failsafe_of
@@ -63,8 +65,7 @@ class Tracks:
         (S + 1, K, 2): the tracked disc's centre at the start of slot t and, in row t + 1, at its end.
         In `lost` slots it is interpolated linearly between the last known and the next known place.
     true_from_m, true_to_m
-        (S, K, 2): true position at both ends of slot t; NaN where no truth of the UAV is recorded, for a vehicle with
-        inertia where none of the slot is.
+        (S, K, 2): true position at both ends of slot t; NaN where no truth of the UAV is recorded.
     heard, executed
         (S, K): True where a fix of the slot is recorded; True where a command was executed in it.
     energy_j
@@ -121,7 +122,9 @@ def tracks_of(recording: Recording) -> Tracks:
     roster = recording.mission.roster
     index = roster_index(roster)
     fixes = [f for f in recording.fixes if f.slot >= 0 and f.uav in index]
+    inertia, parts = have_inertia(recording.mission), parts_of(recording.mission)
     truths = [t for t in recording.truths if t.slot >= 0 and t.uav in index]
+    truths = [t for t in truths if not inertia[index[t.uav]] or tells_path(t, parts)]
     cells, true_cells = _cells(fixes, index), _cells(truths, index)
     slots = 1 + max(int(cells[0].max(initial=-1)), int(true_cells[0].max(initial=-1)))
     if slots * len(roster) > MAX_UAV_SLOTS:
@@ -146,12 +149,10 @@ def tracks_of(recording: Recording) -> Tracks:
     _fill_forward(centre_m, change_m)
     lost = _bridged(voters, index, unsaid, centre_m, change_m)
     true_from_m, true_to_m = _true_motion(truths, true_cells, centre_m)
-    # A vehicle with inertia is not where its disc's centre is, so without a truth nobody knows its place.
-    inert = np.isfinite(change_m)
-    untold = lost | inert
+    untold = lost | inertia  # Of a vehicle with inertia, the disc does not tell the place.
     untold[true_cells] = False
     true_from_m[untold] = true_to_m[untold] = np.nan
-    for t, k in _flown_before_birth(executed & ~inert, truths, index):
+    for t, k in _flown_before_birth(executed & ~inertia, truths, index):
         true_from_m[t, k] = true_to_m[t, k] - (centre_m[t + 1, k] - centre_m[t, k])
     grounded = _grounded(recording, executed, heard)
     return Tracks(list(index), centre_m, true_from_m, true_to_m, heard, executed, energy_j, silent, lost, grounded)
@@ -327,7 +328,9 @@ def _silent_steps(
     offset_m = _offsets_m(_points(truths, "to"), cells, centre_m[1:]).tolist()
     for i in np.flatnonzero(unsaid[cells]).tolist():
         truth, k = truths[i], int(cells[1][i])
-        if not math.isnan(offset_m[k][0]) and math.isinf(change_m[k]):
+        if truth.waypoint_x_m is not UNSET and truth.waypoint_y_m is not UNSET:
+            seen[k].disc_m[truth.slot] = (truth.waypoint_x_m, truth.waypoint_y_m)
+        elif not math.isnan(offset_m[k][0]):
             seen[k].disc_m[truth.slot] = (truth.to_x_m - offset_m[k][0], truth.to_y_m - offset_m[k][1])
     for k, sightings in seen.items():
         for first, after in runs[k]:

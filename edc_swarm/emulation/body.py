@@ -128,6 +128,7 @@ class Ideal:
 
     def brake(self, slot: int, from_m: Point, to_m: Point) -> None:
         """Move without a fix, which nobody asked for."""
+        del slot, from_m  # This body is at the end of its last step, whatever was before.
         self._at_m = to_m
 
     def disturb(self, fault: VehicleFault) -> None:

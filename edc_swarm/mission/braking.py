@@ -38,11 +38,6 @@ def changes_m(mission: Mission) -> list[float] | None:
     return None if all(map(math.isinf, changes)) else changes
 
 
-def have_inertia(mission: Mission) -> list[bool]:
-    """Return, for every UAV of the roster, True if its vehicle has inertia: it lags behind its disc's centre."""
-    return [math.isfinite(change_of(mission, entry)) for entry in mission.roster]
-
-
 def braking_m(length_m: float, change_m: float) -> float:
     """Return B(L), the length of the braking path after a step of `length_m`."""
     steps = math.floor(length_m / change_m)
