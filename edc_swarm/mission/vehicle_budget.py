@@ -133,8 +133,9 @@ def budget_of(mission: Mission, entry: RosterEntry) -> Budget:
     - between two steps of the controller, half a step h from the nearer one: h / 2 times the largest speed of the
       deviation, the sum of the same inputs' responses.
 
-    The command of the controller is at most |turn| a_max + |gust| turbulence + |correction| `correction_mps` + drag at
-    the speed `v_max` against the mean wind. Where g tan(tilt) is less, the plan's a_max is lowered to fit.
+    With the peak gains of the command in place of those of the deviation, the command is at most |turn| a_max + |gust|
+    (turbulence + gust) + |correction| `correction_mps` + drag at the speed `v_max` against the mean wind. Where
+    g tan(tilt) is less, the plan's a_max is lowered to fit. Weak motors are a fault that no budget has room for.
     """
     vehicle = vehicle_of(mission, entry)
     r_m, body_m = entry.r_m or mission.r_m, entry.body_m or mission.body_m
@@ -142,7 +143,7 @@ def budget_of(mission: Mission, entry: RosterEntry) -> Budget:
     if vehicle.is_ideal:
         return Budget(r_m, body_m, stated_gps_m or r_m - body_m)
     gust_mps, has_outage = _faults_of(tuple(mission.fault), mission.dt_s, entry.uav)
-    winds = (mission.wind.mean_mps, mission.wind.gust_mps, mission.wind.gust_mps + gust_mps)
+    winds = (mission.wind.mean_mps, mission.wind.gust_mps + gust_mps)
     speed_mps = mission.speed_mps(entry)
     return _budget(vehicle, mission.dt_s, speed_mps, winds, (r_m, body_m, stated_gps_m), has_outage)
 
@@ -152,19 +153,17 @@ def _budget(
     vehicle: VehicleModel,
     dt_s: float,
     speed_mps: float,
-    winds: tuple[float, float, float],
+    winds: tuple[float, float],
     disc: tuple[float, float, float],
     has_outage: bool,
 ) -> Budget:
-    """Return the budget for mean wind, turbulence and strongest gust, and for radius, body and stated GPS bound."""
-    mean_mps, turbulence_mps, gust_mps = winds
+    """Return the budget for the mean and the greatest other wind, and for radius, body and stated GPS bound."""
+    mean_mps, gust_mps = winds
     r_m, body_m, stated_gps_m = disc
     loop = settled_loop(vehicle, dt_s)
     shift_mps = vehicle.correction_mps
     others_mps2 = (
-        loop.gust.command * turbulence_mps
-        + loop.correction.command * shift_mps
-        + vehicle.drag_per_s * (speed_mps + mean_mps)
+        loop.gust.command * gust_mps + loop.correction.command * shift_mps + vehicle.drag_per_s * (speed_mps + mean_mps)
     )
     left_mps2 = (vehicle.limit_mps2 - others_mps2) / loop.acceleration.command
     plan_mps2 = min(vehicle.a_max_mps2, left_mps2)
@@ -197,6 +196,10 @@ def check_vehicles(mission: Mission) -> None:
     for index, entry in enumerate(mission.roster):
         vehicle = vehicle_of(mission, entry)
         if not vehicle.is_ideal:
+            if mission.planner == "paper":
+                raise MissionError(
+                    "planner", "paper", f"edc, straight or an own one with {vehicle.model}: it has speeds"
+                )
             _check_vehicle(mission, vehicle)
         _check_budget(mission, index, entry, vehicle)
 
