@@ -152,7 +152,7 @@ def tracks_of(recording: Recording) -> Tracks:
     untold = lost | inertia  # Of a vehicle with inertia, the disc does not tell the place.
     untold[true_cells] = False
     true_from_m[untold] = true_to_m[untold] = np.nan
-    for t, k in _flown_before_birth(executed, [t for t in truths if t.between_x_m is UNSET], index):
+    for t, k in _flown_before_birth(executed & ~inertia, truths, index):
         true_from_m[t, k] = true_to_m[t, k] - (centre_m[t + 1, k] - centre_m[t, k])
     grounded = _grounded(recording, executed, heard)
     return Tracks(list(index), centre_m, true_from_m, true_to_m, heard, executed, energy_j, silent, lost, grounded)

@@ -85,6 +85,3 @@ def reach_m(length_m: float, slots: int, u_max_m: float, change_m: float) -> flo
     flown_m = sum(min(u_max_m, length_m + i * change_m) for i in range(1, growing + 1)) + (slots - growing) * u_max_m
     fastest_m = u_max_m if growing < slots else min(u_max_m, length_m + slots * change_m)
     return flown_m + braking_m(fastest_m, change_m)
-
-
-__all__ = ["AT_REST_M", "SLACK", "allows", "braked", "braking_m", "change_of", "changes_m", "reach_m", "rest_point"]

@@ -209,6 +209,10 @@ def check_vehicles(mission: Mission) -> None:
     for index, entry in enumerate(mission.roster):
         vehicle = vehicle_of(mission, entry)
         if not vehicle.is_ideal:
+            if mission.planner == "paper":
+                raise MissionError(
+                    "planner", "paper", f"edc, straight or an own one with {vehicle.model}: it has speeds"
+                )
             _check_vehicle(mission, vehicle)
         _check_budget(mission, index, entry, vehicle)
 

@@ -12,9 +12,9 @@ from edc_swarm.mission.configuration import Mission
 from edc_swarm.planner import ways
 from edc_swarm.planner.guidance import Guidance, Scene, Tuning
 from edc_swarm.planner.interface import Plan, PlanRequest, Stopwatch
-from edc_swarm.planner.pilot import slowed_m
+from edc_swarm.planner.pilot import momentum_of, slowed_m, step_changes
 from edc_swarm.planner.request import Arrays, checked_arrays
-from edc_swarm.planner.safe import SafeSteps, airspace_of, momentum_of
+from edc_swarm.planner.safe import SafeSteps, airspace_of
 from edc_swarm.solver import certificate, slot_qp
 from edc_swarm.solver.hull_rows import Obstacles
 from edc_swarm.solver.normals import DELTA_M
@@ -51,9 +51,10 @@ class Edc:
         self._airspace = airspace_of(mission)
         prices = np.array([weights(mission, speed_mps) for speed_mps in mission.speeds_mps])
         self._guidance = Guidance(self._u_max_m, prices, mission.seed, tuning or Tuning(), self._airspace)
-        changes = changes_m(mission)
-        self._change_m = None if changes is None else np.array(changes)
-        self._safe = SafeSteps(mission.steps_m, stopwatch, self._airspace, changes, lags=mission.lag_slots > 0)
+        self._change_m = step_changes(mission)
+        self._safe = SafeSteps(
+            mission.steps_m, stopwatch, self._airspace, changes_m(mission), lags=mission.lag_slots > 0
+        )
 
     def plan(self, request: PlanRequest) -> Plan:
         """Return the next waypoints of the UAVs of `request`."""

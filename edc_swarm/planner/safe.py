@@ -14,11 +14,11 @@ from edc_swarm.mission.configuration import Mission
 from edc_swarm.mission.vehicle_budget import grown_r_m
 from edc_swarm.mission.zones import barriers
 from edc_swarm.planner.interface import Plan, PlanStatus, Stopwatch, stopped
+from edc_swarm.planner.pilot import momentum_of
 from edc_swarm.planner.request import Arrays, steps_of
 from edc_swarm.solver import certificate, slot_qp, solution
 from edc_swarm.solver.barrier_rows import Airspace
 from edc_swarm.solver.slot_qp import Problem
-from edc_swarm.solver.stopping import Momentum
 
 
 def airspace_of(mission: Mission) -> Airspace:
@@ -29,16 +29,6 @@ def airspace_of(mission: Mission) -> Airspace:
         steps = zip(mission.steps_m, changes, strict=True)
         reach_m += max(braking_m(step_m, change_m) for step_m, change_m in steps)
     return Airspace.of(barriers(mission.zone), r_m, reach_m)
-
-
-def momentum_of(arrays: Arrays, u_max_m: Floats, change_m: Floats | None) -> Momentum | None:
-    """Return the motion of the UAVs of a request, None if `change_m`, the step changes of the roster, is None."""
-    if change_m is None:
-        return None
-    previous_m = arrays.position_m if arrays.previous_m is None else arrays.previous_m
-    return Momentum(
-        arrays.position_m, arrays.position_m - previous_m, change_m[arrays.uav], steps_of(u_max_m, arrays.uav)
-    )
 
 
 class SafeSteps:
