@@ -18,6 +18,7 @@ from mavsdk.plugins.telemetry import Telemetry
 
 
 def main(port: int, systems: int, seconds: float, *, arm: bool) -> dict[str, Any]:
+    """Return what the client saw of each system, the texts, and the answers to what it tried."""
     mavsdk = Mavsdk(Configuration.create_with_component_type(ComponentType.GROUND_STATION))
     mavsdk.add_any_connection(f"udpin://127.0.0.1:{port}")
     print("ready", file=sys.stderr, flush=True)
@@ -38,10 +39,8 @@ def main(port: int, systems: int, seconds: float, *, arm: bool) -> dict[str, Any
         telemetry.subscribe_status_text(lambda said, *_: texts.append(said.text))
     for number, system in sorted(found.items()):
         raw = MissionRaw(system)
-        result, items = raw.download_mission()
-        seen[number]["mission"] = [[item.command, item.x, item.y, item.param1, item.param2] for item in items]
-        seen[number]["result"] = str(result)
-        _, fence = raw.download_geofence()
+        mission, fence = raw.download_mission(), raw.download_geofence()
+        seen[number]["mission"] = [[item.command, item.x, item.y, item.param1, item.param2] for item in mission]
         seen[number]["fence"] = [[item.command, item.x, item.y, item.param1] for item in fence]
     tried: dict[str, str] = {}
     if arm:
