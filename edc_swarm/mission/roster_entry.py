@@ -30,7 +30,7 @@ class RosterEntry(Struct, frozen=True, kw_only=True):
     uav: UavId
     """Id of the UAV, which no other UAV has.
 
-    Ids of processes are reserved: operator, recorder, viz, router, join, ca.
+    Ids of processes are reserved: operator, recorder, viz, ground, router, join, ca.
     """
     start_x_m: Metres
     """Start, first coordinate in the local frame (east).

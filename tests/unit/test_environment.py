@@ -427,7 +427,8 @@ def test_no_ratio_is_below_one(tmp_path: Path) -> None:
 ANY = None
 """An option that takes whatever is said: a flag, a folder, a text that is used later."""
 BAD_VALUES: dict[str, dict[str, str | None]] = {
-    "run": {"listen": "x", "remote": "99", "operate": "x", "certs": "x", "live": ANY, "secure": ANY},
+    "run": {"listen": "x", "remote": "99", "operate": "x", "certs": "x", "live": ANY, "secure": ANY,
+            "mavlink": "x"},
     "join": {"uavs": "0", "state": "/proc/x", "certs": ANY},  # With certificates, the address is wrong first.
     "certs": {"uavs": "0", "out": "/proc/x", "host": "a b", "days": "0", "force": ANY, "json": ANY},
     "fuzz": {"runs": "0", "seed": "-1", "jobs": "0", "keep": "x", "json": ANY},
@@ -438,7 +439,7 @@ BAD_VALUES: dict[str, dict[str, str | None]] = {
         "json": ANY,
     },
     "replay": {"speed": "0", "listen": "x", "connect": "x", "wait": "-1", "verify": ANY, "load-planner": ANY,
-               "json": ANY},
+               "mavlink": "x", "json": ANY},
     "recover": {"out": "x", "force": ANY, "json": ANY},
     "visualise": {"out": "x", "force": ANY},
     "report": {"out": "x", "force": ANY},
