@@ -481,6 +481,16 @@ def open_leg(barred: Barred, r_m: float, delta_m: float, x0: float, y0: float, x
 
 
 @compiled
+def open_legs(
+    barred: Barred, r_m: float, delta_m: float, node_m: Floats, first: Ints, second: Ints, is_open: NDArray[np.bool_]
+) -> None:
+    """Write for each pair of nodes if no barrier blocks the straight way of a UAV between them."""
+    for i in range(len(first)):
+        a, b = first[i], second[i]
+        is_open[i] = open_leg(barred, r_m, delta_m, node_m[a, 0], node_m[a, 1], node_m[b, 0], node_m[b, 1])[0]
+
+
+@compiled
 def clear_ways(
     walls: Walls, barred: Barred, delta_m: float, position_m: Floats, goal_m: Floats, r_m: Floats,
     clear: NDArray[np.bool_],
