@@ -481,16 +481,6 @@ def open_leg(barred: Barred, r_m: float, delta_m: float, x0: float, y0: float, x
 
 
 @compiled
-def open_legs(
-    barred: Barred, r_m: float, delta_m: float, node_m: Floats, first: Ints, second: Ints, is_open: NDArray[np.bool_]
-) -> None:
-    """Write for each pair of nodes if no barrier blocks the straight way of a UAV between them."""
-    for i in range(len(first)):
-        a, b = first[i], second[i]
-        is_open[i] = open_leg(barred, r_m, delta_m, node_m[a, 0], node_m[a, 1], node_m[b, 0], node_m[b, 1])[0]
-
-
-@compiled
 def clear_ways(
     walls: Walls, barred: Barred, delta_m: float, position_m: Floats, goal_m: Floats, r_m: Floats,
     clear: NDArray[np.bool_],
@@ -594,6 +584,17 @@ def open_way(walls: Walls, k: int, x0: float, y0: float, x: float, y: float) -> 
         if clearance(px, py, x - x0, y - y0, a[w, 0] - b[w, 0], a[w, 1] - b[w, 1]) < bar[k, w] * bar[k, w]:
             return False
     return True
+
+
+@compiled
+def open_legs(
+    walls: Walls, barred: Barred, k: int, r_m: float, delta_m: float, node_m: Floats, first: Ints, second: Ints,
+    is_open: NDArray[np.bool_],
+) -> None:  # fmt: skip
+    """Write for each pair of nodes if vehicle k's straight way between them is clear of hulls and barriers."""
+    for i in range(len(first)):
+        x0, y0, x, y = node_m[first[i], 0], node_m[first[i], 1], node_m[second[i], 0], node_m[second[i], 1]
+        is_open[i] = open_way(walls, k, x0, y0, x, y) and open_leg(barred, r_m, delta_m, x0, y0, x, y)[0]
 
 
 @compiled

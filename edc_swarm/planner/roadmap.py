@@ -1,23 +1,24 @@
 """Roadmaps: places near some UAVs at which they can wait, and the legs between these places.
 
-The places are the points of a lattice that keep their distance from hulls and zones. A point too near to a barrier moves
-away from it, so that a lane hardly wider than a disc has places too, wherever its middle lies.
+The places are the points of a lattice that keep their distance from hulls and zones. A point too near to a barrier is
+moved away from it, so that a lane hardly wider than a disc has places too, wherever its middle lies.
 """
 
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 from scipy.sparse import csr_array
 from scipy.sparse.csgraph import dijkstra
 
-from edc_swarm.geometry import Floats, Indices, length_m, near_pairs, nearest_on_segment, segment_distance_m
+from edc_swarm.geometry import Floats, Indices, length_m, near_pairs, nearest_on_segment
 from edc_swarm.planner import guidance_kernel as kernel
 from edc_swarm.planner.charts import SPARE_M, Charts, clear_of
-from edc_swarm.solver.barrier_rows import ON_EDGE_M
-from edc_swarm.solver.slot_qp import DELTA_M, Airspace
+from edc_swarm.solver.barrier_rows import ON_EDGE_M, Airspace
+from edc_swarm.solver.normals import DELTA_M
 
 HALF_SIDE = 28
 """Lattice points from the middle to each side."""
@@ -27,15 +28,32 @@ LEG = 1.6
 CLOSE = 0.4
 """Places nearer to each other than this, in lattice spacings, count as one."""
 PUSHES = 6
+NEXT_M = 1e-6
+"""Length of a leg between places that are one; a sparse matrix takes 0 for no leg."""
 
 
 @dataclass(frozen=True, slots=True)
-class Still:
-    """What does not move, for one UAV: segments a-b (m, 2) and the distances (m,) that the UAV keeps from them."""
+class Box:
+    """Square about `middle_m` (2,) whose lattice has this spacing."""
 
-    a_m: Floats
-    b_m: Floats
-    keep_m: Floats
+    middle_m: Floats
+    spacing_m: float
+
+    @staticmethod
+    def about(point_m: Floats, spacing_m: float) -> Box:
+        """Return the square about points (n, 2)."""
+        return Box((point_m.min(axis=0) + point_m.max(axis=0)) / 2, spacing_m)
+
+    def inside(self, point_m: Floats, margin_m: float = 0.0) -> NDArray[np.bool_]:
+        """Return a mask (n,) of the points that are at least `margin_m` within the square."""
+        return np.asarray((np.abs(point_m - self.middle_m) <= HALF_SIDE * self.spacing_m - margin_m).all(axis=1))
+
+    @property
+    def lattice_m(self) -> Floats:
+        """The points (c, 2) of the lattice."""
+        first = np.round(self.middle_m / self.spacing_m) - HALF_SIDE
+        axes = first[:, None] + np.arange(2 * HALF_SIDE + 1)
+        return np.stack(np.meshgrid(*axes, indexing="ij"), axis=-1).reshape(-1, 2) * self.spacing_m
 
 
 @dataclass(frozen=True, slots=True)
@@ -55,25 +73,23 @@ class Roadmap:
 
 
 def roadmap(
-    charts: Charts, uav: Indices, r_m: Floats, start_m: Floats, goal_m: Floats, still: list[Still], spacing_m: float
+    charts: Charts, uav: Indices, r_m: Floats, start_m: Floats, goal_m: Floats, walls: kernel.Walls, box: Box
 ) -> Roadmap:
-    """Return the places about UAVs with radii (n,), between starts and goals (n, 2)."""
-    count, low_m, high_m = len(uav), start_m.min(axis=0), start_m.max(axis=0)
-    middle_m, half_m = (low_m + high_m) / 2, HALF_SIDE * spacing_m
-    lattice_m = _lattice(middle_m, half_m, spacing_m)
-    places = [_places(charts.airspace, lattice_m, radius_m, spacing_m) for radius_m in np.unique(r_m).tolist()]
-    box_m = (np.abs(goal_m - middle_m) <= half_m).all(axis=1)
-    node_m = np.concatenate([start_m, np.where(box_m[:, None], goal_m, start_m), *places])
+    """Return the places in a box for UAVs with radii (n,) between starts and goals (n, 2); `walls` do not move."""
+    count, spacing_m = len(uav), box.spacing_m
+    places = [_places(charts.airspace, box.lattice_m, radius_m, spacing_m) for radius_m in np.unique(r_m).tolist()]
+    inside = box.inside(goal_m)
+    node_m = np.concatenate([start_m, np.where(inside[:, None], goal_m, start_m), *places])
     first, second = near_pairs(node_m, LEG * spacing_m)
-    legs = [_open_legs(charts, r_m[k], still[k], node_m, first, second, k) for k in range(count)]
+    legs = [_open_legs(charts, walls, k, float(r_m[k]), node_m, first, second) for k in range(count)]
     near = [csr_array((length, (i, j)), shape=(len(node_m),) * 2) for i, j, length in legs]
     near = [graph + graph.T for graph in near]
-    away_m = np.array([dijkstra(near[k], indices=k) for k in range(count)])
+    away_m = np.array([_ways_m(near[k], k) for k in range(count)])
     kept = np.argsort(away_m[:, 2 * count :].min(axis=0), kind="stable")[: MOST_NODES - 2 * count] + 2 * count
     kept = np.sort(kept[np.isfinite(away_m[:, kept].min(axis=0))])
     cut_m = np.max(away_m[:, kept].min(axis=0), initial=0.0) if len(kept) == MOST_NODES - 2 * count else np.inf
     kept = np.concatenate([np.arange(2 * count), kept])
-    edge = (np.abs(node_m - middle_m) > half_m - LEG * spacing_m).any(axis=1)
+    edge = ~box.inside(node_m, LEG * spacing_m)
     edge |= away_m.min(axis=0) > cut_m - LEG * spacing_m
     node_m, edge = node_m[kept], edge[kept]
     near = [graph[kept][:, kept].tocsr() for graph in near]
@@ -81,9 +97,9 @@ def roadmap(
     end = np.zeros((count, len(kept)), dtype=bool)
     for k, graph in enumerate(near):
         reached = np.isfinite(away_m[k][kept])
-        if box_m[k] and reached[count + k]:
+        if inside[k] and reached[count + k]:
             end[k, count + k] = True
-            left_m[k] = dijkstra(graph, indices=count + k)
+            left_m[k] = _ways_m(graph, count + k)
         else:
             _to_edge(charts, int(uav[k]), float(r_m[k]), goal_m[k], graph, node_m, edge & reached, left_m[k], end[k])
     begin = np.zeros((count, len(kept) + 1), np.int64)
@@ -92,11 +108,6 @@ def roadmap(
         begin[k] = total + graph.indptr
         total += len(graph.indices)
     return Roadmap(node_m, begin, np.concatenate([graph.indices for graph in near]).astype(np.int64), left_m, end)
-
-
-def _lattice(middle_m: Floats, half_m: float, spacing_m: float) -> Floats:
-    axes = [np.arange(np.ceil((m - half_m) / spacing_m), np.floor((m + half_m) / spacing_m) + 1) for m in middle_m]
-    return np.stack(np.meshgrid(*axes, indexing="ij"), axis=-1).reshape(-1, 2) * spacing_m
 
 
 def _places(airspace: Airspace, lattice_m: Floats, r_m: float, spacing_m: float) -> Floats:
@@ -136,21 +147,22 @@ def _nearest(point_m: Floats, a_m: Floats, b_m: Floats) -> Floats:
 
 
 def _open_legs(
-    charts: Charts, r_m: float, still: Still, node_m: Floats, first: Indices, second: Indices, k: int
+    charts: Charts, walls: kernel.Walls, k: int, r_m: float, node_m: Floats, first: Indices, second: Indices
 ) -> tuple[Indices, Indices, Floats]:
     """Return the open legs of UAV k as pairs of nodes, with their lengths."""
     is_open = np.empty(len(first), dtype=bool)
-    kernel.open_legs(charts.barred, r_m, DELTA_M, node_m, first, second, is_open)
+    kernel.open_legs(walls, charts.barred, k, r_m, DELTA_M, node_m, first, second, is_open)
     first, second = first[is_open], second[is_open]
-    if len(still.keep_m) and len(first):
-        away_m = segment_distance_m(node_m[first][:, None], node_m[second][:, None], still.a_m, still.b_m)
-        free = (away_m >= still.keep_m).all(axis=1)
-        first, second = first[free], second[free]
-    return first, second, np.maximum(length_m(node_m[first] - node_m[second]), 1e-6)
+    return first, second, np.maximum(length_m(node_m[first] - node_m[second]), NEXT_M)
+
+
+def _ways_m(graph: Any, source: int) -> Floats:
+    """Return the length (c,) of the shortest way from the source to each node of a sparse matrix of legs."""
+    return np.asarray(dijkstra(graph, indices=np.array([source]))[0])
 
 
 def _to_edge(
-    charts: Charts, uav: int, r_m: float, goal_m: Floats, graph: csr_array, node_m: Floats,
+    charts: Charts, uav: int, r_m: float, goal_m: Floats, graph: Any, node_m: Floats,
     edge: NDArray[np.bool_], left_m: Floats, end: NDArray[np.bool_],
 ) -> None:  # fmt: skip
     """Write the ways to a goal beyond the map: those over the nodes at its edge from which a way leads to the goal."""
@@ -167,13 +179,13 @@ def _to_edge(
     size = graph.shape[0]
     wide = csr_array(
         (
-            np.concatenate([graph.data, [length + 1e-6 for _, length in exits]]),
+            np.concatenate([graph.data, [length + NEXT_M for _, length in exits]]),
             np.concatenate([graph.indices, np.array([v for v, _ in exits])]),
             np.concatenate([graph.indptr, [len(graph.data) + len(exits)]]),
         ),
         shape=(size + 1, size + 1),
     )
-    left_m[:] = dijkstra(wide, indices=size)[:size]
+    left_m[:] = _ways_m(wide, size)[:size]
     for v, length in exits:
         end[v] = left_m[v] >= length
 

@@ -1,16 +1,17 @@
 """Making room: UAVs that block each other between zones move aside, in an order in which each gets past the others.
 
 Guidance looks 32 slots ahead and plans for one UAV at a time, so two UAVs that meet head-on in a lane wait for ever. A
-UAV that comes no nearer to its goal for long is *blocked*. It and the UAVs about it, at most six, form a group. On a
-roadmap of places at which a UAV can wait (`roadmap`), A* over the places of the whole group at once finds the moves, one
-UAV after another, that bring each of them to its goal, or past the others to the edge of the roadmap (`room_kernel`).
-Within the roadmap the search is complete: it finds such moves if there are any, unless its effort is spent first.
+UAV that comes no nearer to its goal for long, among others that come no nearer either, is *blocked*. It and the UAVs
+about it, at most six, form a group. On a roadmap of places at which a UAV can wait (`roadmap`), A* over the places of
+the whole group at once finds the moves, one UAV after another, that bring each of them to its goal, or past the others
+to the edge of the roadmap (`room_kernel`). Within the roadmap the search is complete: it finds such moves if there are
+any, unless its effort is spent first.
 
-These moves are the group's *script*. A UAV need not wait for all earlier moves of others, only for those whose way comes
-too near to its own next move. So the UAVs fly at once wherever they can, and never block each other again. The aim of
-guidance for each UAV is the farthest place of its script that it may fly to. Guidance and slot QP keep it apart from all
-others on the way. A script ends when all its moves are flown, when a UAV of the group gets another goal or is unheard,
-or when no move ends for long; then the next one has a larger group or another roadmap.
+These moves are the group's *script*. A UAV need not wait for all earlier moves of others, only for those whose way
+comes too near to its own next move. So the UAVs fly at once wherever they can, and do not block each other again. The
+aim of guidance for each UAV is the farthest place of its script that it may fly to. Guidance and slot QP keep it apart
+from all others on the way. A script ends when all its moves are flown, when a UAV of the group gets another goal or is
+unheard, or when no move ends for long; then the next one has a larger group or another roadmap.
 """
 
 from __future__ import annotations
@@ -18,24 +19,30 @@ from __future__ import annotations
 from dataclasses import dataclass, field
 
 import numpy as np
-from numpy.typing import NDArray
 
 from edc_swarm.geometry import Floats, Indices, length_m, segment_distance_m
 from edc_swarm.mission.roster_entry import ARRIVED_M
+from edc_swarm.mission.zone import Zone
+from edc_swarm.mission.zones import barriers
 from edc_swarm.planner import guidance_kernel as kernel
-from edc_swarm.planner import room_kernel
+from edc_swarm.planner import room_kernel, ways
 from edc_swarm.planner.charts import Charts
-from edc_swarm.planner.roadmap import Roadmap, Still, roadmap
-from edc_swarm.solver.slot_qp import DELTA_M
+from edc_swarm.planner.roadmap import Box, Roadmap, roadmap
+from edc_swarm.solver.barrier_rows import Airspace
+from edc_swarm.solver.hull_rows import Obstacles
+from edc_swarm.solver.normals import DELTA_M
 
 BLOCKED_SLOTS = 24
 """Slots without progress after which a UAV is blocked."""
+WAITING_SLOTS = 12
+"""Slots without progress of all UAVs of a group; in a queue whose first one moves nobody is blocked."""
 PAUSE_SLOTS = 16
 """Slots from a search that finds nothing to the next one for the same UAV."""
 PATIENCE_SLOTS = 32
 """Slots in which no move of a script ends before it is given up."""
 EXPANSIONS = 20_000
-"""Limit on the expansions of all searches in one slot."""
+SEARCHES = 3
+"""Limits on the expansions and on the searches in one slot; those left over follow in the next slots."""
 MOST_MOVES = 1000
 MOST_UAVS = 6
 SPACINGS = (3.0, 6.0, 1.5)
@@ -49,7 +56,7 @@ SPARE_M = 1e-3
 class Script:
     """The moves of a group, in an order in which they can be flown one after another.
 
-    `uav` (n,) and `goal_m` (n, 2) are the group's; move q is flown by UAV `uav[moved[q]]` from `from_m[q]` to `to_m[q]`,
+    `uav` (n,) and `goal_m` (n, 2) are the group's; UAV `uav[moved[q]]` flies move q from `from_m[q]` to `to_m[q]`,
     and only after the moves `after[q]`. `moves[k]` are the numbers of the moves of UAV k, of which it has flown
     `flown[k]`.
     """
@@ -91,6 +98,11 @@ class _Watch:
     slot: int
     goal: tuple[float, float]
     tries: int = 0
+    size: int = 1
+
+    def waits(self, slot: int) -> bool:
+        """Return True if the UAV is at its goal, or has come no nearer to it for a while."""
+        return self.way_m < ARRIVED_M or slot - self.slot >= WAITING_SLOTS
 
 
 @dataclass
@@ -108,7 +120,7 @@ class Room:
     ) -> Floats:  # fmt: skip
         """Return the points (n, 2) to fly to now: `first_m`, or for UAVs of a group those of their scripts.
 
-        `goal_m` (n, 2) and `way_m` (n,) are goals and lengths of the ways to them; `first_m` is the first point of each.
+        `goal_m` (n, 2) are goals and `way_m` (n,) the lengths of the ways to them; `first_m` has their first points.
         """
         self._watch(slot, uav, goal_m, way_m)
         index = {k: row for row, k in enumerate(uav.tolist())}
@@ -133,9 +145,7 @@ class Room:
             elif way < known.way_m - self.u_max_m[k]:
                 known.way_m, known.slot = way, slot
 
-    def _continues(
-        self, script: Script, slot: int, index: dict[int, int], position_m: Floats, goal_m: Floats
-    ) -> bool:
+    def _continues(self, script: Script, slot: int, index: dict[int, int], position_m: Floats, goal_m: Floats) -> bool:
         """Note which moves of a script are flown; return False if the script is over."""
         if any(k not in index for k in script.uav.tolist()):
             return False
@@ -159,27 +169,26 @@ class Room:
     ) -> None:
         """Write scripts for UAVs that are blocked and in no group."""
         busy = {k for script in self.scripts for k in script.uav.tolist()}
-        left = EXPANSIONS
+        left, searches = EXPANSIONS, SEARCHES
         for row, k in enumerate(uav.tolist()):
             watch = self.watches[k]
             if k in busy or slot - watch.slot < BLOCKED_SLOTS:
                 continue
-            spacing = SPACINGS[watch.tries % len(SPACINGS)]
             group = self._neighbours(row, uav, position_m, r_m, busy)
-            for size in range(1 + watch.tries // len(SPACINGS), len(group) + 1):
-                rows = np.array(group[:size])
+            if any(not self.watches[other].waits(slot) for other in uav[group].tolist()):
+                continue
+            while searches > 0 and left > 0 and watch.size <= len(group):
+                rows, spacing = np.array(group[: watch.size]), SPACINGS[watch.tries % len(SPACINGS)]
                 script, spent = self._script(slot, rows, spacing, uav, position_m, goal_m, r_m, walls, left)
-                left -= spent
+                left, searches, watch.size = left - spent, searches - 1, watch.size + 1
                 if script is not None:
                     self.scripts.append(script)
                     busy |= set(script.uav.tolist())
-                if script is not None or left <= 0:
                     break
-            watch.tries += 1
-            if k not in busy:
+            if k in busy or watch.size > len(group):
+                watch.tries += 1
+                watch.size = 1 + watch.tries // len(SPACINGS)
                 watch.slot = slot - BLOCKED_SLOTS + PAUSE_SLOTS
-            if left <= 0:
-                break
 
     def _neighbours(self, row: int, uav: Indices, position_m: Floats, r_m: Floats, busy: set[int]) -> list[int]:
         """Return the rows of a blocked UAV and of those that stand about it, the nearest first, at most six."""
@@ -205,20 +214,11 @@ class Room:
         start_m, radius_m = position_m[rows], r_m[rows]
         now_m = length_m(start_m[:, None] - start_m)
         apart_m = np.minimum(radius_m[:, None] + radius_m + DELTA_M + SPARE_M, 0.9995 * now_m)
-        others = np.setdiff1d(np.arange(len(uav)), rows)
-        still = []
-        for row in rows.tolist():
-            away_m = length_m(position_m[others] - position_m[row])
-            keep_m = np.minimum(r_m[row] + r_m[others] + DELTA_M, 0.9995 * away_m)
-            still.append(
-                Still(
-                    np.concatenate([walls.a_m, position_m[others]]),
-                    np.concatenate([walls.b_m, position_m[others]]),
-                    np.concatenate([walls.bar_m[row], keep_m]),
-                )
-            )
-        spacing_m = 2 * float(radius_m.max()) / spacing
-        found = roadmap(self.charts, uav[rows], radius_m, start_m, goal_m[rows], still, spacing_m)
+        box = Box.about(start_m, 2 * float(radius_m.max()) / spacing)
+        others = np.setdiff1d(np.flatnonzero(box.inside(position_m, -2 * float(r_m.max()))), rows)
+        found = roadmap(
+            self.charts, uav[rows], radius_m, start_m, goal_m[rows], _with(walls, rows, position_m, r_m, others), box
+        )
         if not np.isfinite(found.left_m[np.arange(len(rows)), np.arange(len(rows))]).all():
             return None, 0
         moved, to, spent = _moves(found, apart_m, limit)
@@ -232,14 +232,14 @@ class Room:
         if not len(allowed):
             place_m = script.to_m[script.moves[k]][: script.flown[k]]
             begin_m = script.from_m[script.moves[k]][:1]
-            return place_m[-1] if len(place_m) else begin_m[0] if len(begin_m) else position_m[k]
+            return np.asarray(np.concatenate([position_m[k : k + 1], begin_m, place_m])[-1])
         for q in allowed[:0:-1].tolist():
             to_m = script.to_m[q]
             if kernel.open_leg(self.charts.barred, r_m, DELTA_M, *position_m[k].tolist(), *to_m.tolist())[0] and all(
                 self._clear(script, k, other, position_m, to_m) for other in range(len(script.uav)) if other != k
             ):
-                return to_m
-        return script.to_m[allowed[0]]
+                return np.asarray(to_m)
+        return np.asarray(script.to_m[allowed[0]])
 
     def _clear(self, script: Script, k: int, other: int, position_m: Floats, to_m: Floats) -> bool:
         """Return True if the straight way of UAV k to a place keeps clear of where another one is and may fly now."""
@@ -247,6 +247,19 @@ class Room:
         ends_m = way_m[1:] if len(way_m) > 1 else way_m
         away_m = segment_distance_m(position_m[k], to_m, way_m[: len(ends_m)], ends_m)
         return bool((away_m >= script.apart_m[k, other] - DELTA_M).all())
+
+
+def _with(walls: kernel.Walls, rows: Indices, position_m: Floats, r_m: Floats, others: Indices) -> kernel.Walls:
+    """Return what does not move for UAVs of some rows: the hulls, and all `others`."""
+    point_m = position_m[others]
+    keep_m = r_m[rows][:, None] + r_m[others] + DELTA_M
+    bar_m = np.minimum(keep_m, 0.9995 * length_m(position_m[rows][:, None] - point_m)) - kernel.ROUNDING_M
+    return kernel.Walls(
+        np.concatenate([walls.a_m, point_m]),
+        np.concatenate([walls.b_m, point_m]),
+        np.concatenate([walls.keep_m[rows], keep_m], axis=1),
+        np.concatenate([walls.bar_m[rows], bar_m], axis=1),
+    )
 
 
 def _moves(found: Roadmap, apart_m: Floats, limit: int) -> tuple[Indices, Indices, int]:
@@ -277,4 +290,14 @@ def _script_of(
     return Script(uav, goal_m, apart_m, moved, from_m, to_m, after, moves, [0] * len(uav), slot)
 
 
-__all__ = ["Room", "Script"]
+def rehearse() -> None:
+    """Compile or load all code of this module, and run it: two UAVs change places in a box."""
+    box = Zone(name="box", kind="inclusion", polygon=[(-9.0, -9.0), (9.0, -9.0), (9.0, 9.0), (-9.0, 9.0)])
+    room = Room(Charts.of(Airspace.of(barriers([box]), 1.0, 1.0)), np.ones(2))
+    start_m, r_m = np.array([(-3.0, 0.0), (3.0, 0.0)]), np.ones(2)
+    walls = ways.walls_of(start_m, r_m, Obstacles.none())
+    script, _ = room._script(0, np.arange(2), 3.0, np.arange(2), start_m, start_m[::-1], r_m, walls, EXPANSIONS)
+    assert script is not None, "two UAVs with discs of 2 m cannot change places in a box of 18 m"
+
+
+__all__ = ["Room", "Script", "rehearse"]

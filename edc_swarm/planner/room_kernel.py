@@ -73,18 +73,18 @@ def _pop(f: Floats, v: Ints, size: int) -> int:
 
 
 @compiled
-def rearrange(
+def rearrange(  # noqa: PLR0912, PLR0915 (one loop over arrays)
     node_m: Floats, begin: Ints, leg: Ints, left_m: Floats, end: NDArray[np.bool_], start: Ints, apart_m: Floats,
     key: Ints, cost: Floats, parent: Ints, closed: NDArray[np.bool_], heap_cost: Floats, heap_item: Ints,
     limit: int, moved: Ints, to: Ints,
 ) -> tuple[int, int]:  # fmt: skip
     """Search by A* the moves, one UAV after another, that bring all n UAVs to end nodes; return their number.
 
-    `node_m` (c, 2); the legs of UAV k from node v are `leg[begin[k, v]:begin[k, v + 1]]`; `left_m` (n, c) are lengths of
-    the ways left, infinite where there is none; `end` (n, c) where UAV k may end; `apart_m` (n, n) least distances. A
-    move is free if its segment keeps these distances from the nodes of all others. The result is in `moved` and `to`:
-    UAV and node of each move. The first number is -1 if no sequence exists, -2 if `limit` expansions are spent. The
-    second is the number of expansions. The other arrays are work space, and `key` is full of -1.
+    `node_m` (c, 2); the legs of UAV k from node v are `leg[begin[k, v]:begin[k, v + 1]]`; `left_m` (n, c) are the
+    lengths of the ways left, infinite where there is none; `end` (n, c) says where UAV k may end; `apart_m` (n, n) are
+    least distances. A move is free if its segment keeps these distances from the nodes of all others. The result is in
+    `moved` and `to`: UAV and node of each move. The first number is -1 if no sequence exists, -2 if `limit` expansions
+    are spent. The second is the number of expansions. The other arrays are work space, and `key` is full of -1.
     """
     count, mask = len(start), (1 << NODE_BITS) - 1
     state, ahead = 0, 0.0
