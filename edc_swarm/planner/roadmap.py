@@ -14,9 +14,9 @@ from numpy.typing import NDArray
 from scipy.sparse import csr_array
 from scipy.sparse.csgraph import dijkstra
 
-from edc_swarm.geometry import Floats, Indices, length_m, near_pairs, nearest_on_segment
+from edc_swarm.geometry import Floats, Indices, length_m, near_pairs, nearest_on_segment, point_segment_distance_m
 from edc_swarm.planner import guidance_kernel as kernel
-from edc_swarm.planner.charts import SPARE_M, Charts, clear_of
+from edc_swarm.planner.charts import LEG_TESTS, SPARE_M, Charts, along, clear_of
 from edc_swarm.solver.barrier_rows import ON_EDGE_M, Airspace
 from edc_swarm.solver.normals import DELTA_M
 
@@ -101,7 +101,19 @@ def roadmap(
             end[k, count + k] = True
             left_m[k] = _ways_m(graph, count + k)
         else:
-            _to_edge(charts, int(uav[k]), float(r_m[k]), goal_m[k], graph, node_m, edge & reached, left_m[k], end[k])
+            _to_edge(
+                charts,
+                int(uav[k]),
+                float(r_m[k]),
+                goal_m[k],
+                graph,
+                node_m,
+                spacing_m,
+                edge,
+                reached,
+                left_m[k],
+                end[k],
+            )
     begin = np.zeros((count, len(kept) + 1), np.int64)
     total = 0
     for k, graph in enumerate(near):
@@ -162,18 +174,19 @@ def _ways_m(graph: Any, source: int) -> Floats:
 
 
 def _to_edge(
-    charts: Charts, uav: int, r_m: float, goal_m: Floats, graph: Any, node_m: Floats,
-    edge: NDArray[np.bool_], left_m: Floats, end: NDArray[np.bool_],
+    charts: Charts, uav: int, r_m: float, goal_m: Floats, graph: Any, node_m: Floats, spacing_m: float,
+    edge: NDArray[np.bool_], reached: NDArray[np.bool_], left_m: Floats, end: NDArray[np.bool_],
 ) -> None:  # fmt: skip
-    """Write the ways to a goal beyond the map: those over the nodes at its edge from which a way leads to the goal."""
-    exits = []
-    for v in np.flatnonzero(edge).tolist():
-        if kernel.open_leg(charts.barred, r_m, DELTA_M, *node_m[v].tolist(), *goal_m.tolist())[0]:
-            exits.append((v, float(length_m(goal_m - node_m[v]))))
-        else:
-            _, node, length, _ = charts.way(uav, r_m, node_m[v], goal_m, LEG_BUDGET)
-            if node >= 0:
-                exits.append((v, length))
+    """Write the ways to a goal beyond the map: those over nodes at its edge, from which a way leads on outside it."""
+    exits, inner_m = [], node_m[reached & ~edge]
+    for v in np.flatnonzero(edge & reached).tolist():
+        way_m = _way_m(charts, uav, r_m, node_m[v], goal_m)
+        if way_m is None:
+            continue
+        # A way that leads back through the map would let a UAV leave at one end of a lane to enter it at the other.
+        far_m = inner_m[length_m(inner_m - node_m[v]) > 2 * LEG * spacing_m]
+        if (point_segment_distance_m(far_m[:, None], way_m[:-1], way_m[1:]) > spacing_m).all():
+            exits.append((v, float(length_m(np.diff(way_m, axis=0)).sum())))
     if not exits:
         return
     size = graph.shape[0]
@@ -190,4 +203,9 @@ def _to_edge(
         end[v] = left_m[v] >= length
 
 
-LEG_BUDGET = 1_000_000
+def _way_m(charts: Charts, uav: int, r_m: float, start_m: Floats, goal_m: Floats) -> Floats | None:
+    """Return the points (p, 2) of the shortest way round zones, None if none is known."""
+    if kernel.open_leg(charts.barred, r_m, DELTA_M, *start_m.tolist(), *goal_m.tolist())[0]:
+        return np.stack([start_m, goal_m])
+    known, node, _, _ = charts.way(uav, r_m, start_m, goal_m, LEG_TESTS)
+    return along(known, node, start_m) if known is not None and node >= 0 else None
