@@ -27,6 +27,8 @@ LEG = 1.6
 """Longest leg, in lattice spacings."""
 CLOSE = 0.4
 """Places nearer to each other than this, in lattice spacings, count as one."""
+EXIT = 4.0
+"""The same for places at the edge of the map over which UAVs leave it."""
 PUSHES = 6
 NEXT_M = 1e-6
 """Length of a leg between places that are one; a sparse matrix takes 0 for no leg."""
@@ -146,12 +148,16 @@ def _places(airspace: Airspace, lattice_m: Floats, r_m: float, spacing_m: float)
     point_m = point_m[length_m(point_m - lattice_m) < spacing_m]
     point_m = point_m[clear_of(airspace, point_m, np.full(len(point_m), r_m))]
     point_m = point_m[airspace.contains(point_m)]
-    first, second = near_pairs(point_m, CLOSE * spacing_m)
-    dropped = np.zeros(len(point_m), dtype=bool)
-    for i, j in zip(first.tolist(), second.tolist(), strict=True):
+    return point_m[_thinned(point_m, np.arange(len(point_m)), CLOSE * spacing_m)]
+
+
+def _thinned(point_m: Floats, chosen: Indices, least_m: float) -> Indices:
+    """Return those of the chosen points that are farther than `least_m` from all others returned before them."""
+    dropped = np.zeros(len(chosen), dtype=bool)
+    for i, j in zip(*(side.tolist() for side in near_pairs(point_m[chosen], least_m)), strict=True):
         if not dropped[i]:
             dropped[j] = True
-    return point_m[~dropped]
+    return chosen[~dropped]
 
 
 def _nearest(point_m: Floats, a_m: Floats, b_m: Floats) -> Floats:
@@ -179,7 +185,7 @@ def _to_edge(
 ) -> None:  # fmt: skip
     """Write the ways to a goal beyond the map: those over nodes at its edge, from which a way leads on outside it."""
     exits, inner_m = [], node_m[reached & ~edge]
-    for v in np.flatnonzero(edge & reached).tolist():
+    for v in _thinned(node_m, np.flatnonzero(edge & reached), EXIT * spacing_m).tolist():
         way_m = _way_m(charts, uav, r_m, node_m[v], goal_m)
         if way_m is None:
             continue

@@ -36,7 +36,7 @@ BLOCKED_SLOTS = 24
 """Slots without progress after which a UAV is blocked."""
 WAITING_SLOTS = 12
 """Slots without progress of all UAVs of a group; in a queue whose first one moves nobody is blocked."""
-PAUSE_SLOTS = 16
+PAUSE_SLOTS = 8
 """Slots from a search that finds nothing to the next one for the same UAV."""
 PATIENCE_SLOTS = 32
 """Slots in which no move of a script ends before it is given up."""
@@ -47,6 +47,8 @@ MOST_MOVES = 1000
 MOST_UAVS = 6
 SPACINGS = (3.0, 6.0, 1.5)
 """Shares of the least distance of two UAVs that are the spacing of a roadmap, in the order in which they are tried."""
+BEYOND = 8.0
+"""Distance of the farthest UAVs of a group from those in contact, in radii."""
 REACHED = 0.2
 """Distance from a place at which a UAV has reached it, in its longest steps."""
 SPARE_M = 1e-3
@@ -174,9 +176,10 @@ class Room:
             watch = self.watches[k]
             if k in busy or slot - watch.slot < BLOCKED_SLOTS:
                 continue
-            group = self._neighbours(row, uav, position_m, r_m, busy)
-            if any(not self.watches[other].waits(slot) for other in uav[group].tolist()):
+            near = self._neighbours(row, uav, position_m, r_m, busy)
+            if any(not self.watches[other].waits(slot) for other in uav[near].tolist()):
                 continue
+            group = [*near, *self._beyond(slot, near, uav, position_m, r_m, busy)][:MOST_UAVS]
             while searches > 0 and left > 0 and watch.size <= len(group):
                 rows, spacing = np.array(group[: watch.size]), SPACINGS[watch.tries % len(SPACINGS)]
                 script, spent = self._script(slot, rows, spacing, uav, position_m, goal_m, r_m, walls, left)
@@ -191,7 +194,7 @@ class Room:
                 watch.slot = slot - BLOCKED_SLOTS + PAUSE_SLOTS
 
     def _neighbours(self, row: int, uav: Indices, position_m: Floats, r_m: Floats, busy: set[int]) -> list[int]:
-        """Return the rows of a blocked UAV and of those that stand about it, the nearest first, at most six."""
+        """Return the rows of a blocked UAV and of those in contact with it, the nearest first, at most six."""
         away_m = length_m(position_m - position_m[row]) - r_m - r_m[row]
         order = np.argsort(away_m, kind="stable").tolist()
         free = [other for other in order if other != row and int(uav[other]) not in busy]
@@ -205,6 +208,15 @@ class Room:
                     found = True
                     break
         return near
+
+    def _beyond(
+        self, slot: int, near: list[int], uav: Indices, position_m: Floats, r_m: Floats, busy: set[int]
+    ) -> list[int]:
+        """Return the rows of the UAVs not far from these that wait too: one of them may stand where room is needed."""
+        away_m = length_m(position_m[:, None] - position_m[near]).min(axis=1)
+        order = [row for row in np.argsort(away_m, kind="stable").tolist() if away_m[row] < BEYOND * r_m[near].max()]
+        free = [row for row in order if row not in near and int(uav[row]) not in busy]
+        return [row for row in free if self.watches[int(uav[row])].waits(slot)]
 
     def _script(
         self, slot: int, rows: Indices, spacing: float, uav: Indices, position_m: Floats, goal_m: Floats, r_m: Floats,
