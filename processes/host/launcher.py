@@ -13,10 +13,9 @@ import zenoh
 
 from edc_swarm.errors import SwarmError
 from edc_swarm.mission.configuration import Mission
-from edc_swarm.protocol.events import EventKind
 from processes.bus.subscriptions import Heard, Token
 from processes.host import fork_source
-from processes.host.ending import CLOSE_TIMEOUT_S, SILENT, begin_end, how_ended
+from processes.host.ending import CLOSE_TIMEOUT_S, begin_end
 from processes.host.pool import FORK_SOURCE
 from processes.host.run_report import RunReport, report_on
 from processes.host.run_setup import Bus, Protection, RunSetup, View
@@ -135,9 +134,7 @@ class Launcher:
             deaths.take(name, status)  # No recorder is left: end in order, and keep the messages recorded so far.
             self._loop.interrupted = True
         else:
-            if self._state.operator is not None:
-                self._state.operator.publish_event(EventKind.EXITED, f"{name} {how_ended(status)}")
-            self._loop.failure = PartEndedError(f"the {name} {how_ended(status)}: {output.tail(name) or SILENT}")
+            self._state.fail(name, name, status)
 
     # --- end ---------------------------------------------------------------------------------
 

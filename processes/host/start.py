@@ -82,6 +82,7 @@ class RunStart:
         try:
             return open_client(endpoint, own, timeout_ms=OPEN_TIMEOUT_MS, observer=True)
         except zenoh.ZError:
+            self._loop.pump(0.0)  # The router may have died meanwhile, which is then the reason.
             router = unreachable_router(endpoint)
             if self._setup.listen is None:
                 raise SwarmError(f"cannot reach {router}: is the loopback interface of this host up?") from None
