@@ -18,7 +18,7 @@ from edc_swarm.protocol.messages import Fix
 FLIGHT_HEIGHT_M = 7.0
 """Height above the start at which a flying UAV is shown: that from which `landing_s` takes a UAV to the ground."""
 HEARTBEAT_NS = NS_PER_S
-SILENT_SLOTS = 2
+SILENT_AFTER_SLOTS = 2
 """Slots without a fix after which a UAV sends no heartbeat."""
 
 QUADROTOR = 2
@@ -70,7 +70,7 @@ class VehicleView:
     def advance(self, now_ns: int) -> list[Frame]:
         """Return heartbeat, state and battery if they are due and the UAV is heard."""
         fix = self._fix
-        silent_ns = (SILENT_SLOTS + 1) * self._mission.slot_ns
+        silent_ns = (SILENT_AFTER_SLOTS + 1) * self._mission.slot_ns
         if fix is None or now_ns < self._next_beat_ns or now_ns - self._heard_ns > silent_ns:
             return []
         self._next_beat_ns = now_ns + HEARTBEAT_NS

@@ -20,7 +20,7 @@ LACKS_TARGET = "a table with target_x_m and target_y_m, or with a route"
 """What an entry of the roster must be, in words."""
 
 
-class RosterEntry(Struct, frozen=True, kw_only=True):
+class RosterEntry(Struct, frozen=True, kw_only=True, omit_defaults=True):
     """One UAV: its start, its target or route, and what differs from the other UAVs.
 
     A field that is 0 or left out is inherited from the mission; `roster.complete_mission` fills it in.

@@ -38,7 +38,7 @@ WAITING_SLOTS = 12
 """Slots without progress of all UAVs of a group; in a queue whose first one moves nobody is blocked."""
 PAUSE_SLOTS = 8
 """Slots from a search that finds nothing to the next one for the same UAV."""
-PATIENCE_SLOTS = 32
+BLOCKED_SLOTS = 32
 """Slots in which no move of a script ends before it is given up."""
 EXPANSIONS = 20_000
 SEARCHES = 3
@@ -51,7 +51,7 @@ BEYOND = 8.0
 """Distance of the farthest UAVs of a group from those in contact, in radii."""
 REACHED = 0.2
 """Distance from a place at which a UAV has reached it, in its longest steps."""
-SPARE_M = 1e-3
+MAP_SPARE_M = 1e-3
 
 
 @dataclass
@@ -160,7 +160,7 @@ class Room:
             if reached.any():
                 script.flown[k] += int(np.flatnonzero(reached)[-1]) + 1
                 script.begun_slot = slot
-        over = script.ended or slot - script.begun_slot > PATIENCE_SLOTS
+        over = script.ended or slot - script.begun_slot > BLOCKED_SLOTS
         if over:
             for k in script.uav.tolist():
                 self.watches[k].slot = slot
@@ -225,7 +225,7 @@ class Room:
         """Search moves for the UAVs of these rows; all others stand still."""
         start_m, radius_m = position_m[rows], r_m[rows]
         now_m = length_m(start_m[:, None] - start_m)
-        apart_m = np.minimum(radius_m[:, None] + radius_m + DELTA_M + SPARE_M, 0.9995 * now_m)
+        apart_m = np.minimum(radius_m[:, None] + radius_m + DELTA_M + MAP_SPARE_M, 0.9995 * now_m)
         box = Box.about(start_m, 2 * float(radius_m.max()) / spacing)
         others = np.setdiff1d(np.flatnonzero(box.inside(position_m, -2 * float(r_m.max()))), rows)
         found = roadmap(

@@ -35,7 +35,7 @@ from processes.services.mavlink_link import MavlinkLink
 from processes.services.orders import orders
 
 NAME = GROUND
-IDLE_S = 0.25
+BRIDGE_IDLE_S = 0.25
 KEPT_EVENTS_BYTES = 1 << 20
 """Size of the buffer for retransmission of events."""
 
@@ -89,7 +89,7 @@ class GroundStation:
     def show(self) -> None:
         """Show the mission until the operator ends it, then publish a `closed` event."""
         while not self._over:
-            for item in self._inbox.wait(IDLE_S, SETTLE_S):
+            for item in self._inbox.wait(BRIDGE_IDLE_S, SETTLE_S):
                 self._take_item(item)
             self._link.send(self._view.advance(self._clock.now_ns()))
             self._tell_denied()

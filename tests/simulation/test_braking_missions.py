@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Callable
 from typing import Any
 
@@ -13,16 +12,9 @@ import pytest
 from edc_swarm.agent import flight, knowledge, vehicle
 from edc_swarm.agent.vehicle import Promise, Vehicle
 from edc_swarm.experiments.fuzz_scenarios import scenario
-from edc_swarm.experiments.fuzzing import fly, search
+from edc_swarm.experiments.fuzzing import search
 from edc_swarm.geometry import Floats, length_m
 from edc_swarm.mission.braking import Point
-from edc_swarm.mission.configuration import Mission
-from edc_swarm.mission.roster import complete_mission
-from edc_swarm.mission.roster_entry import RosterEntry
-from edc_swarm.mission.validation import mission_from_dict
-from edc_swarm.planner.registry import make_planner
-from edc_swarm.protocol.messages import Fix, Message, mission_message
-from edc_swarm.simulation.simulator import Simulation
 from edc_swarm.solver.stopping import ROOM_M, Momentum
 
 Patch = pytest.MonkeyPatch
