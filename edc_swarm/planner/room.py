@@ -32,13 +32,13 @@ from edc_swarm.solver.barrier_rows import Airspace
 from edc_swarm.solver.hull_rows import Obstacles
 from edc_swarm.solver.normals import DELTA_M
 
-JAMMED_SLOTS = 24
+BLOCKED_SLOTS = 24
 """Slots without progress after which a UAV is blocked."""
 WAITING_SLOTS = 12
 """Slots without progress of all UAVs of a group; in a queue whose first one moves nobody is blocked."""
 PAUSE_SLOTS = 8
 """Slots from a search that finds nothing to the next one for the same UAV."""
-JAMMED_SLOTS = 32
+SCRIPT_SLOTS = 32
 """Slots in which no move of a script ends before it is given up."""
 EXPANSIONS = 20_000
 SEARCHES = 3
@@ -160,7 +160,7 @@ class Room:
             if reached.any():
                 script.flown[k] += int(np.flatnonzero(reached)[-1]) + 1
                 script.begun_slot = slot
-        over = script.ended or slot - script.begun_slot > JAMMED_SLOTS
+        over = script.ended or slot - script.begun_slot > SCRIPT_SLOTS
         if over:
             for k in script.uav.tolist():
                 self.watches[k].slot = slot
@@ -174,7 +174,7 @@ class Room:
         left, searches = EXPANSIONS, SEARCHES
         for row, k in enumerate(uav.tolist()):
             watch = self.watches[k]
-            if k in busy or slot - watch.slot < JAMMED_SLOTS:
+            if k in busy or slot - watch.slot < BLOCKED_SLOTS:
                 continue
             near = self._neighbours(row, uav, position_m, r_m, busy)
             if any(not self.watches[other].waits(slot) for other in uav[near].tolist()):
@@ -191,7 +191,7 @@ class Room:
             if k in busy or watch.size > len(group):
                 watch.tries += 1
                 watch.size = 1 + watch.tries // len(SPACINGS)
-                watch.slot = slot - JAMMED_SLOTS + PAUSE_SLOTS
+                watch.slot = slot - BLOCKED_SLOTS + PAUSE_SLOTS
 
     def _neighbours(self, row: int, uav: Indices, position_m: Floats, r_m: Floats, busy: set[int]) -> list[int]:
         """Return the rows of a blocked UAV and of those in contact with it, the nearest first, at most six."""
