@@ -211,7 +211,7 @@ def check_vehicles(mission: Mission) -> None:
         if not vehicle.is_ideal:
             if mission.planner == "paper":
                 raise MissionError(
-                    "planner", "paper", f"edc, straight or an own one with {vehicle.model}: it has speeds"
+                    "planner", "paper", f"edc, straight or an own one: it plans no acceleration of {vehicle.model}"
                 )
             _check_vehicle(mission, vehicle)
         _check_budget(mission, index, entry, vehicle)
