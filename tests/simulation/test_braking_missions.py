@@ -2,7 +2,10 @@
 
 from __future__ import annotations
 
+import hashlib
+import math
 from collections.abc import Callable
+from functools import partial
 from typing import Any
 
 import msgspec
@@ -12,13 +15,34 @@ import pytest
 from edc_swarm.agent import flight, knowledge, vehicle
 from edc_swarm.agent.vehicle import Promise, Vehicle
 from edc_swarm.experiments.fuzz_scenarios import scenario
-from edc_swarm.experiments.fuzzing import search
+from edc_swarm.experiments.fuzzing import fly, search
 from edc_swarm.geometry import Floats, length_m
 from edc_swarm.mission.braking import Point
+from edc_swarm.mission.configuration import Mission
+from edc_swarm.mission.roster import complete_mission
+from edc_swarm.mission.validation import mission_from_dict
+from edc_swarm.planner.registry import make_planner
+from edc_swarm.protocol.messages import Command, Message, mission_message
+from edc_swarm.simulation.simulator import Simulation
 from edc_swarm.solver.stopping import ROOM_M, Momentum
 
 Patch = pytest.MonkeyPatch
 Defect = Callable[[Patch], None]
+AS_BEFORE = [
+    ({"uavs": 6, "seed": 3, "max_slots": 40, "fault": ["kill head @4s"]}, "257839e28f4a037a0539de92b8d8b61b"),
+    (
+        {
+            "uavs": 5,
+            "seed": 4,
+            "lag_slots": 1,
+            "max_slots": 40,
+            "link": [{"loss": 0.3}],
+            "fault": ["partition halves @6s for 5"],
+        },
+        "721d4aeea762733069aebe04f68b0738",
+    ),
+]
+"""Missions of ideal vehicles, and a digest of their commands by the version before there were others."""
 INERT = [seed for seed in range(60) if not scenario(seed).vehicle.is_ideal]
 """Seeds whose vehicles have inertia."""
 
@@ -94,3 +118,28 @@ def test_the_fuzzer_finds(defect: Defect, runs: int, monkeypatch: Patch) -> None
     assert seed is not None, f"{defect.__name__} went unnoticed in {runs} runs"
     assert search(seed) is None
     print(defect.__name__, INERT.index(seed) + 1)
+
+
+def _commands(mission: Mission) -> list[Command]:
+    message, said = mission_message(complete_mission(mission)), list[Message]()
+    make = partial(make_planner, mission.planner, message)
+    Simulation(message, make, lambda _key, said_now, _ns: said.append(said_now)).run()
+    return [heard for heard in said if isinstance(heard, Command)]
+
+
+@pytest.mark.parametrize(("fields", "digest"), AS_BEFORE)
+def test_ideal_vehicles_fly_as_before(fields: dict[str, Any], digest: str) -> None:
+    """Every command of a seed is the same to the last bit."""
+    text = "".join(
+        f"{c.slot} {c.uav} {c.start_x_m!r} {c.start_y_m!r} {c.target_x_m!r} {c.target_y_m!r};"
+        for c in _commands(mission_from_dict({"area_m2": 2500, **fields}))
+    )
+    assert hashlib.sha256(text.encode()).hexdigest()[:32] == digest
+
+
+def test_vehicles_with_inertia_complete_a_dense_mission() -> None:
+    """Ten UAVs on 50 m x 50 m arrive, every guarantee holds, and the UAVs reach their full speed."""
+    mission = mission_from_dict({"uavs": 10, "area_m2": 3600, "seed": 5, "r_m": 3, "vehicle": {"model": "multirotor"}})
+    assert fly(mission) == []
+    lengths_m = [math.dist((c.start_x_m, c.start_y_m), (c.target_x_m, c.target_y_m)) for c in _commands(mission)]
+    assert max(lengths_m) > 0.99 * mission.u_max_m
