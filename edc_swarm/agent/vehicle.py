@@ -29,10 +29,8 @@ from edc_swarm.mission.faults import VehicleFault
 from edc_swarm.mission.lifelong import next_goal
 from edc_swarm.mission.roster_entry import RosterEntry
 from edc_swarm.mission.routes import Course
+from edc_swarm.mission.vehicle_budget import GROWTH_M
 from edc_swarm.protocol.messages import NO_ONE, Command, Goal, MissionMessage
-
-GROWTH_M = 0.25
-"""Least growth of a tracked disc: a planner computes ways round zones anew for each radius."""
 
 
 class Promise(Struct, frozen=True, kw_only=True):

@@ -20,7 +20,7 @@ from edc_swarm.mission.vehicle_budget import step_change_m
 
 Point = tuple[float, float]
 
-SLACK = 1e-9
+BRAKE_SLACK = 1e-9
 """Rounding that a UAV allows in the change of its step: this share of it, and as many metres."""
 AT_REST_M = 1e-9
 """Length up to which a braking step is rounding: the UAV rests."""
@@ -70,7 +70,7 @@ def allows(from_m: Point, at_m: Point, to_m: Point, change_m: float) -> bool:
     """Return True if the step at-to differs from the last step, from-at, by at most the step change."""
     dx_m = to_m[0] - at_m[0] - (at_m[0] - from_m[0])
     dy_m = to_m[1] - at_m[1] - (at_m[1] - from_m[1])
-    return math.hypot(dx_m, dy_m) <= change_m * (1 + SLACK) + SLACK
+    return math.hypot(dx_m, dy_m) <= change_m * (1 + BRAKE_SLACK) + BRAKE_SLACK
 
 
 def reach_m(length_m: float, slots: int, u_max_m: float, change_m: float) -> float:

@@ -20,7 +20,7 @@ LACKS_TARGET = "a table with target_x_m and target_y_m, or with a route"
 """What an entry of the roster must be, in words."""
 
 
-class RosterEntry(Struct, frozen=True, kw_only=True):
+class RosterEntry(Struct, frozen=True, kw_only=True, omit_defaults=True):
     """One UAV: its start, its target or route, and what differs from the other UAVs.
 
     A field that is 0 or left out is inherited from the mission; `roster.complete_mission` fills it in.
@@ -31,7 +31,7 @@ class RosterEntry(Struct, frozen=True, kw_only=True):
     uav: UavId
     """Id of the UAV, which no other UAV has.
 
-    Ids of processes are reserved: operator, recorder, viz, router, join, ca.
+    Ids of processes are reserved: operator, recorder, viz, ground, router, join, ca.
     """
     start_x_m: Metres
     """Start, first coordinate in the local frame (east).

@@ -6,6 +6,7 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 from functools import cache
 
@@ -19,6 +20,8 @@ from edc_swarm.mission.faults import OUTAGE, ChangeGps, Gust, parse_fault
 from edc_swarm.mission.roster_entry import RosterEntry
 from edc_swarm.mission.vehicle_model import SETS, VehicleModel
 
+GROWTH_M = 0.25
+"""Least growth of a tracked disc: a planner computes ways round zones anew for each radius."""
 LEAST_SHARE = 0.25
 """Least share of a vehicle's `a_max_mps2` that wind and controller may leave for the plan."""
 
@@ -113,6 +116,16 @@ def gps_bound_m(mission: Mission, entry: RosterEntry) -> float:
     return budget_of(mission, entry).gps_m
 
 
+def grown_r_m(mission: Mission, entry: RosterEntry) -> float:
+    """Return the largest radius that the disc of a UAV can have: the outages of the mission's faults let it grow."""
+    vehicle = vehicle_of(mission, entry)
+    if vehicle.is_ideal:
+        return entry.r_m
+    *_, outage_s = _faults_of(tuple(mission.fault), mission.dt_s, entry.uav)
+    slots = min(mission.max_slots, outage_s / mission.dt_s)
+    return entry.r_m + GROWTH_M * math.ceil(vehicle.drift_mps * mission.dt_s * slots / GROWTH_M)
+
+
 def budget_of(mission: Mission, entry: RosterEntry) -> Budget:
     """Return the budget of one UAV's disc.
 
@@ -142,10 +155,10 @@ def budget_of(mission: Mission, entry: RosterEntry) -> Budget:
     stated_gps_m = entry.gps_m or mission.gps_m
     if vehicle.is_ideal:
         return Budget(r_m, body_m, stated_gps_m or r_m - body_m)
-    gust_mps, has_outage = _faults_of(tuple(mission.fault), mission.dt_s, entry.uav)
+    gust_mps, outage_s = _faults_of(tuple(mission.fault), mission.dt_s, entry.uav)
     winds = (mission.wind.mean_mps, mission.wind.gust_mps + gust_mps)
     speed_mps = mission.speed_mps(entry)
-    return _budget(vehicle, mission.dt_s, speed_mps, winds, (r_m, body_m, stated_gps_m), has_outage)
+    return _budget(vehicle, mission.dt_s, speed_mps, winds, (r_m, body_m, stated_gps_m), outage_s > 0)
 
 
 @cache
@@ -264,12 +277,14 @@ def _filled_in(stated: VehicleModel) -> VehicleModel:
 
 
 @cache
-def _faults_of(texts: tuple[str, ...], dt_s: float, uav: str) -> tuple[float, bool]:
-    """Return the speed of the strongest gust of the mission's faults that can hit `uav`, and True if it can lose GPS.
+def _faults_of(texts: tuple[str, ...], dt_s: float, uav: str) -> tuple[float, float]:
+    """Return the speed of the strongest gust of the mission's faults that can hit `uav`, and its time without GPS.
+
+    An outage may last a slot more than it says, since it begins and ends with a slot.
 
     `head` and `standby` can be any UAV.
     """
     faults = [parse_fault(text, dt_s) for text in texts]
     hits = [fault for fault in faults if isinstance(fault, Gust | ChangeGps) and fault.target in {uav, *ONE_UAV}]
     gust_mps = max((fault.speed_mps for fault in hits if isinstance(fault, Gust)), default=0.0)
-    return gust_mps, any(isinstance(fault, ChangeGps) and fault.model == OUTAGE for fault in hits)
+    return gust_mps, sum(fault.for_s + dt_s for fault in hits if isinstance(fault, ChangeGps) and fault.model == OUTAGE)

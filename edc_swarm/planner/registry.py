@@ -67,6 +67,10 @@ def warm_up(mission: Mission) -> None:
         )
         if plan.problem:
             raise MissionError("planner", mission.planner, f"one that has a plan for two UAVs ({plan.problem})")
+    if mission.planner == "edc" and mission.zone:
+        from edc_swarm.planner.room import rehearse  # noqa: PLC0415  (imports numpy)
+
+        rehearse()
 
 
 def _tiny(mission: Mission) -> Mission:

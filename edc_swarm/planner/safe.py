@@ -11,6 +11,7 @@ import numpy as np
 from edc_swarm.geometry import Floats
 from edc_swarm.mission.braking import braking_m, changes_m
 from edc_swarm.mission.configuration import Mission
+from edc_swarm.mission.vehicle_budget import grown_r_m
 from edc_swarm.mission.zones import barriers
 from edc_swarm.planner.interface import Plan, PlanStatus, Stopwatch, stopped
 from edc_swarm.planner.pilot import momentum_of
@@ -22,7 +23,7 @@ from edc_swarm.solver.slot_qp import Problem
 
 def airspace_of(mission: Mission) -> Airspace:
     """Return the airspace that the mission's zones leave to its UAVs."""
-    r_m = max([mission.r_m, *(entry.r_m for entry in mission.roster)])
+    r_m = max([mission.r_m, *(grown_r_m(mission, entry) for entry in mission.roster)])
     reach_m = 2 * max(mission.steps_m, default=0.0)
     if changes := changes_m(mission):
         steps = zip(mission.steps_m, changes, strict=True)

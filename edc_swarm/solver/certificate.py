@@ -29,7 +29,7 @@ from numpy.typing import NDArray
 
 from edc_swarm.geometry import Floats, Indices, dot, length_m
 from edc_swarm.solver.slot_qp import Problem
-from edc_swarm.solver.stopping import SLACK
+from edc_swarm.solver.stopping import STOP_SLACK
 
 MARGIN_M = 1e-9
 """Room kept free for rounding."""
@@ -132,7 +132,7 @@ def _refused(problem: Problem, waypoint_m: Floats) -> NDArray[np.bool_]:
     if problem.momentum is None:
         refused = _too_long(step_m, problem.u_max_m)
     else:
-        refused = ~problem.momentum.allows(waypoint_m, SLACK) | problem.frozen
+        refused = ~problem.momentum.allows(waypoint_m, STOP_SLACK) | problem.frozen
     for uav, over_m, _ in over:
         refused[uav[over_m > -rounding_m]] = True
     return refused

@@ -21,9 +21,9 @@ from numpy.typing import NDArray
 
 from edc_swarm.geometry import Floats, length_m
 
-HALVINGS = 24
+STEP_HALVINGS = 24
 """Bisections of a way to a stopping point that the UAV cannot choose in this slot."""
-SLACK = 5e-10
+STOP_SLACK = 5e-10
 """Rounding of the change of a step that the certificate allows: half of what a UAV allows (`mission.braking`)."""
 
 ROOM_M = 1e-9
@@ -129,15 +129,15 @@ class Momentum:
         its rest is found brakes.
         """
         waypoint_m = self.waypoints_m(rest_m + way_m)
-        beyond = ~self.allows(waypoint_m, SLACK / 2)
+        beyond = ~self.allows(waypoint_m, STOP_SLACK / 2)
         if not beyond.any():
             return waypoint_m
         low, high = np.zeros(len(way_m)), np.ones(len(way_m))
         best_m = np.where(beyond[:, None], self.braked_m, waypoint_m)
-        for _ in range(HALVINGS):
+        for _ in range(STEP_HALVINGS):
             middle = 0.5 * (low + high)
             trial_m = self.waypoints_m(rest_m + middle[:, None] * way_m)
-            good = self.allows(trial_m, SLACK / 2)
+            good = self.allows(trial_m, STOP_SLACK / 2)
             low, high = np.where(good, middle, low), np.where(good, high, middle)
             best_m = np.where((beyond & good)[:, None], trial_m, best_m)
         return best_m

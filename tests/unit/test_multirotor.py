@@ -10,6 +10,7 @@ from typing import Any
 
 import pytest
 
+from edc_swarm.emulation import multirotor
 from edc_swarm.emulation.body import BodyState, Flown
 from edc_swarm.emulation.energy import flight_power_w, propulsion_power_w
 from edc_swarm.emulation.multirotor import Multirotor
@@ -108,6 +109,25 @@ def test_it_steers_by_the_measured_position() -> None:
     assert off_m == pytest.approx(math.hypot(*flying.state.error_m), abs=1e-6)
     assert off_m > 0.1
     assert done.measured_m == pytest.approx((2.0, 0.0), abs=1e-6)
+
+
+def square_wave_off_m(flying_mission: Mission) -> float:
+    """The largest deviation while the GPS error changes from one end of its disc to the other, every four seconds."""
+    flying, g = body(flying_mission), budget_of(flying_mission, UAV).gps_m
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(flying._gps, "next_error_m", lambda slot: ((-g, g)[slot // 8 % 2], 0.0))
+        return largest_m(flying, STANDING)
+
+
+def test_a_gps_error_that_changes_is_in_the_budget(monkeypatch: pytest.MonkeyPatch) -> None:
+    """The worst change stays inside its part; an estimate that jumps to each fix is what no budget has room for."""
+    jumping = mission(gps_m=4.0, r_m=5.0)
+    budget = budget_of(jumping, UAV)
+    assert 3.0 < square_wave_off_m(jumping) <= budget.gps_m + budget.correction_m + budget.between_m
+    reckless = vehicle_of(mission(vehicle={"correction_mps": 100.0}), UAV)
+    monkeypatch.setattr(multirotor, "FILTER_SHARE", 1.0)
+    monkeypatch.setattr(multirotor, "vehicle_of", lambda *_: reckless)
+    assert square_wave_off_m(jumping) > budget.gps_m + budget.correction_m + budget.between_m
 
 
 def test_every_gps_model_flies_another_path() -> None:

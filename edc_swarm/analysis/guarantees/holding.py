@@ -14,7 +14,7 @@ from edc_swarm.analysis.guarantees.evidence import Evidence
 from edc_swarm.analysis.guarantees.verdict import GuaranteeResult, Violation, verdict
 from edc_swarm.analysis.tracks import TRUTH_TOLERANCE_M
 from edc_swarm.analysis.true_paths import have_inertia
-from edc_swarm.mission.braking import AT_REST_M, SLACK, change_of
+from edc_swarm.mission.braking import AT_REST_M, BRAKE_SLACK, change_of
 
 
 def check_hold_on_silence(evidence: Evidence) -> GuaranteeResult:
@@ -47,7 +47,7 @@ def _changes(evidence: Evidence) -> tuple[NDArray[np.float64], NDArray[np.bool_]
     change_m = _length_m(np.diff(step_m, axis=0))
     known = ~tracks.lost
     known[1:] &= ~tracks.lost[:-1]
-    return change_m, known & (change_m > limit_m * (1 + 2 * SLACK) + 2 * SLACK)
+    return change_m, known & (change_m > limit_m * (1 + 2 * BRAKE_SLACK) + 2 * BRAKE_SLACK)
 
 
 def _braking_m(evidence: Evidence) -> NDArray[np.float64]:

@@ -15,7 +15,7 @@ from edc_swarm.analysis.guarantees.evidence import Evidence
 from edc_swarm.analysis.guarantees.verdict import Violation
 from edc_swarm.analysis.true_paths import Floats, TruePaths
 from edc_swarm.geometry import BODY_TOLERANCE_M, length_m
-from edc_swarm.mission.braking import SLACK, change_of
+from edc_swarm.mission.braking import BRAKE_SLACK, change_of
 from edc_swarm.mission.vehicle_budget import budget_of
 
 MEMORY_SLOTS = 8
@@ -71,7 +71,7 @@ def _cause(evidence: Evidence, paths: TruePaths, slot: int, k: int) -> str:
     step_m = np.diff(tracks.centre_m[max(0, slot - MEMORY_SLOTS - 1) : slot + 2, k], axis=0)
     turn_m = float(length_m(np.diff(step_m, axis=0)).max(initial=0.0))
     change_m = change_of(mission, entry)
-    if turn_m > change_m * (1 + 2 * SLACK) + 2 * SLACK:
+    if turn_m > change_m * (1 + 2 * BRAKE_SLACK) + 2 * BRAKE_SLACK:
         return f"a_max_mps2 was too small, its step changed by {turn_m:.2f} m, more than {change_m:.2f} m"
     if error_m > budget.gps_m + grown_m + BODY_TOLERANCE_M:
         return f"gps_m was too small, its measured position was off by {error_m:.2f} m"
