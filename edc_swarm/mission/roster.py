@@ -43,9 +43,6 @@ def complete_mission(mission: Mission) -> Mission:
     check_links(whole)
     check_zones(whole)
     check_goals(whole)
-    if whole.goals == "lifelong" and any(zone.name != FENCE for zone in whole.zone):
-        allowed = f"once with zones of the user's: targets are drawn without regard to zones but {FENCE!r}"
-        raise MissionError("goals", whole.goals, allowed)
     max_slots = whole.max_slots or default_max_slots(whole)
     return msgspec.structs.replace(whole, tau_s=default_tau_s(whole), max_slots=max_slots)
 
