@@ -4,11 +4,10 @@
 # one (NUMBA_CPU_NAME), and that cache is good for whatever user the container runs as.
 
 #
-# It holds what the services of compose.yaml need. EXTRAS names more: a UAV needs none, the live view needs `live`, the
-# secured mission `secure`, and figures alone need `plots` (100 MB):
-#     EXTRAS=live,secure,plots docker compose build
+# It holds what a UAV, a head, router, recorder, visualiser and operator need. EXTRAS adds what some services alone need
+# (compose.yaml): `live` the live view (54 MB), `plots` figures (100 MB); `secure` (16 MB) makes certificates.
 
-ARG EXTRAS=live,secure
+ARG EXTRAS=secure
 
 FROM python:3.11-slim AS build
 ARG EXTRAS
@@ -23,10 +22,11 @@ RUN python -c "import tomllib; p = tomllib.load(open('pyproject.toml', 'rb')); o
 COPY README.md LICENSE ./
 COPY edc_swarm edc_swarm
 COPY processes processes
+# strip damages the libraries in *.libs, which wheels have patched.
 RUN pip install --quiet --no-deps --no-build-isolation . \
     && pip uninstall --quiet --yes hatchling setuptools pip \
     && find /opt/edc-swarm -type d -name tests -path '*/site-packages/*' -prune -exec rm -rf {} + \
-    && find /opt/edc-swarm -name '*.so*' -type f -exec strip --strip-unneeded {} +
+    && find /opt/edc-swarm -name '*.so' -type f -not -path '*.libs/*' -exec strip --strip-unneeded {} +
 
 FROM python:3.11-slim
 ARG EXTRAS
