@@ -27,6 +27,7 @@ from processes.operator.takeover import new_mission_id
 from processes.runtime.children import ChildExited, ChildReady, PartEndedError
 from processes.runtime.loop import LOOK_EVERY_S, Interrupted, Loop
 from processes.runtime.output import Output
+from processes.services.ground_station import NAME as GROUND
 from processes.services.recorder import CANNOT_WRITE
 from processes.services.recorder import NAME as RECORDER
 from processes.services.visualiser import NAME as VIZ
@@ -121,11 +122,11 @@ class Launcher:
                 self._watch.take_uav_exit(news)
 
     def _take_exit(self, name: str, status: int) -> None:
-        """Take in the end of a child: the mission goes on without a visualiser, and ends without any other."""
+        """Take in the end of a child: the mission goes on without a viewer, and ends without any other."""
         deaths, output = self._state.deaths, self._setup.output
         if self._parts.take_exit(name) or self._loop.ending or name in deaths.expected:
             return
-        if name == VIZ:
+        if name in {VIZ, GROUND}:
             deaths.take(name, status)
         elif name == RECORDER and status == CANNOT_WRITE:
             self._loop.failure = output.cannot_write(output.tail(RECORDER, 1))
@@ -153,7 +154,7 @@ class Launcher:
         """
         self._state.publish_end("interrupted" if self._loop.interrupted else "failed")
         remote = set(self._setup.elsewhere) & operator.alive
-        publishers = {*self._parts.pool.living, *remote, *self._state.visualiser}
+        publishers = {*self._parts.pool.living, *remote, *self._state.viewers}
         self._loop.wait_quietly(lambda: operator.seen.closed >= publishers, CLOSE_TIMEOUT_S)
         operator.close()
         timeout_s = CLOSE_TIMEOUT_S if self._loop.interrupted or self._loop.failure else RECORDER_TIMEOUT_S

@@ -12,6 +12,7 @@ from processes.host.run_setup import RunSetup
 from processes.operator.bus_client import Operator
 from processes.runtime.children import PartEndedError
 from processes.runtime.loop import Loop
+from processes.services.ground_station import NAME as GROUND
 from processes.services.visualiser import NAME as VIZ
 
 
@@ -65,9 +66,9 @@ class RunState:
         return self.operator.monitor if self.operator is not None else None
 
     @property
-    def visualiser(self) -> set[str]:
-        """Name of the visualiser while it is alive, else empty."""
-        return {VIZ} & (self.bus.alive if self.setup.bus is not None else self.parts.children.keys())
+    def viewers(self) -> set[str]:
+        """Names of the living parts that show the mission: the visualiser, the bridge to a ground station."""
+        return {VIZ, GROUND} & (self.bus.alive if self.setup.bus is not None else self.parts.children.keys())
 
     def report_exit(self, text: str, log: str = "") -> None:
         """Note the end of a process with the end of its log, and publish it."""

@@ -98,8 +98,8 @@ class RunStart:
         setup = self._setup
         if setup.takeover is not None and setup.takeover.mission is not None:
             return {RECORDER}
-        viz = {VIZ} if setup.bus is not None and setup.view.viz else self._state.visualiser
-        return {*setup.roster, RECORDER, *viz}
+        viewers = {VIZ} if setup.bus is not None and setup.view.viz else self._state.viewers
+        return {*setup.roster, RECORDER, *viewers}
 
     def _missing(self) -> str:
         """Return in words the parts that have yet to connect; an id may be claimed before its UAV connects."""
