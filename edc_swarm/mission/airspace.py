@@ -111,6 +111,25 @@ def zones_refusal(zones: Sequence[Zone], r_m: float, points: Sequence[Point]) ->
     return f"no way from point {apart[0]} to point {apart[0] + 1}: {rings.closed_by(*points_m[apart[0] :][:2])}"
 
 
+class FreePlaces:
+    """The places to which a UAV of radius `r_m` can fly, with the planner's margin."""
+
+    def __init__(self, zones: Sequence[Zone], r_m: float) -> None:
+        self._airspace, self._r_m = Airspace.of(zones), r_m
+        overlaps = _overlaps(self._airspace, r_m)
+        self._rings = _rings(self._airspace, r_m, PLANNER_MARGIN_M, overlaps) if overlaps is not None else None
+
+    def reachable(self, from_m: Point, points: Sequence[Point]) -> list[Point]:
+        """Return those of `points` that zones allow and to which a way leads; a question beyond limits has none."""
+        points_m = np.array(points, dtype=np.float64).reshape(-1, 2)
+        lack_m = self._airspace.lack_m(points_m, np.full(len(points_m), self._r_m))
+        allowed: Bools = np.all(lack_m <= -PLANNER_MARGIN_M, axis=1)
+        if self._rings is None:
+            return []
+        allowed[self._rings.apart(np.broadcast_to(from_m, points_m.shape), points_m)] = False
+        return [point for point, fits in zip(points, allowed.tolist(), strict=True) if fits]
+
+
 def check_zones(mission: Mission, routes: Sequence[Sequence[Point]] | None = None) -> list[str]:
     """Check that every UAV of a mission can fly its route in the airspace; return warnings.
 

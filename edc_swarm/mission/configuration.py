@@ -234,7 +234,7 @@ class Mission(Struct, frozen=True, kw_only=True):
     """Goals of a UAV: `once`, its route alone, or `lifelong`, a new target whenever it has arrived.
 
     `seed`, the UAV and the number of the goal draw a new target; the discs of all UAVs at their targets are disjoint
-    where there is room. A lifelong mission lasts `max_slots`.
+    where there is room, and inside all inclusion and outside all exclusion zones. A lifelong mission lasts `max_slots`.
     """
     goals_from: GoalSource = "operator"
     """Senders of new goals that a UAV accepts in flight: the `operator` alone, or `any` process of the bus."""

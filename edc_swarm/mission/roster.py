@@ -46,9 +46,6 @@ def complete_mission(mission: Mission) -> Mission:
     check_vehicles(whole)
     check_zones(whole)
     check_goals(whole)
-    if whole.goals == "lifelong" and any(zone.name != FENCE for zone in whole.zone):
-        allowed = f"once with zones of the user's: targets are drawn without regard to zones but {FENCE!r}"
-        raise MissionError("goals", whole.goals, allowed)
     max_slots = whole.max_slots or default_max_slots(whole)
     has_inertia = any(not vehicle_of(whole, entry).is_ideal for entry in whole.roster)
     lag_slots = 1 if has_inertia else whole.lag_slots

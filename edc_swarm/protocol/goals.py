@@ -53,6 +53,13 @@ class GoalDesk:
         self._newest[uav] = number
         self._pending[uav] = _Pending(Goal(source=OPERATOR, uav=uav, number=number, route=route), slot)
 
+    def resume(self, goal: Goal, slot: int) -> None:
+        """Take in a goal of an earlier operator, to be sent from `slot` on; the newest goal of a UAV counts."""
+        waiting = self._pending.get(goal.uav)
+        if waiting is None or waiting.goal.number < goal.number:
+            self._newest[goal.uav] = max(goal.number, self._newest.get(goal.uav, 0))
+            self._pending[goal.uav] = _Pending(goal, slot)
+
     def hear_fix(self, fix: Fix) -> None:
         """Follow the course of a UAV: it has accepted its goal, or another one of this number or a higher one."""
         course, waiting = fix.course, self._pending.get(fix.uav)
@@ -66,17 +73,24 @@ class GoalDesk:
             waiting.goal = msgspec.structs.replace(waiting.goal, number=self._newest[fix.uav] + 1)
 
     def hear_event(self, event: Event) -> None:
-        """Drop the goal that a UAV refuses."""
-        waiting = self._pending.get(event.source)
-        if event.kind == EventKind.GOAL_REFUSED and waiting is not None:
-            answer = answer_in(event)
-            if answer is not None and answer.number == waiting.goal.number:
-                del self._pending[event.source]
+        """Drop the goal that a UAV refuses, or that an earlier operator gave up."""
+        if event.kind not in {EventKind.GOAL_REFUSED, EventKind.GOAL_UNANSWERED}:
+            return
+        answer = answer_in(event)
+        uav = answer.uav if answer is not None and event.source == OPERATOR else event.source
+        waiting = self._pending.get(uav)
+        if answer is not None and waiting is not None and answer.number == waiting.goal.number:
+            del self._pending[uav]
 
     @property
     def waits(self) -> bool:
         """True if a goal waits for an answer."""
         return bool(self._pending)
+
+    @property
+    def unanswered(self) -> list[Goal]:
+        """The goals that wait for an answer."""
+        return [waiting.goal for waiting in self._pending.values()]
 
     def due(self, slot: int) -> list[Goal]:
         """Return the goals to be sent in `slot`, each once."""

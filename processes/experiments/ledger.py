@@ -35,6 +35,7 @@ from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, T
 import edc_swarm
 from edc_swarm.errors import InputError, SwarmError
 from edc_swarm.experiments.sweeps import Run
+from processes.runtime.extras import install_command
 from processes.runtime.output import unwritten
 from processes.runtime.parent import die_with_parent
 
@@ -348,7 +349,7 @@ def _client(address: str) -> Any:
     try:
         import distributed  # noqa: PLC0415 - an extra
     except ImportError:
-        raise InputError("--scheduler", address, "left out, or: pip install 'edc-swarm[cluster]'") from None
+        raise InputError("--scheduler", address, f"left out, or: {install_command('cluster')}") from None
     try:
         client = distributed.Client(address, timeout=CONNECT_S, set_as_default=False)
     except (OSError, ValueError, TypeError) as error:

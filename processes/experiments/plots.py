@@ -15,6 +15,7 @@ import numpy as np
 from edc_swarm.errors import InputError
 from edc_swarm.experiments.figures.catalogue import Figure
 from edc_swarm.experiments.figures.table import Row, line
+from processes.runtime.extras import install_command
 
 SIZE_IN = (5.4, 4.1)
 DPI = 200
@@ -54,7 +55,7 @@ def check_plots() -> None:
     try:
         import matplotlib as mpl  # noqa: PLC0415 - an extra
     except ImportError:
-        raise InputError("figures", "matplotlib", "installed: pip install 'edc-swarm[plots]'") from None
+        raise InputError("figures", "matplotlib", f"installed: {install_command('plots')}") from None
     mpl.use("Agg")
 
 

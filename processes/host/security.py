@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import importlib.util
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -12,6 +11,7 @@ import msgspec
 from edc_swarm.errors import InputError
 from edc_swarm.mission.roles import ROLES
 from processes.bus.credentials import check_certificates
+from processes.runtime.extras import has_package, install_command
 from processes.services.router import RouterAccess
 
 
@@ -29,8 +29,8 @@ OPEN = Security("", "")
 
 def check_security(option: str) -> None:
     """Raise `InputError` if the package that makes certificates is missing."""
-    if importlib.util.find_spec("cryptography") is None:
-        raise InputError(option, True, "absent, or cryptography installed: pip install 'edc-swarm[secure]'")
+    if not has_package("cryptography"):
+        raise InputError(option, True, f"absent, or cryptography installed: {install_command('secure')}")
 
 
 def secure(

@@ -58,7 +58,9 @@ class MissionWatch:
         takeover = self._setup.takeover
         if takeover is not None and takeover.mission is not None:
             note(f"taking over mission {self._setup.mission.name}")
-            self.bus.take_over(takeover.mission, takeover.in_force)
+            self.bus.take_over(takeover.mission, takeover.in_force, takeover.goals)
+            for goal in takeover.goals:
+                note(f"giving goal {goal.number} to {goal.uav} again: the operator before had no answer")
             return takeover.mission
         mission = mission_message(self._setup.mission, self._setup.clock.now_ns() + EPOCH_AHEAD_NS)
         self.bus.publish_mission(mission)

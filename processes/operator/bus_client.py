@@ -17,7 +17,7 @@ from edc_swarm.protocol.completion import MissionMonitor
 from edc_swarm.protocol.events import EventKind
 from edc_swarm.protocol.goals import GoalDesk
 from edc_swarm.protocol.keys import Keys
-from edc_swarm.protocol.messages import Command, Event, Fix, MissionMessage, Report
+from edc_swarm.protocol.messages import Command, Event, Fix, Goal, MissionMessage, Report
 from processes.bus.event_source import EventSource
 from processes.bus.outbox import Outbox
 from processes.bus.session import hand_over
@@ -107,14 +107,16 @@ class Operator:
         self._gate.know(self._mission)
         self._say(self._keys.mission, encode(self._mission), self._mission.seq)
 
-    def take_over(self, mission: MissionMessage, in_force: Sequence[Event]) -> None:
-        """Continue a mission, with the faults in force, that an earlier operator has published."""
+    def take_over(self, mission: MissionMessage, in_force: Sequence[Event], goals: Sequence[Goal]) -> None:
+        """Continue a mission of an earlier operator, with its faults in force and its goals without an answer."""
         self._mission = mission
         self._in_force = [encode(event) for event in in_force]
         self._gate.know(mission)
         uavs = (entry.uav for entry in mission.roster)
         self._desk.claims.resume(dict(zip(uavs, mission.claimants, strict=False)))
         self.monitor, self._goals = MissionMonitor(mission), GoalDesk(mission)
+        for goal in goals:
+            self._goals.resume(goal, self.slot_now())
 
     def give_goal(self, uav: str, route: list[Point]) -> None:
         """Give a UAV a new route; `flush` sends it once a slot until the UAV answers."""

@@ -20,8 +20,10 @@ from edc_swarm.errors import RecordingError
 from edc_swarm.mission.configuration import Mission
 from edc_swarm.mission.roles import OPERATOR, RECORDER
 from edc_swarm.protocol.codec import decode
+from edc_swarm.protocol.goals import GoalDesk
 from edc_swarm.protocol.keys import ALL_ALIVE, Keys
-from edc_swarm.protocol.messages import Event, MissionMessage
+from edc_swarm.protocol.messages import Event, Goal, MissionMessage
+from edc_swarm.recording.model import Recording
 from edc_swarm.recording.reader import read_recording
 from processes.operator.bus_client import is_in_force
 from processes.services.orders import ASK_TIMEOUT_S, asked
@@ -30,12 +32,27 @@ from processes.services.recorder import RecorderSettings
 
 @dataclass(frozen=True, slots=True)
 class Takeover:
-    """A mission without operator: id, mission message if it has begun, orders of the recorder, faults in force."""
+    """A mission without operator.
+
+    Attributes
+    ----------
+    mission_id
+        Id of the run.
+    mission
+        The mission message if the mission has begun.
+    recorder
+        Orders of the recorder.
+    in_force
+        Faults in force.
+    goals
+        Goals of the operator that has died which no UAV has answered, as far as the recorder has written.
+    """
 
     mission_id: str
     mission: MissionMessage | None = None
     recorder: RecorderSettings | None = None
     in_force: Sequence[Event] = ()
+    goals: Sequence[Goal] = ()
 
 
 def new_mission_id(mission: Mission) -> str:
@@ -68,18 +85,34 @@ def _takeover(session: zenoh.Session, run: str) -> Takeover:
     keys = Keys(run)
     said, orders = asked(session, keys.mission), asked(session, keys.orders(RECORDER))
     recorder = msgspec.json.decode(orders, type=RecorderSettings) if orders is not None else None
-    return Takeover(
-        run,
-        cast("MissionMessage", decode(keys.mission, said)) if said is not None else None,
-        recorder,
-        _in_force(recorder.part) if recorder is not None and said is not None else (),
-    )
+    mission = cast("MissionMessage", decode(keys.mission, said)) if said is not None else None
+    recording = _recorded(recorder.part) if recorder is not None and mission is not None else None
+    if recording is None:
+        return Takeover(run, mission, recorder)
+    return Takeover(run, mission, recorder, _in_force(recording), unanswered_goals(recording))
 
 
-def _in_force(part: str) -> list[Event]:
-    """Return the faults that a UAV which starts late must receive, as far as the recorder has written them."""
+def _recorded(part: str) -> Recording | None:
+    """Return what the recorder has written so far, None if that cannot be read."""
     try:
-        events = read_recording(part, salvage=True).events
+        return read_recording(part, salvage=True)
     except RecordingError:
-        return []
-    return [event for event in events if event.source == OPERATOR and is_in_force(event)][-MAX_CHANGES:]
+        return None
+
+
+def _in_force(recording: Recording) -> list[Event]:
+    """Return the faults that a UAV which starts late must receive."""
+    return [event for event in recording.events if event.source == OPERATOR and is_in_force(event)][-MAX_CHANGES:]
+
+
+def unanswered_goals(recording: Recording) -> list[Goal]:
+    """Return the operator's goals that, by the record, no UAV has accepted or refused, and no operator has given up."""
+    desk = GoalDesk(recording.mission)
+    for goal in recording.goals:
+        if goal.source == OPERATOR:
+            desk.resume(goal, 0)
+    for fix in recording.fixes:
+        desk.hear_fix(fix)
+    for event in recording.events:
+        desk.hear_event(event)
+    return desk.unanswered

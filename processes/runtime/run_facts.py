@@ -10,6 +10,7 @@ import shlex
 import subprocess
 import sys
 from collections.abc import Iterator, Mapping, Sequence
+from functools import cache
 from importlib.metadata import version
 from pathlib import Path
 
@@ -18,6 +19,8 @@ import edc_swarm
 PACKAGES = ("edc-swarm", "eclipse-zenoh", "osqp", "numpy", "scipy", "numba", "mcap", "msgspec")
 CODE = "code"
 """Fact of a simulated recording: the digest of the code that, with the mission, determines its messages."""
+GIT_TIMEOUT_S = 60
+"""Longest wait for `git`: on a busy machine it takes seconds, and without its answer equal runs differ (G6)."""
 PLACE_OPTION = "--out"
 OUTPUT_OPTIONS = frozenset({"--json", "--force"})
 
@@ -94,8 +97,12 @@ def _reproducible_words(arguments: Sequence[str]) -> Iterator[str]:
             yield word
 
 
+@cache
 def _commit() -> str:
-    """Return the commit of the checkout of this code, with + if files are changed; "" outside of a checkout."""
+    """Return the commit of the checkout of this code, with + if files are changed; "" outside of a checkout.
+
+    Asked once: the code of this process stays the same while files change, or while `git` is slow on a busy machine.
+    """
     here = Path(__file__).resolve().parents[2]
     if not (here / ".git").exists():
         return ""
@@ -104,7 +111,7 @@ def _commit() -> str:
             ["git", "-C", str(here), "describe", "--always", "--abbrev=40", "--exclude=*", "--dirty=+"],
             capture_output=True,
             text=True,
-            timeout=5,
+            timeout=GIT_TIMEOUT_S,
             check=False,
         )
     except (OSError, subprocess.TimeoutExpired):

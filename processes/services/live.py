@@ -6,7 +6,6 @@ foxglove-sdk is optional (`pip install edc-swarm[live]`); only this module impor
 from __future__ import annotations
 
 import contextlib
-import importlib.util
 import socket
 from collections.abc import Callable
 from dataclasses import dataclass
@@ -15,6 +14,7 @@ from typing import Any
 from edc_swarm.errors import InputError
 from edc_swarm.viz.channels import channel_of
 from edc_swarm.viz.scenery import Shown
+from processes.runtime.extras import has_package, install_command
 
 HOST = "127.0.0.1"
 ANY_HOST = "0.0.0.0"
@@ -38,8 +38,8 @@ def live_port() -> int:
     InputError
         The live view is not installed.
     """
-    if importlib.util.find_spec("foxglove") is None:
-        raise InputError("--live", True, "absent, or foxglove-sdk installed: pip install 'edc-swarm[live]'")
+    if not has_package("foxglove"):
+        raise InputError("--live", True, f"absent, or foxglove-sdk installed: {install_command('live')}")
     for port in (PORT, 0):
         with contextlib.suppress(OSError), socket.socket() as probe:
             probe.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)

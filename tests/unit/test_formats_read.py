@@ -239,11 +239,13 @@ def test_fence_and_rally_items_of_a_way_point_file() -> None:
 
 
 def test_local_frames_are_read_as_they_are() -> None:
-    """NED has north first; home gives the origin."""
+    """NED has north first, ENU east; home gives the origin."""
     rows = "0 1 0 16 0 0 0 0 47.39 8.54 400 1\n1 0 1 16 0 0 0 0 30 10 -5 1\n2 0 1 16 0 0 0 0 -20 40 -5 1\n"
     found = imported(("a.txt", "QGC WPL 110\n" + rows))
     assert way(found.mission) == [(10.0, 30.0), (40.0, -20.0)]
     assert (found.mission["origin_lat_deg"], found.mission["origin_lon_deg"]) == (47.39, 8.54)
+    east_first = imported(("a.txt", "QGC WPL 110\n" + rows.replace("0 1 16", "0 4 16")))
+    assert way(east_first.mission) == [(30.0, 10.0), (-20.0, 40.0)]
 
 
 def test_the_commands_are_those_of_pymavlink() -> None:

@@ -9,6 +9,7 @@ from typing import Any
 
 import msgspec
 import pytest
+import shapely
 
 from edc_swarm.agent.effects import Persist, Publish, Received, Tick
 from edc_swarm.agent.node import UavNode
@@ -22,6 +23,7 @@ from edc_swarm.mission.prospect import prospect_of
 from edc_swarm.mission.roster import complete_mission
 from edc_swarm.mission.routes import Course
 from edc_swarm.mission.validation import mission_from_dict
+from edc_swarm.mission.zone import Zone
 from edc_swarm.protocol.admission import Admission
 from edc_swarm.protocol.codec import decode, encode
 from edc_swarm.protocol.events import EventKind
@@ -30,6 +32,7 @@ from edc_swarm.protocol.keys import Keys, kind_of, source_of
 from edc_swarm.protocol.messages import Event, Fix, Goal, mission_message
 from edc_swarm.recording.model import Recording
 from edc_swarm.recording.sifting import sift
+from processes.operator.takeover import unanswered_goals
 
 MISSION = complete_mission(Mission(name="m", uavs=3, seed=1))
 MESSAGE = msgspec.structs.replace(mission_message(MISSION), instance="operator")
@@ -293,3 +296,81 @@ def test_without_room_a_uav_flies_somewhere_all_the_same() -> None:
     x_m, y_m = next_goal(mission, "a", 1, (3.0, 3.0))
     assert 0 <= x_m <= 3
     assert 0 <= y_m <= 3
+
+
+ZONED: dict[str, Any] = {
+    "uavs": 6,
+    "seed": 3,
+    "goals": "lifelong",
+    "area_m2": 40_000.0,
+    "r_m": 3.0,
+    "zone": [
+        {"name": "yard", "kind": "inclusion", "polygon": [[5, 5], [195, 5], [195, 195], [100, 120], [5, 195]]},
+        {"name": "west", "kind": "inclusion", "centre": [60.0, 100.0], "radius_m": 110.0, "keep": "disc"},
+        {"name": "tower", "kind": "exclusion", "centre": [75.0, 60.0], "radius_m": 20.0},
+        {"name": "wall", "kind": "exclusion", "polygon": [[120, -5], [124, -5], [124, 145], [120, 145]]},
+    ],
+}
+"""Two fences, a tower, and a wall that closes the east off."""
+
+
+def test_lifelong_goals_keep_to_all_zones() -> None:
+    """Every goal is inside all fences, outside all exclusion zones by the radius, and on the UAV's side of a wall."""
+    mission = complete_mission(mission_from_dict(ZONED))
+    yard, west, tower, wall, _ = (
+        shapely.Polygon(zone.polygon) if zone.polygon else shapely.Point(zone.centre).buffer(zone.radius_m, 256)
+        for zone in mission.zone
+    )
+    free = yard.intersection(west.buffer(-3.0)).difference(tower.buffer(3.0)).difference(wall.buffer(3.0))
+    assert len(shapely.get_parts(free)) == 2
+    for entry in mission.roster:
+        here_m = (entry.target_x_m, entry.target_y_m)
+        part = next(each for each in shapely.get_parts(free) if each.buffer(0.1).covers(shapely.Point(here_m)))
+        goals = set()
+        for number in range(1, 30):
+            here_m = next_goal(mission, entry.uav, number, here_m)
+            goals.add(here_m)
+        assert len(goals) > 3
+        assert all(part.buffer(0.01).covers(shapely.Point(point)) for point in goals)
+
+
+def test_zones_that_leave_no_other_place_send_a_uav_to_and_fro() -> None:
+    """The goal is the start, then the target."""
+    tight = {"name": "tube", "kind": "inclusion", "polygon": [[-1, -1], [0, -1], [31, 29], [31, 31], [30, 31], [-1, 0]]}
+    hole = {"name": "hole", "kind": "exclusion", "polygon": [[1, 1], [29, 1], [29, 29], [1, 29]], "keep": "centre"}
+    raw = {"uav": "a", "start_x_m": 0.0, "start_y_m": 0.0, "target_x_m": 30.0, "target_y_m": 30.0}
+    fields = {"goals": "lifelong", "roster": [raw], "zone": [tight]}
+    mission = complete_mission(mission_from_dict(fields))
+    closed = msgspec.structs.replace(mission, zone=[*mission.zone, msgspec.convert(hole, Zone)])
+    assert next_goal(closed, "a", 1, (30.0, 30.0)) == (0.0, 0.0)
+    assert next_goal(closed, "a", 2, (0.0, 0.0)) == (30.0, 30.0)
+
+
+# --- take-over -------------------------------------------------------------------------------
+
+
+def recorded(*messages: Goal | Fix | Event) -> list[Goal]:
+    """What the next operator finds unanswered in a record of these messages."""
+    recording = Recording(missions=[MESSAGE])
+    for message in messages:
+        recording.lists()[type(message)].append(message)
+    return unanswered_goals(recording)
+
+
+def test_the_next_operator_goes_on_giving_goals_without_an_answer() -> None:
+    """Accepted, refused and given-up goals are not given again; the newest of a UAV is, under its number."""
+    other = goal(uav="u002")
+    refusal = msgspec.json.encode(GoalAnswer("u001", 1, "far")).decode()
+    refused = Event(source="u001", kind=EventKind.GOAL_REFUSED, detail=refusal)
+    given_up = Event(source="operator", kind=EventKind.GOAL_UNANSWERED, detail=refusal)
+    assert recorded(goal(), other, goal(), goal(2)) == [goal(2), other]
+    assert recorded(goal(), other, fix(Course(goal=1, route=ROUTE))) == [other]
+    for answer in (refused, given_up):
+        assert recorded(goal(), other, answer) == [other]
+        assert recorded(goal(2), answer) == [goal(2)]
+    assert recorded(goal(source="stranger")) == []
+    desk = GoalDesk(MISSION)
+    desk.resume(goal(7), 30)
+    assert desk.due(31) == [goal(7)]
+    desk.give("u001", [(1.0, 1.0)], 31)
+    assert [each.number for each in desk.due(32)] == [8]
