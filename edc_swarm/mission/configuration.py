@@ -43,6 +43,7 @@ from edc_swarm.mission.field_types import (
 from edc_swarm.mission.link import Link
 from edc_swarm.mission.power_models import EnergyModel, HeadModel
 from edc_swarm.mission.roster_entry import RosterEntry
+from edc_swarm.mission.trace import MAX_TRACES, Trace
 from edc_swarm.mission.zone import Zone
 
 AREA_M2 = 10_000.0
@@ -229,6 +230,8 @@ class Mission(Struct, frozen=True, kw_only=True):
     """Senders of new goals that a UAV accepts in flight: the `operator` alone, or `any` process of the bus."""
     link: Annotated[list[Link], Meta(max_length=MAX_LINKS)] = []
     """Rules of the emulated network, tables `[[link]]`."""
+    trace: Annotated[list[Trace], Meta(max_length=MAX_TRACES)] = []
+    """Measured networks that links play back, tables `[[trace]]`, which the program makes from files."""
     zone: Annotated[list[Zone], Meta(max_length=MAX_ZONES)] = []
     """Zones of the airspace, tables `[[zone]]`.
 

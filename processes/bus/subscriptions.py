@@ -162,10 +162,10 @@ class Postbox:
         self._order = count()
         self._late_ns: list[int] = []
 
-    def arrive(self, message: Message, now_ns: int, at_s: float) -> bool:
+    def arrive(self, message: Message, now_ns: int, at_s: float, size_bytes: int = 0) -> bool:
         """Take in a message of the swarm that came at `now_ns`, mission time `at_s`; return True to deliver it now."""
         at_once = False
-        for delay_ns in self.links.arrivals_ns(sender_of(message), at_s):
+        for delay_ns in self.links.arrivals_ns(sender_of(message), at_s, size_bytes):
             if delay_ns == 0 and not at_once:
                 at_once = True
             elif len(self._later) < MAX_POSTPONED:
