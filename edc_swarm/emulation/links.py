@@ -21,6 +21,7 @@ from random import Random
 from msgspec import Struct
 
 from edc_swarm.emulation.channel import Channel, OpportunityChannel, RateChannel
+from edc_swarm.emulation.delay_log import DelayLog
 from edc_swarm.emulation.fading import RayleighGain, fading_loss, is_faded
 from edc_swarm.emulation.playback import Playback
 from edc_swarm.mission.configuration import NS_PER_S, Mission
@@ -79,12 +80,20 @@ class LinkEmulator:
         the random streams: one generator per directed link.
     receiver
         Id of the UAV that receives.
+
+    Attributes
+    ----------
+    receiver
+        As given.
+    log
+        What the links did to messages; whoever delivers a message enters it.
     """
 
     def __init__(self, mission: Mission, receiver: str) -> None:
         self._seed = mission.seed
-        self._receiver = receiver
+        self.receiver = receiver
         self._slot_ns = mission.slot_ns
+        self.log = DelayLog()
         self._ns_per_s = NS_PER_S / mission.time_scale
         self._rules = [rule for rule in mission.link if rule.receiver in {ANYONE, receiver}]
         self._traces = {trace.name: trace for trace in mission.trace}
@@ -96,18 +105,23 @@ class LinkEmulator:
         self._channels: dict[int, Channel] = {}
         self._place_m = {entry.uav: (entry.start_x_m, entry.start_y_m) for entry in mission.roster}
 
+    @property
+    def has_rules(self) -> bool:
+        """True if a rule is about a link into this receiver: then its log says something."""
+        return bool(self._rules)
+
     def place(self, uav: str, x_m: float, y_m: float) -> None:
         """Set the true position of `uav`, for links with a radio range; before the first call it is the start."""
         self._place_m[uav] = (x_m, y_m)
 
     def add_rule(self, rule: Link) -> None:
         """Apply `rule` from now on to every link that it matches (a fault)."""
-        if rule.receiver in {ANYONE, self._receiver} and len(self._rules) < MAX_CHANGES:
+        if rule.receiver in {ANYONE, self.receiver} and len(self._rules) < MAX_CHANGES:
             self._rules.append(rule)
 
     def add_cut(self, cut: Cut) -> None:
         """Apply a partition (a fault)."""
-        if self._receiver in cut.receivers and len(self._cuts) < MAX_CHANGES:
+        if self.receiver in cut.receivers and len(self._cuts) < MAX_CHANGES:
             self._cuts.append(cut)
 
     def heal(self) -> None:
@@ -116,7 +130,7 @@ class LinkEmulator:
 
     def is_cut(self, sender: str, at_s: float) -> bool:
         """Return True if a partition separates `sender` from this receiver at mission time `at_s`."""
-        return any(cut.blocks(sender, self._receiver, at_s) for cut in self._cuts)
+        return any(cut.blocks(sender, self.receiver, at_s) for cut in self._cuts)
 
     def arrivals_ns(self, sender: str, at_s: float, size_bytes: int = 0) -> list[int]:
         """Return the delays of a message sent at `at_s`: none if it is lost, two if it is duplicated.
@@ -124,12 +138,17 @@ class LinkEmulator:
         Delays are wall nanoseconds, in addition to the delay of the real transport. Only queues take the size of the
         message into account (`have_queues`).
         """
-        if self._cuts and self.is_cut(sender, at_s):
-            return []
+        delays_ns = [] if self._cuts and self.is_cut(sender, at_s) else self._passed_ns(sender, at_s, size_bytes)
+        if not delays_ns:
+            self.log.lose(sender)
+        return delays_ns
+
+    def _passed_ns(self, sender: str, at_s: float, size_bytes: int) -> list[int]:
+        """Return the delays of a message that no partition holds up."""
         rule = self._rule(sender, at_s)
         if rule is None:
             return [0]
-        random = self._random.setdefault(sender, Random(f"{self._seed}/{sender}>{self._receiver}/link"))
+        random = self._random.setdefault(sender, Random(f"{self._seed}/{sender}>{self.receiver}/link"))
         wall_ns = round(at_s * self._ns_per_s)
         waited_ns = self._waited_ns(rule, wall_ns, size_bytes)
         if waited_ns is None or self._lost(rule, sender, wall_ns, random):
@@ -160,7 +179,7 @@ class LinkEmulator:
     def _channel(self, rule: Link, trace: Trace | None) -> Channel:
         if trace is None:
             return RateChannel(rule.queue_bytes, rule.rate_kbps)
-        schedule = Schedule.of(unpack(trace), rule, self._seed, self._receiver)
+        schedule = Schedule.of(unpack(trace), rule, self._seed, self.receiver)
         return OpportunityChannel(rule.queue_bytes, schedule)
 
     def _measured_ns(self, rule: Link, sender: str, wall_ns: int) -> int | None:
@@ -172,7 +191,7 @@ class LinkEmulator:
         if playback is None:
             playback = Playback(Schedule.of(unpack(trace), rule, self._seed, sender))
             self._playbacks[id(rule), sender] = playback
-        delay_us = playback.delay_us(round(wall_ns / NS_PER_US))
+        delay_us = playback.delay_us(wall_ns // NS_PER_US)
         return None if delay_us is None else delay_us * NS_PER_US
 
     def _lost(self, rule: Link, sender: str, wall_ns: int, random: Random) -> bool:
@@ -191,13 +210,13 @@ class LinkEmulator:
     def _faded(self, rule: Link, sender: str, wall_ns: int) -> bool:
         """Return True if the gain is too low: below the thresholds of `loss` and of the distance together."""
         if sender not in self._gains:
-            self._gains[sender] = RayleighGain(Random(f"{self._seed}/{sender}>{self._receiver}/fading"))
+            self._gains[sender] = RayleighGain(Random(f"{self._seed}/{sender}>{self.receiver}/fading"))
         power = self._gains[sender].power(wall_ns / NS_PER_MS, rule.coherence_ms)
         far = fading_loss(self._distance_m(sender), rule) if rule.range_m else 0.0
         return is_faded(power, 1.0 - (1.0 - rule.loss) * (1.0 - far))
 
     def _distance_m(self, sender: str) -> float:
-        return math.dist(self._place_m[sender], self._place_m[self._receiver])
+        return math.dist(self._place_m[sender], self._place_m[self.receiver])
 
     def _delay_ns(self, rule: Link, random: Random) -> int:
         delay_ns = (rule.delay_ms + _jitter_ms(rule, random)) * NS_PER_MS

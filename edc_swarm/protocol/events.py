@@ -27,6 +27,7 @@ class EventKind(StrEnum):
     CLOCK_OFFSET = "clock-offset"
     CLOCK_JUMP = "clock-jump"
     DELAY_ERROR = "delay-error"
+    LINK_DELAYS = "link-delays"
     MALFORMED = "malformed"
     RECORDER_DROPPED = "recorder-dropped"
     RECORDING_FAILED = "recording-failed"
@@ -59,6 +60,7 @@ EVENT_FORMS: dict[EventKind, EventForm] = {
     EventKind.CLOCK_OFFSET: EventForm("UAV", "the UAV whose clock is ahead, and by how much at least"),
     EventKind.CLOCK_JUMP: EventForm("every publisher", "by how much its wall clock jumped"),
     EventKind.DELAY_ERROR: EventForm("UAV", "JSON: how late its emulated links handed messages over"),
+    EventKind.LINK_DELAYS: EventForm("UAV", "JSON: of each sender, what arrived and was lost, quantiles of the delays"),
     EventKind.MALFORMED: EventForm("UAV, operator, recorder, visualiser", "what was rejected, and how often"),
     EventKind.RECORDER_DROPPED: EventForm("recorder", "the number of messages that it could not write", warning=True),
     EventKind.RECORDING_FAILED: EventForm("recorder", "the error that ended the file"),

@@ -168,5 +168,6 @@ class Network:
             if receiver.uav == sender or receiver.process is None:
                 continue
             for delay_ns in receiver.links.arrivals_ns(sender, at_s, size_bytes):
+                receiver.links.log.arrive(sender, delay_ns)
                 when_ns = self._schedule.now_ns + TRANSIT_NS + delay_ns
                 self._schedule.at(when_ns, partial(receiver.step, event))

@@ -299,7 +299,7 @@ class UavProcess:
     def _close(self) -> None:
         self._publisher.send_truth()
         if self._flight is not None:
-            self._carry_out(self._flight.delay_error())
+            self._carry_out([*self._flight.delay_error(), *self._flight.link_delays()])
             last = msgspec.json.encode(self._flight.node.last_seqs).decode()
             self._carry_out([self._flight.node.event(EventKind.CLOSED, last)])
         self._outbox.stay(self._inbox)
@@ -330,6 +330,13 @@ class Flight:
         if error is None:
             return []
         return [self.node.event(EventKind.DELAY_ERROR, msgspec.json.encode(error).decode())]
+
+    def link_delays(self) -> list[Effect]:
+        """Return the event about the delays of the emulated links, none where all links are perfect."""
+        if not self.postbox.links.has_rules:
+            return []
+        told = msgspec.json.encode(self.postbox.links.log.told()).decode()
+        return [self.node.event(EventKind.LINK_DELAYS, told)]
 
 
 def run_uav(settings: UavSettings, *, obey_ctrl_c: bool) -> int:
