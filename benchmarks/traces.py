@@ -4,8 +4,7 @@
 
 Three UAVs fly for `--rounds` rounds of the trace, in slots of about one row, with `trace_offset = "none"`. The table
 has quantiles of the file, of the delays that the newest row gave to what was sent (`model`), and of the delays that
-the receivers measured (event `link-delays`), over all links. Run it on an idle machine: processes that wait for a processor
-deliver late.
+the receivers measured (event `link-delays`), over all links. Run it on an idle machine: busy ones deliver late.
 """
 
 from __future__ import annotations
