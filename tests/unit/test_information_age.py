@@ -89,7 +89,7 @@ def test_holds_have_the_causes_that_their_links_have() -> None:
         "fix-missed": held_by(Link(receiver=head, loss=0.5)),
         "command-missed": held_by(Link(sender=head, loss=0.4)),
         "no-plan": held_by(Link(loss=1.0, start_s=5.0, end_s=8.0)),
-        "command-late": held_by(fault=["slow head 450 @5s for 5s"]),
+        "command-late": held_by(fault=["slow head 520 @5s for 5s"]),
     }
     for cause, metrics in cases.items():
         assert metrics.slots_held_by is not None
