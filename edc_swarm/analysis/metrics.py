@@ -38,7 +38,6 @@ from edc_swarm.mission.roster_entry import ARRIVED_M
 from edc_swarm.mission.routes import hover_time_s
 from edc_swarm.protocol.events import EventKind
 from edc_swarm.recording.model import Recording
-from edc_swarm.recording.ordering import fetched_count
 
 OVERLOADED_PCT = 1.0
 """Share of late ticks above which the machine, not the network, counts as the cause of delays."""
@@ -177,7 +176,7 @@ def compute_metrics(recording: Recording, timings: Sequence[Timing] = ()) -> Met
         ticks_late_pct=_ticks_late_pct(recording, int(tracks.heard.sum())),
         messages=recording.message_count,
         gaps=_gaps(evidence),
-        fetched=fetched_count(recording),
+        fetched=recording.fetched_count,
         duplicates=recording.duplicates,
         heads=heads,
         goals_reached=_goals_reached(mission, voyages, home),

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import fcntl
+import os
 import socket
 import time
 from pathlib import Path
@@ -330,6 +331,18 @@ def test_a_part_that_is_being_written_is_left_alone(tmp_path: Path) -> None:
         assert part.exists()
     assert salvage_parts(tmp_path) == []
     assert (tmp_path / "live.mcap.part.torn").exists()
+
+
+def test_a_run_that_starts_slowly_keeps_its_part(tmp_path: Path) -> None:
+    """Another run in the same folder takes an empty part for a killed run's only if nobody holds it."""
+    part = tmp_path / "slow.mcap.part"
+    with Output(tmp_path / "slow.mcap", force=False):
+        os.utime(part, (0, 0))
+        assert salvage_parts(tmp_path) == []
+        assert part.exists()
+    part.touch()
+    assert salvage_parts(tmp_path) == []
+    assert list(tmp_path.iterdir()) == []
 
 
 def test_two_runs_cannot_claim_one_name(tmp_path: Path) -> None:
