@@ -216,6 +216,6 @@ class Vehicle:
         """Change the GPS error model in flight (a fault); disc and true position do not move."""
         self._gps = self._receiver(model, f"gps-{model}")
 
-    def _receiver(self, model: GpsModel, stream: str) -> GpsReceiver:
+    def _receiver(self, model: str, stream: str) -> GpsReceiver:
         entry, mission = self._entry, self._mission
         return GpsReceiver(model, entry.r_m - entry.body_m, mission.dt_s, f"{mission.seed}/{entry.uav}/{stream}")

@@ -17,6 +17,7 @@ import math
 from collections.abc import Collection
 from dataclasses import dataclass
 from random import Random
+from typing import Protocol
 
 from msgspec import Struct
 
@@ -28,12 +29,15 @@ from edc_swarm.mission.configuration import NS_PER_S, Mission
 from edc_swarm.mission.faults import ChangeLink, parse_faults
 from edc_swarm.mission.field_types import MAX_FAULTS, MAX_LINKS
 from edc_swarm.mission.link import Link
+from edc_swarm.mission.plug_ins import called, made, number
 from edc_swarm.mission.trace import Trace, unpack
 from edc_swarm.mission.trace_schedule import Schedule
 
 NS_PER_US = 1_000
 NS_PER_MS = 1_000_000
 ANYONE = "*"
+MOST_MS = 1e9
+"""Longest delay of a link model of the user, in milliseconds."""
 CLIPPED_AT = 3.0
 """Limit of a normal jitter, in standard deviations."""
 
@@ -70,6 +74,28 @@ class Cut:
         return self.start_s <= at_s < self.end_s and sender in self.senders and receiver in self.receivers
 
 
+@dataclass(frozen=True, slots=True)
+class Passage:
+    """A message on its way, as a link model of the user sees it.
+
+    `wall_ms` is the wall time since the mission's epoch, `distance_m` that of the true positions where a link of the
+    mission has a radio range, else that of the starts; `size_bytes` the size of the message.
+    """
+
+    sender: str
+    receiver: str
+    wall_ms: float
+    size_bytes: int
+    distance_m: float
+
+
+class LinkModel(Protocol):
+    """A link model of the user, made as `Class(link, random)` for each directed link."""
+
+    def delay_ms(self, message: Passage) -> float | None:
+        """Return the delay of a message in milliseconds of wall time, None if it is lost."""
+
+
 class LinkEmulator:
     """All links into one receiver.
 
@@ -102,6 +128,7 @@ class LinkEmulator:
         self._in_burst: dict[str, bool] = {}
         self._gains: dict[str, RayleighGain] = {}
         self._playbacks: dict[tuple[int, str], Playback] = {}
+        self._own: dict[tuple[int, str], LinkModel] = {}
         self._channels: dict[int, Channel] = {}
         self._place_m = {entry.uav: (entry.start_x_m, entry.start_y_m) for entry in mission.roster}
 
@@ -156,8 +183,11 @@ class LinkEmulator:
         measured_ns = self._measured_ns(rule, sender, wall_ns + waited_ns)
         if measured_ns is None:
             return []
+        own_ns = self._own_ns(rule, sender, wall_ns, size_bytes) if rule.model else 0
+        if own_ns is None:
+            return []
         copies = 2 if rule.duplicate and random.random() < rule.duplicate else 1
-        return [waited_ns + measured_ns + self._delay_ns(rule, random) for _ in range(copies)]
+        return [waited_ns + measured_ns + own_ns + self._delay_ns(rule, random) for _ in range(copies)]
 
     def _rule(self, sender: str, at_s: float) -> Link | None:
         for rule in reversed(self._rules):
@@ -194,6 +224,20 @@ class LinkEmulator:
         delay_us = playback.delay_us(wall_ns // NS_PER_US)
         return None if delay_us is None else delay_us * NS_PER_US
 
+    def _own_ns(self, rule: Link, sender: str, wall_ns: int, size_bytes: int) -> int | None:
+        """Return the delay that a link model of the user adds; None if it loses the message."""
+        key, name = (id(rule), sender), rule.model
+        if key not in self._own:
+            stream = Random(f"{self._seed}/{sender}>{self.receiver}/{name}")
+            self._own[key] = made("link.model", name, "delay_ms", rule, stream)
+        near = {sender, self.receiver} <= self._place_m.keys()
+        distance_m = self._distance_m(sender) if near else 0.0
+        message = Passage(sender, self.receiver, wall_ns / NS_PER_MS, size_bytes, distance_m)
+        delay_ms = called("link.model", name, lambda: self._own[key].delay_ms(message))
+        if delay_ms is None:
+            return None
+        return round(max(0.0, min(number("link.model", name, delay_ms), MOST_MS)) * NS_PER_MS)
+
     def _lost(self, rule: Link, sender: str, wall_ns: int, random: Random) -> bool:
         if rule.fading == "rayleigh":
             return self._faded(rule, sender, wall_ns)
@@ -228,7 +272,7 @@ class LinkEmulator:
 def have_queues(mission: Mission) -> bool:
     """Return True if a link of the mission has a queue: then the sizes of messages matter."""
     opportunities = {trace.name for trace in mission.trace if trace.kind == "opportunities"}
-    return any(rule.rate_kbps > 0 or rule.trace in opportunities for rule in mission.link)
+    return any(rule.rate_kbps > 0 or rule.model or rule.trace in opportunities for rule in mission.link)
 
 
 def have_range(mission: Mission) -> bool:

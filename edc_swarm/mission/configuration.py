@@ -25,17 +25,16 @@ from edc_swarm.mission.field_types import (
     MAX_ZONES,
     MOST_M,
     MOST_SLOTS,
-    Criterion,
     FailsafeAction,
     FaultText,
     Fence,
     Goals,
     GoalSource,
-    GpsModel,
     Minimise,
     MissionId,
     NonNegative,
     Option,
+    PartName,
     PlannerName,
     Positive,
     Speed,
@@ -156,13 +155,15 @@ class Mission(Struct, frozen=True, kw_only=True):
 
     Source: the paper, section III-B, minimises the distance.
     """
-    elect: Annotated[Criterion, Option("elect")] = "energy"
-    """Criterion by which a head is elected: the fullest battery, or the shortest response time.
+    elect: Annotated[PartName, Option("elect")] = "energy"
+    """Criterion by which a head is elected: energy, response-time, or package.module:Class.
+
+    `energy` elects the fullest battery, `response-time` the shortest response time.
 
     Source: the paper, section III-A, offers both.
     """
-    gps_model: Annotated[GpsModel, Option("gps-model")] = "bias"
-    """Model of the GPS error.
+    gps_model: Annotated[PartName, Option("gps-model")] = "bias"
+    """Model of the GPS error: none, bias, white, gauss-markov, or package.module:Class.
 
     `none`: no error. `bias`: one error for the whole flight. `white`: at each fix a new error, uniform in the disc, as
     in the paper (section II). `gauss-markov`: an error correlated over 30 s.

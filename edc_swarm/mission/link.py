@@ -135,6 +135,11 @@ class Link(Struct, frozen=True, kw_only=True):
     """
     trace_end: TraceEnd = "repeat"
     """What follows the last row: `repeat` from the first row, or `stop`, after which the trace delays nothing."""
+    model: Annotated[str, Meta(max_length=200)] = ""
+    """Link model of your own, package.module:Class, whose delay or loss comes in addition.
+
+    Default: empty, which stands for none.
+    """
     start_s: NonNegative = 0.0
     """Mission time at which the rule begins."""
     end_s: NonNegative = FOR_GOOD_S

@@ -219,6 +219,8 @@ def _missed(mission: Mission, links: Sequence[ChangeLink], slow: SlowSolver | No
     worst, traces = 0.0, {trace.name: trace for trace in mission.trace}
     for rule in _in_force([*mission.link, *(fault.rule() for fault in links)]):
         name, trace = f"the link {rule.sender}>{rule.receiver}", traces.get(rule.trace)
+        if rule.model:
+            return 0.0, f"{name} has a model of the user's for good"
         if rule.rate_kbps > 0 or (trace is not None and trace.kind == "opportunities"):
             return 0.0, f"{name} shares a channel for good"
         missed = 1 - (1 - _loss(rule)) * (1 - _late(rule, spare_ms)) * (1 - rule.reorder)

@@ -22,6 +22,7 @@ from edc_swarm.files import open_regular
 from edc_swarm.mission.configuration import AREA_M2, Mission
 from edc_swarm.mission.inheritance import with_radii
 from edc_swarm.mission.link import Link, check_link
+from edc_swarm.mission.plug_ins import check_names
 from edc_swarm.mission.roles import RESERVED_IDS
 from edc_swarm.mission.roster_entry import LACKS_TARGET, RosterEntry
 from edc_swarm.mission.trace import Trace, check_traces, pack
@@ -195,6 +196,7 @@ def validate_mission(mission: Mission) -> None:
     _validate_area(mission)
     check_shapes(mission.zone)
     check_traces(mission.trace)
+    check_names(mission)
     for index, link in enumerate(mission.link):
         check_link(link, f"link[{index}]")
     _validate_roster(with_radii(mission))
