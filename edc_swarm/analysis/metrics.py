@@ -1,8 +1,8 @@
 """The metrics of a run, computed from its recording alone.
 
-Durations are mission time, `*_ms` are wall time. Positions in path metrics are waypoints, the
-centres of the tracked discs; a potential collision is the paper's criterion (eq. 16) evaluated on
-the discs at every instant, a true collision the same on true positions and bodies.
+Durations are mission time, `*_ms` are wall time. Positions in path metrics are waypoints, the centres of the tracked
+discs; a potential collision is the paper's criterion (eq. 16) on the discs at every instant, a true collision the same
+on true positions and bodies.
 """
 
 from __future__ import annotations
@@ -20,6 +20,7 @@ from edc_swarm.analysis.columns import Columns, Floats, columns_from
 from edc_swarm.analysis.energy_use import compute_j, propulsion_j, straight_energy_j
 from edc_swarm.analysis.guarantees.completeness import unproved
 from edc_swarm.analysis.guarantees.evidence import Evidence, gather
+from edc_swarm.analysis.guarantees.inside import largest_deviation_m
 from edc_swarm.analysis.holds import holds_by_cause
 from edc_swarm.analysis.information_age import Age, age_of, command_updates, fix_to_step_ms, fix_updates, sawtooth_of
 from edc_swarm.analysis.landing import Landing, landings
@@ -27,7 +28,6 @@ from edc_swarm.analysis.living import living_at_end
 from edc_swarm.analysis.outcome import NotHome, home_at_end, not_home
 from edc_swarm.analysis.separation import encounters, least_gap_m
 from edc_swarm.analysis.timings import Timing
-from edc_swarm.analysis.tracks import Tracks
 from edc_swarm.analysis.voyages import Voyages, voyages_of
 from edc_swarm.geometry import BODY_TOLERANCE_M, DISC_TOLERANCE_M
 from edc_swarm.mission.configuration import Mission
@@ -36,6 +36,7 @@ from edc_swarm.mission.prospect import COMPLETED, GIVEN_UP
 from edc_swarm.mission.roles import OPERATOR
 from edc_swarm.mission.roster_entry import ARRIVED_M
 from edc_swarm.mission.routes import hover_time_s
+from edc_swarm.mission.vehicle_budget import budget_of, vehicle_of
 from edc_swarm.protocol.events import EventKind
 from edc_swarm.recording.model import Recording
 
@@ -87,6 +88,8 @@ class Metrics(Struct, frozen=True, kw_only=True):
     true_collisions: int | None
     min_disc_gap_m: float | None
     min_true_distance_m: float | None
+    disc_budget: str
+    max_deviation_m: float | None
     path_m: float | None
     straight_m: float
     extra_distance_pct: float | None
@@ -135,7 +138,7 @@ def compute_metrics(recording: Recording, timings: Sequence[Timing] = ()) -> Met
     makespan_s = _makespan_s(mission, arrival[living], first) if settled and known.motion else None
     held = _held(columns, at_target, first, last)
     heads, astray = _heads(recording), not_home(recording, tracks, living)
-    separation = _separation(mission, tracks, known)
+    separation = _separation(evidence, known)
     path_m, straight_m = columns.step_m.sum(axis=0), np.array([voyage.straight_m for voyage in voyages.each])
     ended_m = _ended_m(voyages, columns.centre_m[-1])
     return Metrics(
@@ -154,6 +157,8 @@ def compute_metrics(recording: Recording, timings: Sequence[Timing] = ()) -> Met
         true_collisions=separation.true_collisions,
         min_disc_gap_m=separation.min_disc_gap_m,
         min_true_distance_m=separation.min_true_distance_m,
+        disc_budget=_disc_budget(mission),
+        max_deviation_m=largest_deviation_m(evidence),
         path_m=float(path_m.sum()) if known.fixes else None,
         straight_m=float(straight_m.sum()),
         extra_distance_pct=_extra_pct(path_m[home], ended_m[home]) if known.fixes else None,
@@ -162,7 +167,7 @@ def compute_metrics(recording: Recording, timings: Sequence[Timing] = ()) -> Met
         ),
         makespan_s=makespan_s,
         makespan_ratio=_makespan_ratio(makespan_s, _least_s(mission, voyages, _reached_m(columns, arrival))[living]),
-        energy_propulsion_j=propulsion_j(mission, columns, arrival, first) if known.motion else None,
+        energy_propulsion_j=propulsion_j(columns, arrival, first) if known.motion else None,
         energy_compute_j=compute_j(recording, columns),
         energy_straight_j=straight_energy_j(mission),
         plan_ms=_quantiles(columns.plan_ms),
@@ -253,10 +258,7 @@ def _arrival_slots(at_target: NDArray[np.bool_]) -> NDArray[np.int64]:
 
 def _makespan_s(mission: Mission, arrival: NDArray[np.int64], first: int | None) -> float | None:
     """Return the time from the start of the first commanded slot to the arrival of the last UAV."""
-    if first is None:
-        return None
-    slots = int(arrival.max()) + 1 - first
-    return max(0.0, slots * mission.dt_s - mission.guard_s)
+    return None if first is None else max(0.0, (int(arrival.max()) + 1 - first) * mission.dt_s - mission.guard_s)
 
 
 def _reached_m(columns: Columns, arrival: NDArray[np.int64]) -> Floats:
@@ -318,17 +320,24 @@ class _Separation(NamedTuple):
     min_true_distance_m: float | None
 
 
-def _separation(mission: Mission, tracks: Tracks, known: _Known) -> _Separation:
+def _separation(evidence: Evidence, known: _Known) -> _Separation:
+    mission, tracks, paths = evidence.mission, evidence.tracks, evidence.paths
     radius_m = np.array([entry.r_m for entry in mission.roster])
     body_m = np.array([entry.body_m for entry in mission.roster])
     from_m, to_m = tracks.seen_m
-    true_m = tracks.bodies_m
+    true_m = tracks.bodies_m if paths is None else paths.moves_m(*tracks.bodies_m)
     return _Separation(
         _pairs(from_m, to_m, radius_m, -DISC_TOLERANCE_M) or (0 if known.fixes else None),
         _pairs(*true_m, body_m, -BODY_TOLERANCE_M) or (0 if known.fixes and known.truths else None),
         _finite(least_gap_m(from_m, to_m, radius_m)),
         _finite(least_gap_m(*true_m, np.zeros_like(body_m))),
     )
+
+
+def _disc_budget(mission: Mission) -> str:
+    """Return the arithmetic of the tightest disc of a vehicle with inertia; "" if there is none."""
+    budgets = [budget_of(mission, entry) for entry in mission.roster if not vehicle_of(mission, entry).is_ideal]
+    return str(max(budgets, key=lambda budget: budget.needed_m - budget.r_m)) if budgets else ""
 
 
 def _pairs(from_m: Floats, to_m: Floats, radius_m: Floats, below_m: float) -> int:
@@ -357,8 +366,8 @@ def _extra_mean_pct(path_m: Floats, ended_m: Floats, straight_m: Floats) -> floa
 def _quantiles(values: Floats) -> Quantiles:
     if not len(values):
         return Quantiles(None, None, None)
-    p50, p99 = np.percentile(values, [50, 99])
-    return Quantiles(float(p50), float(p99), float(values.max()))
+    p50, p99, most = np.percentile(values, [50, 99, 100])
+    return Quantiles(float(p50), float(p99), float(most))
 
 
 def _held(columns: Columns, at_target: NDArray[np.bool_], first: int | None, last: int) -> NDArray[np.bool_]:

@@ -29,6 +29,7 @@ class EventKind(StrEnum):
     DELAY_ERROR = "delay-error"
     LINK_DELAYS = "link-delays"
     MALFORMED = "malformed"
+    GROUND_DENIED = "ground-denied"
     RECORDER_DROPPED = "recorder-dropped"
     RECORDING_FAILED = "recording-failed"
 
@@ -62,6 +63,9 @@ EVENT_FORMS: dict[EventKind, EventForm] = {
     EventKind.DELAY_ERROR: EventForm("UAV", "JSON: how late its emulated links handed messages over"),
     EventKind.LINK_DELAYS: EventForm("UAV", "JSON: of each sender, what arrived and was lost, quantiles of the delays"),
     EventKind.MALFORMED: EventForm("UAV, operator, recorder, visualiser", "what was rejected, and how often"),
+    EventKind.GROUND_DENIED: EventForm(
+        "bridge to a ground station", "the requests so far that would have steered a UAV, by kind", warning=True
+    ),
     EventKind.RECORDER_DROPPED: EventForm("recorder", "the number of messages that it could not write", warning=True),
     EventKind.RECORDING_FAILED: EventForm("recorder", "the error that ended the file"),
 }

@@ -11,12 +11,13 @@ from pathlib import Path
 import msgspec
 import pytest
 
-from edc_swarm.agent.node import GpsChanged, Tick
+from edc_swarm.agent.node import Disturbed, Tick
 from edc_swarm.agent.vehicle import Airframe, Promise
 from edc_swarm.emulation.delay_log import quantiles
 from edc_swarm.emulation.links import DelayError, LinkEmulator, cut_pair
 from edc_swarm.errors import InputError, MessageError
 from edc_swarm.mission.configuration import Mission
+from edc_swarm.mission.faults import ChangeGps
 from edc_swarm.mission.link import Link
 from edc_swarm.mission.roster import complete_mission
 from edc_swarm.mission.trace import unpack
@@ -271,7 +272,7 @@ def test_faults_about_others_and_nonsense_change_nothing() -> None:
     faults = LocalFaults(MISSION, "u001", LinkEmulator(MISSION, "u001"), MissionClock())
     assert faults.apply("gps u002 white @1s") == []
     assert faults.apply("nonsense") == []
-    assert faults.apply("gps u001 white @1s") == [GpsChanged("white")]
+    assert faults.apply("gps u001 white @1s") == [Disturbed(ChangeGps("u001", "white", at_s=1.0))]
     assert faults.apply("clock u001 offset 5 @1s") == [Tick()]
 
 

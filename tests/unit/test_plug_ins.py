@@ -140,6 +140,8 @@ def test_names_and_hashes_are_recorded(tmp_path: Path) -> None:
 
 
 def edc_swarm(*words: str) -> str:
-    """Return what a command that succeeds prints in the folder of the examples."""
+    """Return what a command prints in the folder of the examples; how its mission ends does not matter."""
     command = [sys.executable, "-m", "processes.cli.main", *words]
-    return subprocess.run(command, cwd=EXAMPLES, capture_output=True, text=True, check=True, timeout=200).stdout
+    ended = subprocess.run(command, cwd=EXAMPLES, capture_output=True, text=True, check=False, timeout=200)
+    assert ended.returncode in {0, 1}, ended.stderr
+    return ended.stdout
