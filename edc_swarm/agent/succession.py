@@ -2,14 +2,23 @@
 
 from __future__ import annotations
 
-from collections.abc import Collection, Sequence
+from collections.abc import Callable, Collection, Sequence
+from typing import Protocol
 
 from edc_swarm.agent.knowledge import Grant
 from edc_swarm.mission.configuration import Mission
+from edc_swarm.mission.plug_ins import called, made, number
 from edc_swarm.protocol.messages import Fix
 
 HANDOVER_SLOTS = 20
 """Least number of slots between two planned handovers."""
+
+
+class Criterion(Protocol):
+    """A criterion of the user, made as `Class(mission)`; every UAV has one, and all must agree."""
+
+    def value(self, fix: Fix) -> float:
+        """Return the value of the UAV of a fix as a head, from the fix alone: the least one is elected."""
 
 
 class Candidates:
@@ -24,7 +33,7 @@ class Candidates:
     """
 
     def __init__(self, mission: Mission) -> None:
-        self._key = _CRITERIA[mission.elect]
+        self._key = _CRITERIA.get(mission.elect) or _own_criterion(mission)
         self._margin = mission.handover_margin
         self._order = {entry.uav: index for index, entry in enumerate(mission.roster)}
         self.failed: set[str] = set()
@@ -87,4 +96,11 @@ def _by_response_time(fix: Fix) -> float:
     return fix.response_ms if fix.response_ms > 0 else float("inf")
 
 
-_CRITERIA = {"energy": _by_energy, "response-time": _by_response_time}
+def _own_criterion(mission: Mission) -> Callable[[Fix], float]:
+    """Return the key of a criterion of the user: the least value first."""
+    name = mission.elect
+    criterion: Criterion = made("elect", name, "value", mission)
+    return lambda fix: number("elect", name, called("elect", name, lambda: criterion.value(fix)))
+
+
+_CRITERIA: dict[str, Callable[[Fix], float]] = {"energy": _by_energy, "response-time": _by_response_time}

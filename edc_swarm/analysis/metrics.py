@@ -1,8 +1,8 @@
 """The metrics of a run, computed from its recording alone.
 
-Durations are mission time, `*_ms` are wall time. Positions in path metrics are waypoints, the
-centres of the tracked discs; a potential collision is the paper's criterion (eq. 16) evaluated on
-the discs at every instant, a true collision the same on true positions and bodies.
+Durations are mission time, `*_ms` are wall time. Positions in path metrics are waypoints, the centres of the tracked
+discs; a potential collision is the paper's criterion (eq. 16) on the discs at every instant, a true collision the same
+on true positions and bodies.
 """
 
 from __future__ import annotations
@@ -21,6 +21,8 @@ from edc_swarm.analysis.energy_use import compute_j, propulsion_j, straight_ener
 from edc_swarm.analysis.guarantees.completeness import unproved
 from edc_swarm.analysis.guarantees.evidence import Evidence, gather
 from edc_swarm.analysis.guarantees.inside import largest_deviation_m
+from edc_swarm.analysis.holds import holds_by_cause
+from edc_swarm.analysis.information_age import Age, age_of, command_updates, fix_to_step_ms, fix_updates, sawtooth_of
 from edc_swarm.analysis.landing import Landing, landings
 from edc_swarm.analysis.living import living_at_end
 from edc_swarm.analysis.outcome import NotHome, home_at_end, not_home
@@ -99,7 +101,11 @@ class Metrics(Struct, frozen=True, kw_only=True):
     energy_straight_j: float
     plan_ms: Quantiles
     fix_to_command_ms: Quantiles
+    fix_to_step_ms: Quantiles
+    fix_age_ms: Age
+    command_age_ms: Age
     slots_held: int | None
+    slots_held_by: dict[str, int] | None
     slots_missed: int | None
     ticks_late_pct: float | None
     messages: int
@@ -130,6 +136,7 @@ def compute_metrics(recording: Recording, timings: Sequence[Timing] = ()) -> Met
     first = min(commanded, default=None)
     last = int(arrival[living].max()) if settled else tracks.slots - 1
     makespan_s = _makespan_s(mission, arrival[living], first) if settled and known.motion else None
+    held = _held(columns, at_target, first, last)
     heads, astray = _heads(recording), not_home(recording, tracks, living)
     separation = _separation(evidence, known)
     path_m, straight_m = columns.step_m.sum(axis=0), np.array([voyage.straight_m for voyage in voyages.each])
@@ -165,7 +172,11 @@ def compute_metrics(recording: Recording, timings: Sequence[Timing] = ()) -> Met
         energy_straight_j=straight_energy_j(mission),
         plan_ms=_quantiles(columns.plan_ms),
         fix_to_command_ms=_quantiles(columns.fix_to_command_ms),
-        slots_held=_slots_held(columns, at_target, first, last) if known.motion else None,
+        fix_to_step_ms=_quantiles(fix_to_step_ms(recording)),
+        fix_age_ms=age_of(sawtooth_of(fix_updates(recording))),
+        command_age_ms=age_of(sawtooth_of(command_updates(recording))),
+        slots_held=int(held.sum()) if known.motion else None,
+        slots_held_by=holds_by_cause(recording, tracks, held) if known.motion else None,
         slots_missed=_slots_missed(commanded, first, last) if known.motion else None,
         ticks_late_pct=_ticks_late_pct(recording, int(tracks.heard.sum())),
         messages=recording.message_count,
@@ -247,10 +258,7 @@ def _arrival_slots(at_target: NDArray[np.bool_]) -> NDArray[np.int64]:
 
 def _makespan_s(mission: Mission, arrival: NDArray[np.int64], first: int | None) -> float | None:
     """Return the time from the start of the first commanded slot to the arrival of the last UAV."""
-    if first is None:
-        return None
-    slots = int(arrival.max()) + 1 - first
-    return max(0.0, slots * mission.dt_s - mission.guard_s)
+    return None if first is None else max(0.0, (int(arrival.max()) + 1 - first) * mission.dt_s - mission.guard_s)
 
 
 def _reached_m(columns: Columns, arrival: NDArray[np.int64]) -> Floats:
@@ -358,16 +366,16 @@ def _extra_mean_pct(path_m: Floats, ended_m: Floats, straight_m: Floats) -> floa
 def _quantiles(values: Floats) -> Quantiles:
     if not len(values):
         return Quantiles(None, None, None)
-    p50, p99 = np.percentile(values, [50, 99])
-    return Quantiles(float(p50), float(p99), float(values.max()))
+    p50, p99, most = np.percentile(values, [50, 99, 100])
+    return Quantiles(float(p50), float(p99), float(most))
 
 
-def _slots_held(columns: Columns, at_target: NDArray[np.bool_], first: int | None, last: int) -> int:
-    """Return the number of UAV-slots in first..last in which a UAV away from its target executes no command."""
-    if first is None:
-        return 0
+def _held(columns: Columns, at_target: NDArray[np.bool_], first: int | None, last: int) -> NDArray[np.bool_]:
+    """Return (S, K): True in the slots first..last where a UAV away from its target executes no command."""
     held = ~columns.executed & ~at_target[:-1] & columns.alive
-    return int(held[first : last + 1].sum())
+    held[: len(held) if first is None else first] = False
+    held[last + 1 :] = False
+    return held
 
 
 def _ticks_late_pct(recording: Recording, ticks: int) -> float | None:

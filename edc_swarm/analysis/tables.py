@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from edc_swarm.analysis.information_age import Age
 from edc_swarm.analysis.metrics import Deadline, Metrics, Quantiles
 
 MAX_HEADS = 6
@@ -37,6 +38,9 @@ def metric_rows(m: Metrics) -> list[tuple[str, str]]:
         ("energy", f"{_kj(m.energy_propulsion_j)}, straight {_kj(m.energy_straight_j)}"),
         ("plan time", _quantiles(m.plan_ms)),
         ("fix to command", _quantiles(m.fix_to_command_ms)),
+        ("age of fixes", _age(m.fix_age_ms)),
+        ("age of commands", _age(m.command_age_ms)),
+        *_held(m),
         ("late ticks", _number(m.ticks_late_pct, "%")),
         ("messages", f"{m.messages}, {_count(m.gaps)} gaps" + _late_and_twice(m)),
         *undone,
@@ -117,6 +121,19 @@ def _number(value: float | None, unit: str) -> str:
 
 def _quantiles(q: Quantiles) -> str:
     return f"{_number(q.p50, 'ms')} median, {_number(q.p99, 'ms')} p99, {_number(q.max, 'ms')} most"
+
+
+def _age(age: Age) -> str:
+    peaks = f"peaks {_number(age.peak_mean, 'ms')} mean, {_number(age.peak_p99, 'ms')} p99"
+    return f"{_number(age.mean, 'ms')} mean, {_number(age.p99, 'ms')} p99; {peaks}"
+
+
+def _held(m: Metrics) -> list[tuple[str, str]]:
+    """Return a row with the shares of the causes of holds; no row if no UAV held, or if that is unknown."""
+    if not m.slots_held or m.slots_held_by is None:
+        return []
+    shares = [f"{100 * count / m.slots_held:.0f} % {cause}" for cause, count in m.slots_held_by.items()]
+    return [("held", f"{m.slots_held} UAV-slots: {', '.join(shares)}")]
 
 
 def _late_and_twice(m: Metrics) -> str:

@@ -11,16 +11,26 @@ from __future__ import annotations
 
 import math
 import random
-from typing import assert_never
+from typing import Protocol
 
 from edc_swarm.mission.configuration import Mission
 from edc_swarm.mission.faults import OUTAGE, ChangeGps
-from edc_swarm.mission.field_types import GpsModel
+from edc_swarm.mission.plug_ins import GPS_MODELS, called, made, number
 from edc_swarm.mission.roster_entry import RosterEntry
 from edc_swarm.mission.vehicle_budget import gps_bound_m
 
 CORRELATION_S = 30.0
 """Time constant of the `gauss-markov` model."""
+
+
+class ErrorModel(Protocol):
+    """A GPS error model of the user, made as `Class(reach_m, dt_s, random)` for each receiver.
+
+    `reach_m` is the largest error, `dt_s` the time between two fixes, `random` the receiver's own seeded generator.
+    """
+
+    def next_error_m(self) -> tuple[float, float]:
+        """Return reported minus true position of the next fix, east and north; longer errors are cut to `reach_m`."""
 
 
 class Gps:
@@ -61,7 +71,7 @@ class Gps:
             self._receiver = self._new_receiver(self._mission.gps_model, f"gps-{self._mission.gps_model}")
         return None if self._fault is not None and self._fault.model == OUTAGE else self._receiver.next_error_m()
 
-    def _new_receiver(self, model: GpsModel, stream: str) -> GpsReceiver:
+    def _new_receiver(self, model: str, stream: str) -> GpsReceiver:
         seed = f"{self._mission.seed}/{self._entry.uav}/{stream}"
         return GpsReceiver(model, gps_bound_m(self._mission, self._entry), self._mission.dt_s, seed)
 
@@ -73,7 +83,8 @@ class GpsReceiver:
     ----------
     model
         `bias` (one constant error), `white` (each fix independent and uniform in the disc, as in the paper),
-        `gauss-markov` (correlated over `CORRELATION_S`, clipped to the disc), or `none`.
+        `gauss-markov` (correlated over `CORRELATION_S`, clipped to the disc), `none`, or a class of the user
+        (`ErrorModel`).
     reach_m
         Largest error, `gps_m`.
     dt_s
@@ -82,13 +93,16 @@ class GpsReceiver:
         Text such as `"{mission seed}/{uav}/gps"`. A restarted receiver draws the same offset.
     """
 
-    def __init__(self, model: GpsModel, reach_m: float, dt_s: float, seed: str) -> None:
+    def __init__(self, model: str, reach_m: float, dt_s: float, seed: str) -> None:
         self._model = model
         self._reach_m = reach_m
         self._kept = math.exp(-dt_s / CORRELATION_S)
         self._random = random.Random(seed)
         self._fresh = True
-        self._error_m = (0.0, 0.0) if model == "none" else self._in_disc()
+        self._own: ErrorModel | None = None
+        if model not in GPS_MODELS:
+            self._own = made("gps_model", model, "next_error_m", reach_m, dt_s, self._random)
+        self._error_m = (0.0, 0.0) if model == "none" else self._first()
 
     @property
     def true_offset_m(self) -> tuple[float, float]:
@@ -118,7 +132,17 @@ class GpsReceiver:
             case "gauss-markov":
                 return self._correlated()
             case _:
-                assert_never(self._model)
+                return self._owns()
+
+    def _first(self) -> tuple[float, float]:
+        return self._in_disc() if self._own is None else self._owns()
+
+    def _owns(self) -> tuple[float, float]:
+        """Return the next error of the user's model, clipped to the disc."""
+        assert self._own is not None
+        own, name = self._own, self._model
+        x_m, y_m = called("gps_model", name, lambda: _pair(own.next_error_m()))
+        return self._clipped(number("gps_model", name, x_m), number("gps_model", name, y_m))
 
     def _in_disc(self) -> tuple[float, float]:
         angle = self._random.uniform(0.0, math.tau)
@@ -129,5 +153,13 @@ class GpsReceiver:
         """Return a first-order Gauss-Markov step; each axis has the spread, reach / 2, of a uniform disc."""
         noise_m = 0.5 * self._reach_m * math.sqrt(1 - self._kept**2)
         x_m, y_m = (self._kept * e + noise_m * self._random.gauss(0.0, 1.0) for e in self._error_m)
+        return self._clipped(x_m, y_m)
+
+    def _clipped(self, x_m: float, y_m: float) -> tuple[float, float]:
         excess = max(1.0, math.hypot(x_m, y_m) / self._reach_m) if self._reach_m else 1.0
         return x_m / excess, y_m / excess
+
+
+def _pair(error_m: tuple[float, float]) -> tuple[float, float]:
+    x_m, y_m = error_m
+    return x_m, y_m

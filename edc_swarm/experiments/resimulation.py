@@ -14,6 +14,8 @@ from edc_swarm.analysis.guarantees.check import check
 from edc_swarm.analysis.guarantees.verdict import GuaranteeResult, Violation, not_applicable, not_judged, verdict
 from edc_swarm.errors import MissionError
 from edc_swarm.foreign_text import shown
+from edc_swarm.mission.configuration import Mission
+from edc_swarm.mission.plug_ins import plug_ins_of
 from edc_swarm.planner.interface import Plan, Planner, PlanRequest, timeless
 from edc_swarm.planner.registry import BUILT_IN, make_planner
 from edc_swarm.protocol.codec import encode
@@ -36,9 +38,10 @@ Watch = Callable[[int, int], None]
 """Progress callback of the second simulation: number of slots simulated so far, and number of all slots."""
 
 
-def loads_foreign_code(planner: str) -> bool:
-    """Return True if to make `planner` is to import code that is not this project's."""
-    return planner not in {*BUILT_IN, AS_PRINTED}
+def foreign_parts(mission: Mission) -> list[str]:
+    """Return the parts of a mission, planner and plug-ins, whose code is not this project's."""
+    planner = [mission.planner] if mission.planner not in {*BUILT_IN, AS_PRINTED} else []
+    return [*planner, *plug_ins_of(mission)]
 
 
 def judge(
@@ -71,16 +74,18 @@ def check_same_bytes(
     watch
         Told how far the simulation is.
     load_planner
-        Import the planner that the recording names, whosever it is: a recording of a stranger may name any code.
+        Import the planner and the plug-ins that the recording names, whosever they are: a recording of a stranger may
+        name any code.
     """
     clock = recording.run.get("clock")
     if clock == WALL:
         return not_applicable(*_G6, "real processes: what they say follows the machine's timing, not the seed alone")
     if clock != VIRTUAL:
         return not_judged(*_G6, "the record does not say that a simulation made it")
-    planner = recording.mission.planner
-    if not load_planner and loads_foreign_code(planner):
-        why = f"the planner {shown(planner)} is not one of this project's; give --load-planner to load it"
+    foreign = foreign_parts(recording.mission)
+    if not load_planner and foreign:
+        what = "the planner" if foreign[0] == recording.mission.planner else "the part"
+        why = f"{what} {shown(foreign[0])} is not one of this project's; give --load-planner to load it"
         return not_judged(*_G6, why)
     last = _last_slot(recording)
     if last > MAX_SLOTS:

@@ -25,17 +25,16 @@ from edc_swarm.mission.field_types import (
     MAX_ZONES,
     MOST_M,
     MOST_SLOTS,
-    Criterion,
     FailsafeAction,
     FaultText,
     Fence,
     Goals,
     GoalSource,
-    GpsModel,
     Minimise,
     MissionId,
     NonNegative,
     Option,
+    PartName,
     PlannerName,
     Positive,
     Speed,
@@ -43,6 +42,7 @@ from edc_swarm.mission.field_types import (
 from edc_swarm.mission.link import Link
 from edc_swarm.mission.power_models import EnergyModel, HeadModel
 from edc_swarm.mission.roster_entry import RosterEntry
+from edc_swarm.mission.trace import MAX_TRACES, Trace
 from edc_swarm.mission.vehicle_model import VehicleModel
 from edc_swarm.mission.wind_model import WindModel
 from edc_swarm.mission.zone import Zone
@@ -165,13 +165,15 @@ class Mission(Struct, frozen=True, kw_only=True):
 
     Source: the paper, section III-B, minimises the distance.
     """
-    elect: Annotated[Criterion, Option("elect")] = "energy"
-    """Criterion by which a head is elected: the fullest battery, or the shortest response time.
+    elect: Annotated[PartName, Option("elect")] = "energy"
+    """Criterion by which a head is elected: energy, response-time, or package.module:Class.
+
+    `energy` elects the fullest battery, `response-time` the shortest response time.
 
     Source: the paper, section III-A, offers both.
     """
-    gps_model: Annotated[GpsModel, Option("gps-model")] = "bias"
-    """Model of the GPS error.
+    gps_model: Annotated[PartName, Option("gps-model")] = "bias"
+    """Model of the GPS error: none, bias, white, gauss-markov, or package.module:Class.
 
     `none`: no error. `bias`: one error for the whole flight. `white`: at each fix a new error, uniform in the disc, as
     in the paper (section II). `gauss-markov`: an error correlated over 30 s.
@@ -240,6 +242,8 @@ class Mission(Struct, frozen=True, kw_only=True):
     """Senders of new goals that a UAV accepts in flight: the `operator` alone, or `any` process of the bus."""
     link: Annotated[list[Link], Meta(max_length=MAX_LINKS)] = []
     """Rules of the emulated network, tables `[[link]]`."""
+    trace: Annotated[list[Trace], Meta(max_length=MAX_TRACES)] = []
+    """Measured networks that links play back, tables `[[trace]]`, which the program makes from files."""
     zone: Annotated[list[Zone], Meta(max_length=MAX_ZONES)] = []
     """Zones of the airspace, tables `[[zone]]`.
 

@@ -21,7 +21,8 @@ MOST_SLOTS = 1_000_000
 
 PlannerName = Annotated[str, Meta(min_length=1, max_length=200)]
 Minimise = Literal["distance", "energy", "time"]
-Criterion = Literal["energy", "response-time"]
+PartName = Annotated[str, Meta(min_length=1, max_length=200)]
+"""Name of a part that is built in, or `package.module:Class` (`plug_ins`)."""
 GpsModel = Literal["none", "bias", "white", "gauss-markov"]
 Distribution = Literal["constant", "uniform", "normal", "lognormal"]
 ZoneKind = Literal["inclusion", "exclusion"]

@@ -11,13 +11,14 @@ Faults that never end are no reason not to judge. What is promised then:
 - *links that lose or delay for good*: the same, if at most half of the messages are lost or late. A UAV
   flies in a slot if its fix and its command come in time, so the limit is divided by the share of the
   commands that do (docs/latency.md, slot arithmetic). A fix is late after `tau_s`; a command is late when
-  less than the slot's rest is left, which a slower solver shortens. Of different links the worst counts;
+  less than the slot's rest is left, which a slower solver shortens. Of different links the worst counts. A
+  measured network is late as long as its trace says;
 - *a partition into sides*, between which nothing passes either way: the same to the UAVs of the side that
   has a quorum. The other UAVs are obstacles that hold, and the promise is the one that is made beside the dead;
 - *clocks* within `guard_s`, *GPS models*, UAVs that are killed or frozen for good: the same;
 - nothing (`Prospect.obstacle` says why) if no side can have a quorum, if a partition is one-way or leaves a UAV
-  with links to two sides, if links are worse than that or have a radio range, if the router is gone for good, if
-  a clock is beyond the guard or drifts.
+  with links to two sides, if links are worse than that, have a radio range or share a channel, if the router is
+  gone for good, if a clock is beyond the guard or drifts.
 """
 
 from __future__ import annotations
@@ -49,6 +50,8 @@ from edc_swarm.mission.field_types import MOST_SLOTS
 from edc_swarm.mission.link import FOR_GOOD_S, Link
 from edc_swarm.mission.roles import ROUTER
 from edc_swarm.mission.routes import hover_time_s, rectangle_m, way_m
+from edc_swarm.mission.trace import unpack
+from edc_swarm.mission.trace_schedule import Schedule
 
 LEAST_WAIT_SLOTS = 200
 """Slots of the limit beside those for the way: for fail-overs, for waiting, for hulls that vanish."""
@@ -213,10 +216,18 @@ def _missed(mission: Mission, links: Sequence[ChangeLink], slow: SlowSolver | No
     spare_ms = min(tau_ms, slot_ms - tau_ms - slow_ms)
     if spare_ms <= 0:
         return 0.0, f"'{slow}' leaves no time for a plan, for good"
-    worst = 0.0
+    worst, traces = 0.0, {trace.name: trace for trace in mission.trace}
     for rule in _in_force([*mission.link, *(fault.rule() for fault in links)]):
+        name, trace = f"the link {rule.sender}>{rule.receiver}", traces.get(rule.trace)
+        if rule.model:
+            return 0.0, f"{name} has a model of the user's for good"
+        if rule.rate_kbps > 0 or (trace is not None and trace.kind == "opportunities"):
+            return 0.0, f"{name} shares a channel for good"
         missed = 1 - (1 - _loss(rule)) * (1 - _late(rule, spare_ms)) * (1 - rule.reorder)
-        name = f"the link {rule.sender}>{rule.receiver}"
+        if trace is not None:
+            left_ms = spare_ms - rule.delay_ms - rule.jitter_ms
+            schedule = Schedule.of(unpack(trace), rule, mission.seed, "")
+            missed = 1 - (1 - missed) * (1 - schedule.share_beyond(1000 * left_ms))
         if rule.range_m > 0:
             return 0.0, f"{name} has a radio range for good"
         if missed > MOST_LOSS:

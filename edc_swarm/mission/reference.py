@@ -17,13 +17,14 @@ from edc_swarm.mission.declarations import Declaration, declarations
 from edc_swarm.mission.link import Link
 from edc_swarm.mission.power_models import EnergyModel, HeadModel
 from edc_swarm.mission.roster_entry import RosterEntry
+from edc_swarm.mission.trace import Trace
 from edc_swarm.mission.vehicle_model import VehicleModel
 from edc_swarm.mission.wind_model import WindModel
 from edc_swarm.mission.zone import Zone
 
 TABLES: dict[str, type[Struct]] = {"energy": EnergyModel, "head": HeadModel, "vehicle": VehicleModel, "wind": WindModel}
 """Tables of a mission file, by key."""
-LISTS: dict[str, type[Struct]] = {"link": Link, "zone": Zone, "roster": RosterEntry}
+LISTS: dict[str, type[Struct]] = {"link": Link, "trace": Trace, "zone": Zone, "roster": RosterEntry}
 """Lists of tables of a mission file, by key."""
 EXAMPLE: dict[str, Any] = {
     "uav": "north",
@@ -35,7 +36,14 @@ EXAMPLE: dict[str, Any] = {
 """Values of the keys whose default says nothing."""
 ZONE: dict[str, Any] = {"name": "tower", "kind": "exclusion", "centre": [75.0, 50.0], "radius_m": 12.0}
 """A zone, which is a polygon or a circle, so that its defaults alone would be no zone."""
-EXAMPLES: dict[type[Struct], dict[str, Any]] = {RosterEntry: EXAMPLE, Zone: ZONE}
+TRACE: dict[str, Any] = {
+    "name": "network.csv",
+    "rows": 2,
+    "period_us": 110_000,
+    "packed": "eNpjuMFwjQEIFDj8gkA0ABw8Anc=",
+}
+"""Two rows: 55 ms apart, with delays of 20 and 21 ms."""
+EXAMPLES: dict[type[Struct], dict[str, Any]] = {RosterEntry: EXAMPLE, Zone: ZONE, Trace: TRACE}
 PAGE = """\
 # Mission file
 
@@ -112,8 +120,9 @@ def _lines(kind: type[Struct], names: tuple[str, ...] | list[str]) -> Iterator[s
     for name in names:
         field = declarations(kind)[name]
         facts = "; ".join(fact for fact in (field.unit[1], field.allowed) if fact)
+        empty: dict[str, Any] | list[Any] = {} if fields[name].default_factory is dict else []
         value = EXAMPLES.get(kind, {}).get(name, fields[name].default)
-        text = msgspec.json.encode(value if value is not msgspec.NODEFAULT else []).decode()
+        text = msgspec.json.encode(value if value is not msgspec.NODEFAULT else empty).decode()
         yield "\n"
         yield f"# {field.summary} ({facts}).\n"
         yield f"{name} = {text}\n"

@@ -5,10 +5,12 @@ Unknown keys, wrong types and non-finite numbers are rejected with the field, th
 
 from __future__ import annotations
 
+import hashlib
 import math
 import re
 from codecs import BOM_UTF8
-from collections.abc import Mapping
+from collections.abc import Collection, Mapping
+from itertools import count
 from pathlib import Path
 from typing import Annotated, Any, TypeVar, cast, get_args, get_origin, get_type_hints
 
@@ -19,8 +21,12 @@ from edc_swarm.errors import InputError, MissionError, SpacingError
 from edc_swarm.files import open_regular
 from edc_swarm.mission.configuration import AREA_M2, Mission
 from edc_swarm.mission.inheritance import with_radii
+from edc_swarm.mission.link import Link, check_link
+from edc_swarm.mission.plug_ins import check_names
 from edc_swarm.mission.roles import RESERVED_IDS
 from edc_swarm.mission.roster_entry import LACKS_TARGET, RosterEntry
+from edc_swarm.mission.trace import Trace, check_traces, pack
+from edc_swarm.mission.trace_file import MAX_TRACE_BYTES, read_trace
 from edc_swarm.mission.wording import in_words, type_at
 from edc_swarm.mission.zone_shapes import check_shapes
 
@@ -38,7 +44,51 @@ def load_mission(path: str | Path, what: str = "mission file") -> Mission:
     MissionError
         The file is missing, too large, not TOML, or a field is not acceptable.
     """
-    return mission_from_dict(read_toml(what, path, MissionError))
+    return with_traces(mission_from_dict(read_toml(what, path, MissionError)), Path(path).parent)
+
+
+def with_traces(mission: Mission, folder: Path) -> Mission:
+    """Return the mission with the trace files of its links, relative to `folder`, read into its tables `trace`.
+
+    Links that read the same file in the same way share a table. A link that names a table is left as it is.
+
+    Raises
+    ------
+    MissionError
+        A file cannot be read, is too large, or does not hold what its link says.
+    """
+    traces, links, known = list(mission.trace), list[Link](), dict[Any, str]()
+    for index, link in enumerate(mission.link):
+        reading = (link.trace, tuple(link.trace_columns.items()), link.trace_unit, link.round_trip)
+        if link.trace and reading not in known and link.trace not in {trace.name for trace in mission.trace}:
+            traces.append(_trace(link, f"link[{index}]", folder, {trace.name for trace in traces}))
+            known[reading] = traces[-1].name
+        links.append(msgspec.structs.replace(link, trace=known.get(reading, link.trace)))
+    check_traces(traces)
+    return msgspec.structs.replace(mission, link=links, trace=traces)
+
+
+def _trace(link: Link, where: str, folder: Path, taken: Collection[str]) -> Trace:
+    """Return the content of the file of a link as a table of its own name."""
+    try:
+        with open_regular(folder / link.trace) as opened:
+            data = opened.read(MAX_TRACE_BYTES + 1)
+    except (OSError, ValueError) as error:
+        why = getattr(error, "strerror", None) or error
+        raise MissionError(f"{where}.trace", link.trace, f"a readable file ({why})") from None
+    if len(data) > MAX_TRACE_BYTES:
+        raise MissionError(f"{where}.trace", link.trace, f"a file of at most {MAX_TRACE_BYTES} bytes; cut it")
+    kind, rows = read_trace(data, link, where)
+    own = Path(link.trace).name[-100:]
+    name = next(name for k in count(1) if (name := own if k == 1 else f"{own} {k}") not in taken)
+    return Trace(
+        name=name,
+        kind=kind,
+        rows=len(rows.at_us),
+        period_us=rows.period_us,
+        sha256=hashlib.sha256(data).hexdigest(),
+        packed=pack(rows),
+    )
 
 
 def read_toml(what: str, path: str | Path, refused: type[InputError] = InputError) -> dict[str, Any]:
@@ -145,6 +195,10 @@ def validate_mission(mission: Mission) -> None:
         raise MissionError("energy.initial_min_j", mission.energy.initial_min_j, "at most initial_max_j")
     _validate_area(mission)
     check_shapes(mission.zone)
+    check_traces(mission.trace)
+    check_names(mission)
+    for index, link in enumerate(mission.link):
+        check_link(link, f"link[{index}]")
     _validate_roster(with_radii(mission))
 
 
@@ -158,13 +212,16 @@ def _validate_area(mission: Mission) -> None:
 
 
 def check_links(mission: Mission) -> None:
-    """Raise `MissionError` for a link that names a UAV which is not in the roster."""
+    """Raise `MissionError` for a link that names a UAV which is not in the roster, or a trace that is not read."""
     known = {"*", *(entry.uav for entry in mission.roster)}
+    traces = {"", *(trace.name for trace in mission.trace)}
     for index, link in enumerate(mission.link):
         for end in ("sender", "receiver"):
             value = getattr(link, end)
             if value not in known:
                 raise MissionError(f"link[{index}].{end}", value, 'the id of a UAV of the roster, or "*"')
+        if link.trace not in traces:
+            raise MissionError(f"link[{index}].trace", link.trace, "a file beside a mission file, or a table trace")
 
 
 def _validate_roster(roster: list[RosterEntry]) -> None:

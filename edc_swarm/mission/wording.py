@@ -8,6 +8,7 @@ from functools import cache
 from msgspec import inspect
 from msgspec.inspect import (
     BoolType,
+    DictType,
     FloatType,
     IntType,
     ListType,
@@ -22,7 +23,13 @@ from msgspec.inspect import (
 
 _NAME = re.compile(r"\^\[A-Za-z0-9_-\]\{(\d+),(\d+)\}\$.*")
 """The pattern of an id or a name."""
-_PLAIN = {StructType: "a table", TupleType: "a point [x, y]", BoolType: "true or false", NoneType: "null"}
+_PLAIN = {
+    StructType: "a table",
+    DictType: "a table",
+    TupleType: "a point [x, y]",
+    BoolType: "true or false",
+    NoneType: "null",
+}
 
 
 def in_words(kind: Type) -> str:

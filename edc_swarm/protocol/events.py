@@ -27,6 +27,7 @@ class EventKind(StrEnum):
     CLOCK_OFFSET = "clock-offset"
     CLOCK_JUMP = "clock-jump"
     DELAY_ERROR = "delay-error"
+    LINK_DELAYS = "link-delays"
     MALFORMED = "malformed"
     GROUND_DENIED = "ground-denied"
     RECORDER_DROPPED = "recorder-dropped"
@@ -60,6 +61,7 @@ EVENT_FORMS: dict[EventKind, EventForm] = {
     EventKind.CLOCK_OFFSET: EventForm("UAV", "the UAV whose clock is ahead, and by how much at least"),
     EventKind.CLOCK_JUMP: EventForm("every publisher", "by how much its wall clock jumped"),
     EventKind.DELAY_ERROR: EventForm("UAV", "JSON: how late its emulated links handed messages over"),
+    EventKind.LINK_DELAYS: EventForm("UAV", "JSON: of each sender, what arrived and was lost, quantiles of the delays"),
     EventKind.MALFORMED: EventForm("UAV, operator, recorder, visualiser", "what was rejected, and how often"),
     EventKind.GROUND_DENIED: EventForm(
         "bridge to a ground station", "the requests so far that would have steered a UAV, by kind", warning=True

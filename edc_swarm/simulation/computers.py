@@ -263,7 +263,9 @@ class Computer:
             self.step(event)
 
     def close(self) -> None:
-        """Publish a plan that is not ready yet, then the last sequence numbers; a dead or frozen process does neither.
+        """Publish a plan that is not ready yet, then what its links did and the last sequence numbers, if it can.
+
+        A dead or frozen process does neither.
 
         A real process that is told to end in the middle of a plan finishes that plan first, too.
         """
@@ -271,6 +273,9 @@ class Computer:
             self._carry_out_plan(self.process)
         process = self.process
         if process is not None and not process.frozen:
+            if self.links.has_rules:
+                told = msgspec.json.encode(self.links.log.told()).decode()
+                self._carry_out(process, [process.node.event(EventKind.LINK_DELAYS, told)])
             last = msgspec.json.encode(process.node.last_seqs).decode()
             self._carry_out(process, [process.node.event(EventKind.CLOSED, last)])
 

@@ -9,9 +9,10 @@ from typing import Protocol
 import msgspec
 
 from edc_swarm.agent.node import NodeEvent, PeerGone, Received
-from edc_swarm.emulation.links import LinkEmulator, have_range
+from edc_swarm.emulation.links import LinkEmulator, have_queues, have_range
 from edc_swarm.mission.field_types import Point
 from edc_swarm.mission.roles import OPERATOR
+from edc_swarm.protocol.codec import encode
 from edc_swarm.protocol.completion import MissionMonitor
 from edc_swarm.protocol.events import EventKind
 from edc_swarm.protocol.goals import GoalDesk
@@ -69,6 +70,7 @@ class Network:
         self._record = record
         self._keys = Keys(mission.name)
         self._have_range = have_range(mission)
+        self._have_queues = have_queues(mission)
         self._ports: Mapping[str, Port] = {}
         self._operator_seq = 0
         self.monitor = MissionMonitor(mission)
@@ -161,9 +163,11 @@ class Network:
         if not self.router_up:
             return
         event, at_s = Received(message), self._schedule.mission_s
+        size_bytes = len(encode(message)) if self._have_queues else 0
         for receiver in receivers:
             if receiver.uav == sender or receiver.process is None:
                 continue
-            for delay_ns in receiver.links.arrivals_ns(sender, at_s):
+            for delay_ns in receiver.links.arrivals_ns(sender, at_s, size_bytes):
+                receiver.links.log.arrive(sender, delay_ns)
                 when_ns = self._schedule.now_ns + TRANSIT_NS + delay_ns
                 self._schedule.at(when_ns, partial(receiver.step, event))

@@ -158,18 +158,19 @@ class Postbox:
 
     def __init__(self, links: LinkEmulator) -> None:
         self.links = links
-        self._later: list[tuple[int, int, Message]] = []
+        self._later: list[tuple[int, int, Message, int]] = []
         self._order = count()
         self._late_ns: list[int] = []
 
-    def arrive(self, message: Message, now_ns: int, at_s: float) -> bool:
+    def arrive(self, message: Message, now_ns: int, at_s: float, size_bytes: int = 0) -> bool:
         """Take in a message of the swarm that came at `now_ns`, mission time `at_s`; return True to deliver it now."""
-        at_once = False
-        for delay_ns in self.links.arrivals_ns(sender_of(message), at_s):
+        at_once, sender = False, sender_of(message)
+        for delay_ns in self.links.arrivals_ns(sender, at_s, size_bytes):
             if delay_ns == 0 and not at_once:
                 at_once = True
+                self.links.log.arrive(sender, 0)
             elif len(self._later) < MAX_POSTPONED:
-                heapq.heappush(self._later, (now_ns + delay_ns, next(self._order), message))
+                heapq.heappush(self._later, (now_ns + delay_ns, next(self._order), message, now_ns))
         return at_once
 
     @property
@@ -181,7 +182,8 @@ class Postbox:
         """Return one postponed message that is due, None if there is none."""
         if not self._later or self._later[0][0] > now_ns:
             return None
-        due_ns, _, message = heapq.heappop(self._later)
+        due_ns, _, message, came_ns = heapq.heappop(self._later)
+        self.links.log.arrive(sender_of(message), now_ns - came_ns)
         if len(self._late_ns) < MAX_MEASURED:
             self._late_ns.append(now_ns - due_ns)
         return message

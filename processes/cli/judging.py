@@ -8,7 +8,8 @@ from rich.console import Console
 from rich.progress import BarColumn, Progress, TaskID, TextColumn, TimeRemainingColumn
 
 from edc_swarm.analysis.guarantees.verdict import GuaranteeResult
-from edc_swarm.experiments.resimulation import judge, loads_foreign_code
+from edc_swarm.experiments.resimulation import foreign_parts, judge
+from edc_swarm.mission.plug_ins import plug_ins_of
 from edc_swarm.recording.model import Recording
 from processes.runtime.run_facts import simulated_otherwise
 
@@ -24,9 +25,9 @@ def judged(recording: Recording, *, show_progress: bool = True, load_planner: bo
         *columns, console=console, transient=True, disable=not (show_progress and console.is_terminal)
     ) as bar:
         task = bar.add_task("simulating again (G6)")
-        planner, otherwise = recording.mission.planner, ""
-        if load_planner or not loads_foreign_code(planner):
-            otherwise = simulated_otherwise(recording.run, planner)
+        mission, otherwise = recording.mission, ""
+        if load_planner or not foreign_parts(mission):
+            otherwise = simulated_otherwise(recording.run, mission.planner, *plug_ins_of(mission))
         watch = partial(_show, bar, task)
         return judge(recording, otherwise, watch, load_planner=load_planner)
 

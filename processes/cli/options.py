@@ -24,6 +24,7 @@ from edc_swarm.mission.reference import TABLES
 from edc_swarm.mission.roster import complete_mission
 from edc_swarm.mission.validation import load_mission, with_options
 from edc_swarm.planner.registry import check_planner
+from edc_swarm.simulation.plug_in_trial import try_plug_ins
 from processes.cli.whole_number import WholeNumber
 from processes.runtime.console import note
 
@@ -138,6 +139,7 @@ class MissionOptions(_FieldOptions):  # type: ignore[misc]  # The declarations d
             mission = complete_mission(with_options(base, self._given(base)))
             parse_faults(mission)
             check_planner(mission)
+            try_plug_ins(mission)
             check_batteries(mission)
         _warn_of_batteries(mission)
         for said in check_zones(mission):

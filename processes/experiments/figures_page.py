@@ -56,6 +56,11 @@ def page(
     )
 
 
+def _files(name: str) -> str:
+    """Return links to the files of a figure."""
+    return " ".join(f'<a href="{name}.{kind}">{kind.upper()}</a>' for kind in ("png", "svg", "pdf", "csv"))
+
+
 def _introduction(facts: Mapping[str, str]) -> str:
     return (
         f"<h1>{TITLE}</h1><p>Section IV of S. Ouahouah, J. Prados-Garzon, T. Taleb, C. Benzaid, <i>Energy and Delay"
@@ -97,7 +102,7 @@ def _section(figure: Figure, finding: FigureFinding, rows: Sequence[Row]) -> str
         f'<section id="{name}"><h2>{_heading(figure)}</h2><p>{claim}: <q>{escape(finding.claim)}</q>'
         f' {_verdict(finding)}</p><img src="{name}.svg" alt="{escape(figure.title)}"><ul>{found}</ul>'
         f"<details><summary>Numbers</summary>{_numbers(rows)}</details>"
-        f'<p><a href="{name}.png">PNG</a> <a href="{name}.svg">SVG</a> <a href="{name}.csv">CSV</a></p></section>'
+        f"<p>{_files(name)}</p></section>"
     )
 
 
@@ -145,7 +150,7 @@ def _long(result: Mapping[str, Any]) -> str:
         f" message. {leaders} UAVs led in {len(heads)} terms; each handed over when another battery was more than 0.5 %"
         f" better.{escape(ended) or ' No battery ran empty.'}</p>"
         f'<img src="{LONG}.svg" alt="Batteries and heads over time"><table><tr>{head}</tr>{body}</table>'
-        f'<p><a href="{LONG}.png">PNG</a> <a href="{LONG}.svg">SVG</a> <a href="{LONG}.csv">CSV</a></p></section>'
+        f"<p>{_files(LONG)}</p></section>"
     )
 
 

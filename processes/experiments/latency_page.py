@@ -76,7 +76,7 @@ def _findings(found: Sequence[LatencyFinding], notes: Sequence[str]) -> str:
 def _figures(label: str, stems: Sequence[str]) -> str:
     pictures = "".join(
         f'<img src="{stem}.svg" alt="{escape(label)}, {stem}">'
-        f'<p><a href="{stem}.png">PNG</a> <a href="{stem}.svg">SVG</a></p>'
+        f'<p><a href="{stem}.png">PNG</a> <a href="{stem}.svg">SVG</a> <a href="{stem}.pdf">PDF</a></p>'
         for stem in stems
     )
     return f"<section><h2>{escape(label)}</h2>{pictures}</section>"

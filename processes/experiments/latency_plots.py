@@ -13,7 +13,7 @@ from typing import Any, Literal
 
 from edc_swarm.experiments.latency.quantities import Quantity
 from edc_swarm.experiments.latency.table import CellRow
-from processes.experiments.plots import RC, save
+from processes.experiments.plots import RC, save, set_ticks
 
 Axis = Literal["delay_ms", "loss"]
 PANEL_IN = (2.7, 2.2)
@@ -44,7 +44,7 @@ class Panel:
 
 
 def draw_quantity(quantity: Quantity, axis: Axis, rows: Sequence[CellRow], stem: Path) -> None:
-    """Write `stem`.png and `stem`.svg; all rows are of one slot length."""
+    """Write `stem`.png, `stem`.svg and `stem`.pdf; all rows are of one slot length."""
     from matplotlib import pyplot as plt  # noqa: PLC0415 - an extra
 
     uavs = list(dict.fromkeys(row.cell.uavs for row in rows))
@@ -82,7 +82,7 @@ def _draw_panel(axes: Any, quantity: Quantity, axis: Axis, panel: Panel) -> None
     axes.set_title(f"{panel.uavs} UAVs, jitter {panel.jitter_ms:g} ms", fontsize=9, loc="left")
     values = sorted({getattr(row.cell, axis) for row in panel.rows})
     labels = [f"{100 * value if axis == 'loss' else value:g}" for value in values]
-    axes.set_xticks(values, labels, fontsize=7)
+    set_ticks(axes, values, labels, PANEL_IN[0], fontsize=7)
 
 
 def _draw_line(axes: Any, quantity: Quantity, axis: Axis, rows: Sequence[CellRow], index: int) -> None:
@@ -93,12 +93,8 @@ def _draw_line(axes: Any, quantity: Quantity, axis: Axis, rows: Sequence[CellRow
     mean = [found.mean for _, found in known]
     low = [found.mean if found.low is None else found.low for _, found in known]
     high = [found.mean if found.high is None else found.high for _, found in known]
-    if quantity.share:
-        low, high = [max(0.0, value) for value in low], [min(100.0, value) for value in high]
-    elif quantity.logarithmic:
+    if quantity.logarithmic:
         low = [max(value, LEAST_OF_MEAN * middle) for value, middle in zip(low, mean, strict=True)]
-    elif not quantity.signed:
-        low = [max(0.0, value) for value in low]
     colour, engine = COLOURS[index % len(COLOURS)], rows[0].engine
     face = colour if engine == "sim" else "none"
     label = _label(getattr(rows[0].cell, OTHER[axis]), axis, engine)
@@ -125,11 +121,11 @@ def _finish(picture: Any, grid: Any, quantity: Quantity, axis: Axis) -> None:
     for axes in grid[-1]:
         axes.set_xlabel(LABELS[axis])
     for line in grid:
-        if quantity.share:
+        if quantity.kind in {"per cent", "share of runs"}:
             line[0].set_ylim(-4, 104)
         elif quantity.logarithmic:
             line[0].set_yscale("log")
-        elif not quantity.signed or line[0].get_ylim()[0] > 0:
+        elif quantity.kind != "signed" or line[0].get_ylim()[0] > 0:
             line[0].set_ylim(bottom=0)
     picture.supylabel(quantity.label, fontsize=10)
     found: dict[str, Any] = {}

@@ -1,4 +1,4 @@
-"""Plots of figures with matplotlib (extra `plots`) as PNG and SVG, for print and for colour-blind readers.
+"""Plots of figures with matplotlib (extra `plots`) as PNG, SVG and PDF, for print and for colour-blind readers.
 
 Colours are those of M. Okabe and K. Ito, "Color Universal Design", 2008; markers and dashes distinguish the lines
 without colour.
@@ -6,6 +6,7 @@ without colour.
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
@@ -23,6 +24,10 @@ BAND_SHARE = 1.6
 """Width of a band, as a share of the greatest mean, above which the plot cuts it off."""
 LOG_BAND = 2.5
 NEGLIGIBLE = 1e-6
+AXES_SHARE = 0.75
+"""Width of the axes as a share of their panel."""
+DIGIT_IN = 0.6 / 72
+"""Width of a digit in inches, for each point of its font."""
 HOLLOW = {"straight", "bound"}
 """Lines that others may cover; their hollow markers stay visible around those of the others."""
 STYLES: dict[str, tuple[str, str, str]] = {
@@ -45,6 +50,7 @@ RC: Any = {
     "axes.spines.top": False,
     "axes.spines.right": False,
     "svg.hashsalt": "edc-swarm",
+    "pdf.fonttype": 42,
     "legend.frameon": False,
     "legend.fontsize": 9,
 }
@@ -60,7 +66,7 @@ def check_plots() -> None:
 
 
 def draw_figure(figure: Figure, rows: Sequence[Row], stem: Path) -> None:
-    """Write the figure to `stem`.png and `stem`.svg, with means and 95 % bands."""
+    """Write the figure to `stem`.png, `stem`.svg and `stem`.pdf, with means and 95 % bands."""
     from matplotlib import pyplot as plt  # noqa: PLC0415 - an extra
 
     with plt.rc_context(RC):
@@ -84,7 +90,8 @@ def _draw_line(axes: Any, rows: Sequence[Row], name: str, label: str) -> None:
 def _finish_axes(axes: Any, figure: Figure, rows: Sequence[Row]) -> None:
     axes.set_xlabel(figure.axis.label)
     axes.set_ylabel(figure.label)
-    axes.set_xticks(figure.axis.values, [f"{value / figure.axis.tick:g}" for value in figure.axis.values])
+    labels = [f"{value / figure.axis.tick:g}" for value in figure.axis.values]
+    set_ticks(axes, figure.axis.values, labels, SIZE_IN[0])
     _limit(axes, figure, [row.mean for row in rows])
     axes.set_title(figure.title, fontsize=10, loc="left")
     axes.figure.legend(loc="outside lower center", ncols=2, title="mean and its 95 % confidence band", title_fontsize=8)
@@ -142,10 +149,27 @@ def draw_heads(result: Mapping[str, Any], stem: Path) -> None:
         save(picture, stem)
 
 
+def set_ticks(axes: Any, values: Sequence[float], labels: Sequence[str], width_in: float, fontsize: float = 9) -> None:
+    """Put a tick at each value, and a label at those that leave it room beside the label before it.
+
+    `width_in` is the width of the panel in inches. A label takes as much as its digits and one more.
+    """
+    span = (max(values) - min(values)) or 1.0
+    shown, free = list[str](), -math.inf
+    for value, label in zip(values, labels, strict=True):
+        middle = (value - min(values)) / span * AXES_SHARE * width_in
+        half = (len(label) + 1) * fontsize * DIGIT_IN / 2
+        fits = middle - half >= free
+        shown.append(label if fits else "")
+        free = middle + half if fits else free
+    axes.set_xticks(values, shown, fontsize=fontsize)
+
+
 def save(picture: Any, stem: Path) -> None:
-    """Write a picture to `stem`.png and `stem`.svg."""
+    """Write a picture to `stem`.png, `stem`.svg and `stem`.pdf, with the same bytes for the same picture."""
     from matplotlib import pyplot as plt  # noqa: PLC0415 - an extra
 
     picture.savefig(stem.with_suffix(".png"), dpi=DPI)
     picture.savefig(stem.with_suffix(".svg"), metadata={"Date": None})
+    picture.savefig(stem.with_suffix(".pdf"), metadata={"CreationDate": None})
     plt.close(picture)

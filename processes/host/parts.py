@@ -16,7 +16,7 @@ from processes.host.run_setup import RunSetup
 from processes.host.security import OPEN, secure
 from processes.runtime.children import Child
 from processes.runtime.loop import Loop
-from processes.runtime.run_facts import run_facts
+from processes.runtime.run_facts import plug_in_facts, run_facts
 from processes.services.ground_station import NAME as GROUND
 from processes.services.ground_station import GroundSettings
 from processes.services.recorder import NAME as RECORDER
@@ -122,7 +122,7 @@ class Parts:
             mission=self._setup.mission.name,
             part=str(self._setup.output.part),
             out=str(self._setup.output.path),
-            run=run_facts("wall"),
+            run={**run_facts("wall"), **plug_in_facts(self._setup.mission)},
             certs=self.security.certs,
             parent=parent,
             clock_ahead_ns=self._setup.clock.ahead_ns if parent else None,

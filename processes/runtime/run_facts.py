@@ -15,6 +15,9 @@ from importlib.metadata import version
 from pathlib import Path
 
 import edc_swarm
+from edc_swarm.mission.configuration import Mission
+from edc_swarm.mission.plug_ins import plug_ins_of
+from edc_swarm.planner.registry import BUILT_IN
 
 PACKAGES = ("edc-swarm", "eclipse-zenoh", "osqp", "numpy", "scipy", "numba", "mcap", "msgspec")
 CODE = "code"
@@ -52,28 +55,41 @@ def made_otherwise(run: Mapping[str, str]) -> str:
     return f"made with {then}; this is {now}" if others else ""
 
 
-def code_digest(planner: str) -> str:
-    """Return a hash of the source of the library and of the module of a user's planner."""
+def code_digest(*parts: str) -> str:
+    """Return a hash of the source of the library and of the modules of the user's planner and other parts."""
     files = sorted(Path(edc_swarm.__file__).parent.rglob("*.py"))
-    module, _, name = planner.partition(":")
-    if name and module.partition(".")[0] != edc_swarm.__name__:
-        files += _source_files(module)
+    for part in parts:
+        module, _, name = part.partition(":")
+        if name and module.partition(".")[0] != edc_swarm.__name__:
+            files += _source_files(module)
     digest = hashlib.sha256()
     for file in files:
         digest.update(file.read_bytes())
     return digest.hexdigest()[:16]
 
 
-def simulated_otherwise(run: Mapping[str, str], planner: str) -> str:
+def plug_in_facts(mission: Mission) -> dict[str, str]:
+    """Return the metadata about the user's parts of a mission: the SHA-256 of each module's source, "" if unknown."""
+    names = [mission.planner] if mission.planner not in BUILT_IN else []
+    return {f"plug-in {name}": source_hash(name) for name in [*names, *plug_ins_of(mission)]}
+
+
+def source_hash(name: str) -> str:
+    """Return the SHA-256 of the source of the module of a class `package.module:Class`, "" if there is none."""
+    files = _source_files(name.partition(":")[0])
+    return hashlib.sha256(files[0].read_bytes()).hexdigest() if files else ""
+
+
+def simulated_otherwise(run: Mapping[str, str], *parts: str) -> str:
     """Return in words why a simulation with the facts `run` may differ if it is repeated here, "" if it may not.
 
     Equal digests mean equal code, whatever the commit is called.
     """
-    if run.get(CODE) == code_digest(planner):
+    if run.get(CODE) == code_digest(*parts):
         run = {name: value for name, value in run.items() if name != "commit"}
         here = made_otherwise(run)
     else:
-        here = made_otherwise(run) or "made with other code, or by another version of the planner"
+        here = made_otherwise(run) or "made with other code, or by another version of the planner or of a plug-in"
     machine = run_facts("")["machine"]
     return here or (f"made on another machine ({run.get('machine')})" if run.get("machine") != machine else "")
 

@@ -185,7 +185,7 @@ class UavProcess:
             case Goal():
                 self._step(Received(message))
             case _:
-                self._receive(message, heard.at_ns)
+                self._receive(message, heard)
 
     def _report_malformed(self, detail: str) -> None:
         if self._flight is not None:
@@ -226,12 +226,12 @@ class UavProcess:
             for node_event in self._flight.faults.apply(event.detail):
                 self._step(node_event)
 
-    def _receive(self, message: Message, at_ns: int) -> None:
-        """Pass a message that came at `at_ns` of the monotonic clock through the link model to the node."""
+    def _receive(self, message: Message, heard: Heard) -> None:
+        """Pass a message, which came as `heard`, through the link model to the node."""
         if self._flight is None or sender_of(message) == self._settings.uav:
             return
-        now_ns = self._clock.now_ns() - (time.monotonic_ns() - at_ns)
-        if self._flight.postbox.arrive(message, now_ns, self._flight.mission_s(now_ns)):
+        now_ns = self._clock.now_ns() - (time.monotonic_ns() - heard.at_ns)
+        if self._flight.postbox.arrive(message, now_ns, self._flight.mission_s(now_ns), len(heard.payload)):
             self._step(Received(message))
 
     def _deliver_postponed(self) -> None:
@@ -299,7 +299,7 @@ class UavProcess:
     def _close(self) -> None:
         self._publisher.send_truth()
         if self._flight is not None:
-            self._carry_out(self._flight.delay_error())
+            self._carry_out([*self._flight.delay_error(), *self._flight.link_delays()])
             last = msgspec.json.encode(self._flight.node.last_seqs).decode()
             self._carry_out([self._flight.node.event(EventKind.CLOSED, last)])
         self._outbox.stay(self._inbox)
@@ -330,6 +330,13 @@ class Flight:
         if error is None:
             return []
         return [self.node.event(EventKind.DELAY_ERROR, msgspec.json.encode(error).decode())]
+
+    def link_delays(self) -> list[Effect]:
+        """Return the event about the delays of the emulated links, none where all links are perfect."""
+        if not self.postbox.links.has_rules:
+            return []
+        told = msgspec.json.encode(self.postbox.links.log.told()).decode()
+        return [self.node.event(EventKind.LINK_DELAYS, told)]
 
 
 def run_uav(settings: UavSettings, *, obey_ctrl_c: bool) -> int:

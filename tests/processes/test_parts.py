@@ -13,12 +13,15 @@ import pytest
 
 from edc_swarm.agent.node import Disturbed, Tick
 from edc_swarm.agent.vehicle import Airframe, Promise
+from edc_swarm.emulation.delay_log import quantiles
 from edc_swarm.emulation.links import DelayError, LinkEmulator, cut_pair
 from edc_swarm.errors import InputError, MessageError
 from edc_swarm.mission.configuration import Mission
 from edc_swarm.mission.faults import ChangeGps
 from edc_swarm.mission.link import Link
 from edc_swarm.mission.roster import complete_mission
+from edc_swarm.mission.trace import unpack
+from edc_swarm.mission.validation import load_mission
 from edc_swarm.planner.interface import Plan, PlanRequest
 from edc_swarm.protocol.codec import encode
 from edc_swarm.protocol.keys import Keys
@@ -348,3 +351,20 @@ def test_two_runs_cannot_claim_one_name(tmp_path: Path) -> None:
     with Output(tmp_path / "a.mcap", force=False), pytest.raises(InputError, match="no other run"):
         Output(tmp_path / "a.mcap", force=True)
     assert list(tmp_path.iterdir()) == []
+
+
+def test_postbox_plays_a_measured_network() -> None:
+    """What is sent with the probes of a file is due exactly when they arrived, also in a stall."""
+    base = load_mission("scenarios/measured_5g.toml")
+    link = msgspec.structs.replace(base.link[0], trace_offset="none")
+    box = Postbox(LinkEmulator(msgspec.structs.replace(MISSION, link=[link], trace=base.trace), "u001"))
+    rows = unpack(base.trace[0])
+    arrivals_us = sorted(at + delay for at, delay in zip(rows.at_us, rows.delay_us, strict=True))
+    for at_us in rows.at_us:
+        assert not box.arrive(REPORT, 1000 * at_us, at_us / 1e6)
+    delivered_us = []
+    while (due_ns := box.next_ns) is not None:
+        assert box.take_due(due_ns) is not None
+        delivered_us.append(due_ns // 1000)
+    assert delivered_us == arrivals_us
+    assert box.links.log.told()[REPORT.head].delay_ms == [us / 1000 for us in quantiles(rows.delay_us)]

@@ -22,7 +22,6 @@ from edc_swarm.agent.node import (
 )
 from edc_swarm.agent.vehicle import Promise, first_airframe, first_promise
 from edc_swarm.mission.faults import ChangeGps
-from edc_swarm.mission.field_types import Criterion
 from edc_swarm.protocol.codec import decode, encode
 from edc_swarm.protocol.keys import Keys
 from edc_swarm.protocol.messages import Command, Event, Fix, MissionMessage, Report
@@ -33,7 +32,7 @@ ROSTER = row(IDS, gap_m=40.0, north_m=90.0, energy_j=2e3)
 KEYS = Keys("m")
 
 
-def mission(elect: Criterion, standbys: int, lease: int, lag: int) -> MissionMessage:
+def mission(elect: str, standbys: int, lease: int, lag: int) -> MissionMessage:
     """Three UAVs."""
     return mission_message(ROSTER, elect=elect, standbys=standbys, lease_slots=lease, lag_slots=lag)
 

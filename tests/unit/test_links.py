@@ -6,7 +6,8 @@ from typing import Any
 
 import pytest
 
-from edc_swarm.emulation.links import MAX_CHANGES, Cut, LinkEmulator, cut_pair, fading_loss, have_range, mission_s
+from edc_swarm.emulation.fading import fading_loss
+from edc_swarm.emulation.links import MAX_CHANGES, Cut, LinkEmulator, cut_pair, have_range, mission_s
 from edc_swarm.mission.configuration import Mission
 from edc_swarm.mission.link import Link
 from tests.builders import mission, row

@@ -16,6 +16,7 @@ from typing import Any
 import msgspec
 
 from edc_swarm.errors import InputError
+from edc_swarm.experiments.statistics import Kind
 from edc_swarm.experiments.sweeps import Run
 from edc_swarm.mission.configuration import Mission
 from edc_swarm.mission.power_models import EnergyModel
@@ -56,7 +57,7 @@ class Series:
 
 @dataclass(frozen=True, slots=True)
 class Figure:
-    """A figure: `base` is the mission at all points, except for the swept field."""
+    """A figure: `base` is the mission at all points, except for the swept field; `kind` is that of the quantity."""
 
     name: str
     title: str
@@ -67,6 +68,7 @@ class Figure:
     series: tuple[Series, ...]
     claim: str
     logarithmic: bool = False
+    kind: Kind = "amount"
 
     def mission(self, x: float, seed: int) -> Mission:
         """Return the mission of one run at the point `x`."""
@@ -187,11 +189,11 @@ SAVINGS = (
 )
 
 FIGURES = (
-    Figure("4a", "Collisions by number of UAVs", BY_UAVS, UAVS, *COLLISIONS,
+    Figure("4a", "Collisions by number of UAVs", BY_UAVS, UAVS, *COLLISIONS, kind="count",
            claim="The number of collisions depends quadratically on the density of UAVs (here: on their number)."),
-    Figure("4b", "Collisions by area", BY_AREA, AREA, *COLLISIONS,
+    Figure("4b", "Collisions by area", BY_AREA, AREA, *COLLISIONS, kind="count",
            claim="A larger area reduces collisions; they depend quadratically on the density of UAVs."),
-    Figure("4c", "Collisions by GPS error", BY_RADIUS, RADIUS, *COLLISIONS,
+    Figure("4c", "Collisions by GPS error", BY_RADIUS, RADIUS, *COLLISIONS, kind="count",
            claim="The number of collisions depends linearly on the UAVs' GPS error."),
     Figure("5a", "Extra distance by number of UAVs", BY_UAVS, UAVS, *EXTRA,
            claim="The more UAVs in the cluster, the less extra distance is covered."),
@@ -205,7 +207,7 @@ FIGURES = (
            claim="The longer the extra distance travelled, the higher the energy consumption."),
     Figure("energy-head", "Computing energy of the head", BY_UAVS, UAVS, *COMPUTE,
            claim="What the head's computing adds to the energy bill of the swarm."),
-    Figure("energy-minimise", "What minimising energy saves, and what it costs", BY_UAVS, UAVS, *SAVINGS,
+    Figure("energy-minimise", "What minimising energy saves, and what it costs", BY_UAVS, UAVS, *SAVINGS, kind="signed",
            claim="Whether energy is saved when it, not the distance, is minimised."),
 )  # fmt: skip
 

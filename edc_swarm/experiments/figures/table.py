@@ -15,7 +15,7 @@ from edc_swarm.experiments.statistics import estimate
 class Row(Struct, frozen=True):
     """One point of one line.
 
-    `ci95_low` and `ci95_high` bound the mean over independent runs (Student's t; None for one run),
+    `ci95_low` and `ci95_high` bound the mean over independent runs (`statistics.estimate`; None for one run),
     `smallest` and `largest` are of single runs, `incomplete` counts runs that are not known to
     have brought every UAV home (None: no run is a flight, or tells).
     """
@@ -43,7 +43,7 @@ def rows_of(figure: Figure, runs: int, results: Mapping[str, Any]) -> list[Row]:
             values = [value for sample in samples if math.isfinite(value := series.value(*sample))]
             if not values:
                 continue
-            mean = estimate(values)
+            mean = estimate(values, figure.kind)
             rows.append(
                 Row(
                     figure.name,

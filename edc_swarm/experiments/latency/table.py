@@ -85,11 +85,12 @@ def total(counts: Sequence[int | None]) -> int | None:
 
 
 def _estimates(samples: Sequence[Sample]) -> dict[str, Estimate]:
-    values = {
-        quantity.name: [value for sample in samples if (value := quantity.value(sample)) is not None]
-        for quantity in QUANTITIES
-    }
-    return {name: estimate(found) for name, found in values.items() if found}
+    found = dict[str, Estimate]()
+    for quantity in QUANTITIES:
+        values = [value for sample in samples if (value := quantity.value(sample)) is not None]
+        if values:
+            found[quantity.name] = estimate(values, quantity.kind)
+    return found
 
 
 def flat(row: CellRow) -> dict[str, Any]:

@@ -68,7 +68,7 @@ class FiguresOptions:
 
 
 def figures(*, options: FiguresOptions | None = None) -> int:
-    """Compute the paper's figures again: PNG, SVG and CSV each, and a page with the findings."""
+    """Compute the paper's figures again: PNG, SVG, PDF and CSV each, and a page with the findings."""
     options = options or FiguresOptions()
     if not 1 <= options.runs <= MAX_FIGURE_RUNS:
         raise InputError("--runs", options.runs, f"between 1 and {MAX_FIGURE_RUNS}")

@@ -16,7 +16,7 @@ from cyclopts import Parameter
 
 from edc_swarm.analysis.replanning import replan
 from edc_swarm.errors import InputError, RecordingError
-from edc_swarm.experiments.resimulation import loads_foreign_code
+from edc_swarm.experiments.resimulation import foreign_parts
 from edc_swarm.foreign_text import MAX_LINE, shown
 from edc_swarm.ground_station.frames import Request
 from edc_swarm.ground_station.view import GroundView, check_systems
@@ -194,7 +194,7 @@ def _verify(path: Path, *, as_json: bool, load_planner: bool) -> int:
         raise RecordingError(path, "holds no plan to be verified")
     if otherwise := made_otherwise(recording.run):
         note(f"note: the recording was {otherwise}: another version may well plan otherwise")
-    if not load_planner and loads_foreign_code(mission.planner):
+    if not load_planner and mission.planner in foreign_parts(mission):
         raise RecordingError(
             path, f"names the planner {mission.planner}, not one of this project's: --load-planner loads it"
         )

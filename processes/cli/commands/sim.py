@@ -11,6 +11,7 @@ from cyclopts import Parameter
 from edc_swarm.analysis.timings import Timing, Timings, content_hash
 from edc_swarm.mission.configuration import Mission
 from edc_swarm.mission.fault_help import fault_help
+from edc_swarm.mission.plug_ins import plug_ins_of
 from edc_swarm.planner.registry import warm_up
 from edc_swarm.protocol.codec import encode
 from edc_swarm.protocol.messages import Message, MissionMessage, mission_message
@@ -22,7 +23,7 @@ from processes.cli.options import MISSION_HELP, MissionOptions
 from processes.experiments.timed_planner import TimedPlanner
 from processes.runtime.output import Output, default_output, held_for_writing, new_file
 from processes.runtime.progress_bar import ProgressBar
-from processes.runtime.run_facts import CODE, code_digest, run_facts
+from processes.runtime.run_facts import CODE, code_digest, plug_in_facts, run_facts
 from processes.services.recorded_view import attach_layout, write_shown
 
 
@@ -49,8 +50,10 @@ def sim(
 def _simulate(mission: Mission, output: Output, *, viz: bool, show_progress: bool) -> list[Timing]:
     message, timings = mission_message(mission), list[Timing]()
     warm_up(mission)
+    code = code_digest(mission.planner, *plug_ins_of(mission))
+    facts = {**run_facts("virtual"), **plug_in_facts(mission), CODE: code}
     with held_for_writing(output.part) as stream:
-        writer = RecordingWriter(stream, {**run_facts("virtual"), CODE: code_digest(mission.planner)})
+        writer = RecordingWriter(stream, facts)
         attach_layout(writer, message)
         scenery = Scenery()
 
