@@ -10,7 +10,7 @@ from edc_swarm.mission.roster_entry import RosterEntry
 from edc_swarm.mission.vehicle_budget import budget_of, check_vehicles, vehicle_of
 
 MOST_MPS = 200.0
-HALVINGS = 30
+SPEED_HALVINGS = 30
 
 
 def greatest_speed_mps(mission: Mission, entry: RosterEntry) -> float | None:
@@ -34,7 +34,7 @@ def greatest_speed_mps(mission: Mission, entry: RosterEntry) -> float | None:
     low_mps, high_mps = 0.01, MOST_MPS
     if not fits(low_mps):
         return None
-    for _ in range(HALVINGS):
+    for _ in range(SPEED_HALVINGS):
         middle_mps = 0.5 * (low_mps + high_mps)
         low_mps, high_mps = (middle_mps, high_mps) if fits(middle_mps) else (low_mps, middle_mps)
     return low_mps

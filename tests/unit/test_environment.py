@@ -443,7 +443,7 @@ BAD_VALUES: dict[str, dict[str, str | None]] = {
     "recover": {"out": "x", "force": ANY, "json": ANY},
     "visualise": {"out": "x", "force": ANY},
     "report": {"out": "x", "force": ANY},
-    "metrics": {"json": ANY},
+    "metrics": {"json": ANY, "plots": "/proc/x", "metric": "x"},
     "check": {"load-planner": ANY, "json": ANY},
     "import": {  # The file is wrong before its origin is.
         "out": ANY, "force": ANY, "json": ANY, "origin": ANY, "r": "0", "speed-max": "0", "slot": "0", "start": "x",
@@ -462,7 +462,7 @@ BAD_VALUES: dict[str, dict[str, str | None]] = {
 BAD_VALUES["run"] |= BAD_VALUES["sim"]
 ARGUMENTS = {
     "join": ["tcp/localhost:1"],
-    **{name: ["X"] for name in ("replay", "recover", "visualise", "report", "import", "export")},
+    **{name: ["X"] for name in ("metrics", "replay", "recover", "visualise", "report", "import", "export")},
 }
 CASES = [(name, option, bad) for name, bads in BAD_VALUES.items() for option, bad in bads.items() if bad is not None]
 

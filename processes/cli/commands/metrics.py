@@ -15,6 +15,7 @@ from processes.cli.summary import print_metrics
 from processes.experiments.network_plots import draw_ages, draw_links
 from processes.experiments.plots import check_plots
 from processes.runtime.console import note, print_json, stdout_console
+from processes.runtime.output import unwritten
 from processes.runtime.run_facts import source_hash
 
 
@@ -36,6 +37,10 @@ def metrics(
     """
     if plots is not None:
         check_plots()
+        try:
+            plots.mkdir(parents=True, exist_ok=True)
+        except OSError as error:
+            raise unwritten("--plots", plots, error) from None
     whole = read_recording(recording)
     if whole.garbage:
         first = whole.garbage[0]
