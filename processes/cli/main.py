@@ -43,6 +43,7 @@ app.command("processes.cli.commands.metrics:metrics", help="Print every metric o
 app.command(
     "processes.cli.commands.check:check", help="Check the guarantees of a recording; status 1: broken, 3: not judged."
 )
+app.command("processes.cli.commands.events:events", help="Print what happened in a recorded mission, and why.")
 app.command("processes.cli.commands.fuzz:fuzz", help="Search random fault schedules for a broken guarantee.")
 app.command("processes.cli.commands.figures:figures", help="Make the paper's figures and the energy bill.")
 app.command("processes.cli.commands.latency:latency", help="Fly a grid of delays, jitters and losses.")
