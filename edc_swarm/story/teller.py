@@ -96,13 +96,16 @@ class Storyteller:
         if not self._over:
             before = self._plan if self._plan is not None and self._plan.slot == slot - 1 else None
             for event in heard.events:
-                self._take_event(event)
+                if event.kind != EventKind.END:
+                    self._take_event(event)
             self._take_reports(heard)
             self._fleet.take(heard, before)
             self._take_late_ticks(heard)
             for event in heard.events:
                 if event.kind == EventKind.CLOSED and event.source in self._fleet.uavs:
                     self._fleet.close(event)
+                if event.kind == EventKind.END:
+                    self._take_event(event)
         return self._log.told
 
     # --- the mission ---------------------------------------------------------------------------

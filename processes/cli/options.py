@@ -127,11 +127,6 @@ class MissionOptions(_FieldOptions):  # type: ignore[misc]  # The declarations d
         """What the command says while it works; with --json nothing, unless --verbose asks for it."""
         return Voice(quiet=self.quiet or (self.json and not self.verbose), verbose=self.verbose)
 
-    @property
-    def wants_fault_help(self) -> bool:
-        """True for --fault-help, and for --fault --help."""
-        return self.fault_help
-
     def mission(self, file: Path | None) -> Mission:
         """Return the mission: the file, with options in place of its fields, completed by draws and derived values.
 

@@ -65,7 +65,7 @@ def run(
         --secure --remote and --secure --operate.
     """
     options = options or MissionOptions()
-    if options.wants_fault_help:
+    if options.fault_help:
         print(fault_help(), end="")
         return 0
     mission = options.mission(mission_file)
