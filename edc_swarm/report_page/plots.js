@@ -23,12 +23,11 @@ const createPlots = (pages, host, span, seek) => {
   let timeS = 0;
 
   const frame = (height, title) => {
-    const box = document.createElement("div");
-    host.appendChild(box);
+    const box = [...host.children].find((each) => !each.firstChild);
     const width = box.clientWidth, svg = make("svg", { viewBox: `0 0 ${width} ${height}`, height, role: "img", "aria-label": title }, box);
     const inner = width - BOX.left - BOX.right, length = span.to - span.from;
     const x = (t) => BOX.left + inner * (t - span.from) / length;
-    const clip = `clip${host.children.length}`;
+    const clip = `clip${[...host.children].indexOf(box)}`;
     make("rect", { x: BOX.left, y: 0, width: Math.max(0, inner), height }, make("clipPath", { id: clip }, svg));
     const heading = make("text", { x: 8, y: 15, class: "title" }, svg, title);
     const step = niceStep(length, Math.max(2, Math.floor(width / 90)));
@@ -129,7 +128,12 @@ const createPlots = (pages, host, span, seek) => {
     finish(box);
   };
   return {
-    layout: () => { host.replaceChildren(); cursors.length = 0; page.plots.forEach(drawPlot); drawHeads(); },
+    layout: () => {
+      // All boxes first: the width of one depends on their number.
+      host.replaceChildren(...page.plots.map(() => document.createElement("div")), document.createElement("div"));
+      cursors.length = 0;
+      page.plots.forEach(drawPlot); drawHeads();
+    },
     show: (t) => { timeS = t; for (const move of cursors) move(); },
   };
 };
