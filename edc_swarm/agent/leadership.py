@@ -1,4 +1,4 @@
-"""Leadership of one UAV: when it may lead, until when it waits for fixes, and what it plans and reports."""
+"""Leadership of one UAV: its grants, its wait for fixes, its plans and its reports."""
 
 from __future__ import annotations
 

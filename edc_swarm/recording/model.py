@@ -7,11 +7,15 @@ from dataclasses import dataclass, field, replace
 from typing import Any
 
 from edc_swarm.protocol.messages import Command, Event, Fix, Goal, Message, MissionMessage, Report, Truth
-from edc_swarm.recording.ordering import put_in_order
+from edc_swarm.recording.ordering import in_order
 
 MAX_GARBAGE = 10_000
 """Most pairs of topic and reason that are counted separately; all further garbage is counted together."""
 OTHERS = "(others)"
+FETCHED = "fetched"
+"""Fact of `run_end`: how many messages were asked for again, and had."""
+MAX_DIGITS = 18
+"""Digits of a count in `run_end`."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -74,6 +78,19 @@ class Recording:
         """Number of payloads on the swarm's topics that are not messages, or come from no process of this run."""
         return sum(garbage.count for garbage in self.garbage)
 
+    @property
+    def fetched_count(self) -> int | None:
+        """Number of messages that came late, since they had to be asked for again; None where `run_end` lacks it."""
+        told = (self.run_end or {}).get(FETCHED, "")
+        return int(told) if told.isdecimal() and len(told) <= MAX_DIGITS else None
+
+    def put_in_order(self) -> None:
+        """Sort every kind of message by content; drop exact duplicates and count them in `duplicates`."""
+        for kind, messages in self.lists().items():
+            count = len(messages)
+            messages[:] = in_order(messages, kind)
+            self.duplicates += count - len(messages)
+
     def lists(self) -> dict[type, list[Any]]:
         """Return, by message type, the list that holds its messages."""
         return {
@@ -104,7 +121,7 @@ class Recording:
             lists[type(message)].append(message)
         if mission is not None and not recording.missions:
             recording.missions.append(mission)
-        put_in_order(recording)
+        recording.put_in_order()
         return recording
 
 

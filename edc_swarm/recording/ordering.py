@@ -21,37 +21,17 @@ from __future__ import annotations
 from collections.abc import Callable, Iterator, Sequence
 from itertools import groupby, islice, pairwise
 from operator import attrgetter, lt
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import msgspec
 
 from edc_swarm.protocol.keys import KEY_FORMS
 from edc_swarm.protocol.messages import Event, Goal, MissionMessage
 
-if TYPE_CHECKING:
-    from edc_swarm.recording.model import Recording
 
-FETCHED = "fetched"
-"""Fact of `run_end`: how many messages were asked for again, and had."""
-MAX_DIGITS = 18
-"""Digits of a count in `run_end`."""
-
-
-def fetched_count(recording: Recording) -> int | None:
-    """Return how many messages came late, since they had to be asked for again; None where `run_end` does not say."""
-    told = (recording.run_end or {}).get(FETCHED, "")
-    return int(told) if told.isdecimal() and len(told) <= MAX_DIGITS else None
-
-
-def put_in_order(recording: Recording) -> None:
-    """Sort every kind of message by content; drop exact duplicates and count them in `recording.duplicates`."""
-    for kind, messages in recording.lists().items():
-        count = len(messages)
-        messages[:] = _ordered(messages, kind, KEY_FORMS[kind].fields)
-        recording.duplicates += count - len(messages)
-
-
-def _ordered(messages: Sequence[Any], kind: type, names: tuple[str, ...]) -> list[Any]:
+def in_order(messages: Sequence[Any], kind: type) -> list[Any]:
+    """Return the messages of one kind, sorted by content and without exact duplicates."""
+    names = KEY_FORMS[kind].fields
     time_names = ("sent_ns",) if kind in {Event, Goal, MissionMessage} else ("slot", "sent_ns")
     stream = attrgetter(*names, "instance")
     place = attrgetter(*time_names, *names, "instance", "seq")

@@ -21,7 +21,6 @@ from edc_swarm.protocol.keys import KEY_FORMS, PREFIX, kind_of
 from edc_swarm.protocol.messages import Command, Fix, Message, MissionMessage, Truth
 from edc_swarm.recording.mcap_file import Channel, McapFile
 from edc_swarm.recording.model import Bin, Garbage, Recording
-from edc_swarm.recording.ordering import put_in_order
 from edc_swarm.recording.sifting import sift
 from edc_swarm.recording.writer import FORMAT, MISSION_ATTACHMENT, TOO_LARGE, RecordingWriter, TooLarge, is_mission
 
@@ -56,7 +55,7 @@ def read_recording(path: str | Path, *, salvage: bool = False) -> Recording:
         raise RecordingError(path, f"{file.problems[0]}; `edc-swarm recover` makes the complete part readable")
     recording.problems = file.problems
     _read_metadata(file, recording)
-    put_in_order(recording)
+    recording.put_in_order()
     _choose_mission(file, recording)
     sift(recording)
     return recording

@@ -10,7 +10,7 @@ from edc_swarm.protocol.codec import MAX_MESSAGE_BYTES, decode
 from edc_swarm.protocol.keys import SCENES, Keys, kind_of
 from edc_swarm.protocol.messages import MissionMessage
 from edc_swarm.protocol.retransmission import Kept
-from edc_swarm.recording.ordering import FETCHED
+from edc_swarm.recording.model import FETCHED
 from edc_swarm.recording.writer import RecordingWriter, Stamp, TooLarge, is_mission, stamp_of
 from edc_swarm.viz.channels import TOPICS, channel_of, topic_of
 from processes.services.recorded_view import attach_layout

@@ -11,8 +11,7 @@ from edc_swarm.foreign_text import shown
 from edc_swarm.mission.roles import OPERATOR
 from edc_swarm.protocol.codec import MISPLACED
 from edc_swarm.protocol.events import EventKind
-from edc_swarm.recording.model import Recording
-from edc_swarm.recording.ordering import MAX_DIGITS
+from edc_swarm.recording.model import MAX_DIGITS, Recording
 from edc_swarm.recording.sequences import Gap, sequence_numbers, unknown_tails
 
 _G5 = ("G5", "No loss in the record")
