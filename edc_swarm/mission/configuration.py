@@ -250,10 +250,7 @@ class Mission(Struct, frozen=True, kw_only=True):
     All zones together have at most 5000 corners. A circle counts as one corner, as an inclusion zone as 64.
     """
     fault: Annotated[list[FaultText], Meta(max_length=MAX_FAULTS), Option("fault")] = []
-    """Faults of the mission, each a text such as "kill head @10".
-
-    `edc-swarm run --fault-help` and docs/faults.md list them.
-    """
+    """Faults of the mission, each a text such as "kill head @10"; `edc-swarm faults` lists all."""
     roster: Annotated[list[RosterEntry], Meta(max_length=MAX_UAVS)] = []
     """UAVs of the mission, tables `[[roster]]`.
 

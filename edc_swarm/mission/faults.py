@@ -2,7 +2,7 @@
 
 A declaration is a class: its fields are the typed values, its docstring is the help text, its decorator says the verb
 and the parts of its text. Parser, canonical text, bounds, error texts and the help (`mission.fault_help`, which
-`edc-swarm run --fault-help` prints and `docs/faults.md` is) derive from it. To add a fault, declare it here and write
+`edc-swarm faults` prints and `docs/faults.md` is) derive from it. To add a fault, declare it here and write
 the function that carries it out: in `emulation.machine` if a UAV's machine does so, in `simulation.faults` and
 `processes.operator.fault_injector` if it is about whole processes.
 """
@@ -13,6 +13,7 @@ import math
 from collections import deque
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
+from difflib import get_close_matches
 from typing import Any, ClassVar, Literal, TypeVar, get_args
 
 from edc_swarm.errors import MissionError
@@ -376,7 +377,9 @@ def _resolve_groups(fault: Partition, ids: dict[str, str], roster: Sequence[str]
 def _parse(text: str, declaration: Declaration | None, dt_s: float) -> Fault:
     verb, *rest = text.split() or [""]
     if declaration is None:
-        raise UnreadableError(f"unknown fault {verb}" if verb else "")
+        nearest = get_close_matches(verb, DECLARATIONS, n=1)
+        meant = f"; do you mean {nearest[0]}?" if nearest else ";"
+        raise UnreadableError(f"unknown fault {verb}{meant} `edc-swarm faults` lists all" if verb else "")
     when = next((i for i, word in enumerate(rest) if word.startswith("@")), None)
     if when is None:
         raise UnreadableError("no @WHEN")

@@ -11,14 +11,12 @@ P way points a plan can have.
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
-from contextlib import suppress
-from typing import Any, NamedTuple, TypeVar
+from typing import Any, NamedTuple
 
 import numpy as np
-from numba import njit
-from numba.core.caching import FunctionCache
 from numpy.typing import NDArray
+
+from edc_swarm.planner.compiler import compiled, inner
 
 Floats = NDArray[np.float64]
 Ints = NDArray[np.int64]
@@ -48,50 +46,12 @@ HALVINGS = 4
 REPEATS = 4
 """Most moves of a way point in one direction."""
 
-Function = TypeVar("Function", bound=Callable[..., Any])
-
 NONE: Any = np.int64(0)
 ONCE: Any = np.int64(1)
 DROPPED: Any = np.int64(-1)
 MOVED: Any = np.int64(0)
 INSERTED: Any = np.int64(1)
 """Numpy's numbers, since numba compiles a function anew for every literal argument."""
-
-
-def compiled(function: Function) -> Function:
-    """Compile a function that makes no array, without reference counting, which took a third of the time.
-
-    Divisions follow IEEE 754, so no check for zero slows the loops down; no loop divides by zero. Numba keeps compiled
-    code on disk, or in memory only if no folder can be written.
-    """
-    options: dict[str, Any] = {"error_model": "numpy", "_nrt": False}
-    dispatcher: Any = njit(**options)(function)
-    with suppress(RuntimeError):  # No folder can be written.
-        dispatcher._cache = _Cache(function)
-    compiled_function: Function = dispatcher
-    return compiled_function
-
-
-_DiskCache: Any = FunctionCache
-"""Numba's class, which has no types."""
-
-
-class _Cache(_DiskCache):  # type: ignore[misc]
-    """Numba's cache on disk; a failure of it, such as a full disk or a torn file, only costs time."""
-
-    def load_overload(self, sig: Any, target_context: Any) -> Any:
-        """Load a compiled function; return None if there is none, or if its file cannot be read."""
-        try:
-            return super().load_overload(sig, target_context)
-        except Exception:  # noqa: BLE001  (unpickling a torn file may raise anything)
-            with suppress(OSError):
-                self.flush()
-            return None
-
-    def save_overload(self, sig: Any, data: Any) -> None:
-        """Save a compiled function, if possible."""
-        with suppress(OSError):
-            super().save_overload(sig, data)
 
 
 class Rules(NamedTuple):
@@ -253,13 +213,13 @@ def uniform(seed: int, a: int, b: int) -> float:
     return (z >> np.uint64(11)) * (1.0 / 9007199254740992.0)
 
 
-@compiled
+@inner
 def norm(x: float, y: float) -> float:
     """Return the length of a vector; several times faster than hypot, and no length here is near overflow."""
     return math.sqrt(x * x + y * y)
 
 
-@compiled
+@inner
 def cell_of(rules: Rules, x: float, y: float) -> tuple[int, int]:
     """Return the cell of a point; points outside the grid belong to its border cells."""
     i = int((x - rules.low_x_m) * rules.per_cell)
@@ -267,7 +227,7 @@ def cell_of(rules: Rules, x: float, y: float) -> tuple[int, int]:
     return min(max(i, 0), rules.rows - 1), min(max(j, 0), rules.columns - 1)
 
 
-@compiled
+@inner
 def register(world: World, k: int, present: bool) -> None:
     """Add vehicle k's track to the grid, or remove it: nine cells about the middle of each step."""
     rules, track, head, link = world.rules, world.track[k], world.head, world.link
@@ -291,14 +251,14 @@ def register(world: World, k: int, present: bool) -> None:
                 entry += 1
 
 
-@compiled
+@inner
 def separation(rules: Rules, start_m: Floats, r_m: Floats, k: int, other: int) -> float:
     """Return the distance that two vehicles must keep: R + delta, or 0.9995 of the present one if that is less."""
     apart = 0.9995 * norm(start_m[k, 0] - start_m[other, 0], start_m[k, 1] - start_m[other, 1])
     return float(min(r_m[k] + r_m[other] + rules.delta_m, apart) - ROUNDING_M)
 
 
-@compiled
+@inner
 def toll(rules: Rules, luck: Floats, imminent: Floats, r_m: Floats, k: int, other: int, t: int, lack: float) -> float:
     """Return the undiscounted price for k of `lack` metres too little distance to another vehicle in slot t."""
     way = (luck[other] + rules.patience) / (luck[k] + rules.patience)
@@ -308,7 +268,7 @@ def toll(rules: Rules, luck: Floats, imminent: Floats, r_m: Floats, k: int, othe
     return float(way * (rules.touch + rules.depth * lack / (r_m[k] + r_m[other])))
 
 
-@compiled
+@inner
 def to_segment(px: float, py: float, dx: float, dy: float) -> float:
     """Return the squared distance of the origin to the segment from p to p + d."""
     along = -(px * dx + py * dy)
@@ -321,7 +281,7 @@ def to_segment(px: float, py: float, dx: float, dy: float) -> float:
     return cross * cross / square
 
 
-@compiled
+@inner
 def clearance(px: float, py: float, ax: float, ay: float, bx: float, by: float) -> float:
     """Return the squared distance of the origin to the parallelogram {p + s a + t b, 0 <= s, t <= 1}."""
     det = ax * by - ay * bx
@@ -334,7 +294,7 @@ def clearance(px: float, py: float, ax: float, ay: float, bx: float, by: float) 
     return min(near, to_segment(px + bx, py + by, ax, ay), to_segment(px + ax, py + ay, bx, by))
 
 
-@compiled
+@inner
 def wall_conflict(rules: Rules, walls: Walls, k: int, x0: float, y0: float, x: float, y: float) -> float:
     """Return the price of the hulls near vehicle k's step from (x0, y0) to (x, y), by the exact distance.
 
@@ -358,7 +318,7 @@ def wall_conflict(rules: Rules, walls: Walls, k: int, x0: float, y0: float, x: f
     return price
 
 
-@compiled
+@inner
 def barred_cell(barred: Barred, x: float, y: float) -> int:
     """Return the cell of the barriers near a point; the cells at the border, and beyond it, have none."""
     i = min(max((x - barred.low_x_m) * barred.per_cell, 0.0), barred.rows - 1.0)
@@ -366,14 +326,14 @@ def barred_cell(barred: Barred, x: float, y: float) -> int:
     return int(i) * barred.columns + int(j)
 
 
-@compiled
+@inner
 def to_barrier(barred: Barred, w: int, x0: float, y0: float, x: float, y: float) -> float:
     """Return the squared distance of the straight way from (x0, y0) to (x, y) from the segment of barrier w."""
     a, b = barred.a_m, barred.b_m
     return clearance(x0 - a[w, 0], y0 - a[w, 1], x - x0, y - y0, a[w, 0] - b[w, 0], a[w, 1] - b[w, 1])
 
 
-@compiled
+@inner
 def bar_of(barred: Barred, w: int, keep: float, x: float, y: float) -> float:
     """Return the distance that a UAV at (x, y) must keep: `keep`, or 0.9995 of the present one if that is less."""
     a, b = barred.a_m, barred.b_m
@@ -381,7 +341,7 @@ def bar_of(barred: Barred, w: int, keep: float, x: float, y: float) -> float:
     return float(min(keep, 0.9995 * away) - ROUNDING_M)
 
 
-@compiled
+@inner
 def barrier_conflict(world: World, k: int, x0: float, y0: float, x: float, y: float) -> float:
     """Return the price of the barriers near vehicle k's step from (x0, y0) to (x, y), as `wall_conflict` does."""
     rules, barred = world.rules, world.barred
@@ -401,7 +361,7 @@ def barrier_conflict(world: World, k: int, x0: float, y0: float, x: float, y: fl
     return price
 
 
-@compiled
+@inner
 def bars_move(world: World, k: int, x0: float, y0: float, x: float, y: float) -> bool:
     """Return True if a barrier near (x0, y0) forbids vehicle k the straight way to (x, y)."""
     barred = world.barred
@@ -417,7 +377,7 @@ def bars_move(world: World, k: int, x0: float, y0: float, x: float, y: float) ->
     return False
 
 
-@compiled
+@inner
 def near_barrier(world: World, k: int, x: float, y: float) -> bool:
     """Return True if a move of two full steps from (x, y) can come too close to a barrier."""
     barred = world.barred
@@ -430,7 +390,7 @@ def near_barrier(world: World, k: int, x: float, y: float) -> bool:
     return False
 
 
-@compiled
+@inner
 def still_conflict(world: World, k: int, x0: float, y0: float, x: float, y: float) -> float:
     """Return the price of all that never moves, hulls and barriers, on vehicle k's step."""
     price = 0.0
@@ -493,7 +453,7 @@ def clear_ways(
             clear[k] = open_leg(barred, r_m[k], delta_m, x0, y0, x, y)[0]
 
 
-@compiled
+@inner
 def complete_row(
     barred: Barred, r_m: float, delta_m: float, node_m: Floats, leg_m: Floats, known: NDArray[np.bool_], n: int
 ) -> int:
@@ -646,7 +606,7 @@ def way_round(  # noqa: PLR0912 (one loop over arrays)
     return -1, 0.0, tests
 
 
-@compiled
+@inner
 def conflict_at(
     rules: Rules, track: Floats, start_m: Floats, r_m: Floats, luck: Floats, imminent: Floats, gamma: Floats,
     head: NDArray[np.int32], link: NDArray[np.int32], k: int, t: int, x: float, y: float,
@@ -669,7 +629,7 @@ def conflict_at(
     return float(price * gamma[t])
 
 
-@compiled
+@inner
 def step_conflict(
     rules: Rules, track: Floats, start_m: Floats, r_m: Floats, luck: Floats, imminent: Floats, gamma: Floats,
     head: NDArray[np.int32], link: NDArray[np.int32], k: int, t: int, x0: float, y0: float, x: float, y: float,
@@ -698,7 +658,7 @@ def step_conflict(
     return float(price * gamma[t])
 
 
-@compiled
+@inner
 def first_conflict(world: World, k: int, track: Floats) -> int:
     """Return the first slot with a conflict of vehicle k's track, W + 1 if there is none."""
     rules, tracks, start_m, r_m, luck = world.rules, world.track, world.start_m, world.r_m, world.luck
@@ -713,7 +673,7 @@ def first_conflict(world: World, k: int, track: Floats) -> int:
     return len(track)
 
 
-@compiled
+@inner
 def towards(x: float, y: float, tx: float, ty: float, slots: int, u_max: float) -> tuple[float, float, float, bool]:
     """Return the end of one slot's step towards (tx, ty) in `slots` slots, its length, and True if it arrives."""
     dx, dy = tx - x, ty - y
@@ -727,7 +687,7 @@ def towards(x: float, y: float, tx: float, ty: float, slots: int, u_max: float) 
     return x, y, step, False
 
 
-@compiled
+@inner
 def fly(world: World, k: int, count: int, slot: Ints, point_m: Floats, track: Floats) -> None:
     """Compute the track of a plan: constant speed between way points, then straight to the goal at full speed.
 
@@ -746,7 +706,7 @@ def fly(world: World, k: int, count: int, slot: Ints, point_m: Floats, track: Fl
         track[t, 0], track[t, 1] = x, y
 
 
-@compiled
+@inner
 def push(f: Floats, v: Ints, size: int, cost: float, node: int) -> int:
     """Add to the binary heap (f costs, v nodes), ordered by (cost, node); return the new size."""
     i = size
@@ -760,7 +720,7 @@ def push(f: Floats, v: Ints, size: int, cost: float, node: int) -> int:
     return size + 1
 
 
-@compiled
+@inner
 def pop(f: Floats, v: Ints, size: int) -> int:
     """Remove the least element, which the caller has read from place 0; return the new size."""
     size -= 1
@@ -781,7 +741,7 @@ def pop(f: Floats, v: Ints, size: int) -> int:
     return size
 
 
-@compiled
+@inner
 def search(  # noqa: PLR0912, PLR0915 (one loop: splitting it costs a third of the speed)
     world: World, scratch: Scratch, limits: Limits, k: int, bound: float, slot: Ints, point_m: Floats
 ) -> tuple[int, int, float]:
@@ -906,7 +866,7 @@ def search(  # noqa: PLR0912, PLR0915 (one loop: splitting it costs a third of t
     return count, spent, found
 
 
-@compiled
+@inner
 def refly(world: World, k: int, draft: Draft, count: int, n: int, shift: int) -> tuple[int, int, float]:
     """Fly the slots that a change at way point n affects, first <= t < end, and add up their cost without conflicts.
 
@@ -946,7 +906,7 @@ def refly(world: World, k: int, draft: Draft, count: int, n: int, shift: int) ->
     return first, last + 1, total + new_effort[last + 1]
 
 
-@compiled
+@inner
 def reprice(world: World, k: int, draft: Draft, first: int, end: int, total: float, limit: float) -> float:
     """Add the conflicts of the newly flown slots to their cost; return infinity as soon as it exceeds `limit`."""
     rules, tracks, start_m, r_m, luck = world.rules, world.track, world.start_m, world.r_m, world.luck
@@ -967,7 +927,7 @@ def reprice(world: World, k: int, draft: Draft, first: int, end: int, total: flo
     return total if total <= limit else np.inf
 
 
-@compiled
+@inner
 def attempt(world: World, k: int, draft: Draft, count: int, n: int, shift: int, limit: float) -> float:
     """Return the cost of the draft with a change at way point n, or infinity if it exceeds `limit`.
 
@@ -989,7 +949,7 @@ def attempt(world: World, k: int, draft: Draft, count: int, n: int, shift: int, 
     return total
 
 
-@compiled
+@inner
 def begin(world: World, k: int, draft: Draft, count: int) -> float:
     """Fly and price the whole draft; return its cost."""
     draft.aim[:] = 0
@@ -998,7 +958,7 @@ def begin(world: World, k: int, draft: Draft, count: int) -> float:
     return attempt(world, k, draft, count, NONE, MOVED, np.inf)
 
 
-@compiled
+@inner
 def drop(count: int, slot: Ints, point_m: Floats, n: int) -> None:
     """Remove way point n."""
     for i in range(n, count - 1):
@@ -1006,7 +966,7 @@ def drop(count: int, slot: Ints, point_m: Floats, n: int) -> None:
         point_m[i, 0], point_m[i, 1] = point_m[i + 1, 0], point_m[i + 1, 1]
 
 
-@compiled
+@inner
 def insert(count: int, slot: Ints, point_m: Floats, n: int, s: int, x: float, y: float) -> None:
     """Add a way point before n, as number n."""
     for i in range(count, n, -1):
@@ -1016,7 +976,7 @@ def insert(count: int, slot: Ints, point_m: Floats, n: int, s: int, x: float, y:
     point_m[n, 0], point_m[n, 1] = x, y
 
 
-@compiled
+@inner
 def pull(world: World, k: int, draft: Draft, count: int, cost: float) -> tuple[int, float]:
     """String pulling in space and time: drop each way point, last first, if the cost does not rise."""
     slot, point_m = draft.slot, draft.point_m
@@ -1032,7 +992,7 @@ def pull(world: World, k: int, draft: Draft, count: int, cost: float) -> tuple[i
     return count, cost
 
 
-@compiled
+@inner
 def chord(world: World, k: int, draft: Draft, count: int, n: int) -> tuple[float, float, float, float]:
     """Return the position of way point n without a detour, and the direction of flight there (a unit vector)."""
     slot, point_m = draft.slot, draft.point_m
@@ -1052,7 +1012,7 @@ def chord(world: World, k: int, draft: Draft, count: int, n: int) -> tuple[float
     return x0 + share * dx, y0 + share * dy, dx / length, dy / length
 
 
-@compiled
+@inner
 def tighten(world: World, k: int, draft: Draft, count: int, n: int, cost: float) -> float:
     """Move way point n towards its chord, by bisection, as far as the cost does not rise."""
     point_m = draft.point_m
@@ -1072,7 +1032,7 @@ def tighten(world: World, k: int, draft: Draft, count: int, n: int, cost: float)
     return cost
 
 
-@compiled
+@inner
 def nudge(world: World, k: int, draft: Draft, count: int, n: int, cost: float, step_m: float) -> float:
     """Move way point n along its chord, across it and in time, each while the cost falls."""
     slot, point_m = draft.slot, draft.point_m
@@ -1100,7 +1060,7 @@ def nudge(world: World, k: int, draft: Draft, count: int, n: int, cost: float, s
     return cost
 
 
-@compiled
+@inner
 def polish(
     world: World, k: int, draft: Draft, count: int, cost: float, rounds: int, step_m: float
 ) -> tuple[int, float]:
@@ -1117,7 +1077,7 @@ def polish(
     return count, cost
 
 
-@compiled
+@inner
 def opponent(world: World, k: int, t: int, x: float, y: float) -> int:
     """Return the vehicle nearest to (x, y) in slot t that can be in conflict with k there, or -1."""
     rules, head, link, track = world.rules, world.head, world.link, world.track
@@ -1136,7 +1096,7 @@ def opponent(world: World, k: int, t: int, x: float, y: float) -> int:
     return nearest
 
 
-@compiled
+@inner
 def sidestep(world: World, k: int, turn: float, draft: Draft) -> tuple[int, float]:
     """Plan to pass each opponent in turn on one side (turn = 1 or -1); return the plan's way points and cost.
 
@@ -1181,7 +1141,7 @@ def sidestep(world: World, k: int, turn: float, draft: Draft) -> tuple[int, floa
     return count, cost
 
 
-@compiled
+@inner
 def load(plans: Plans, k: int, draft: Draft) -> int:
     """Copy vehicle k's plan into the draft; return its number of way points."""
     for n in range(plans.size[k]):
@@ -1190,7 +1150,7 @@ def load(plans: Plans, k: int, draft: Draft) -> int:
     return int(plans.size[k])
 
 
-@compiled
+@inner
 def install(world: World, plans: Plans, k: int, count: int, draft: Draft) -> None:
     """Make the draft vehicle k's plan and track."""
     plans.size[k] = count
@@ -1204,7 +1164,7 @@ def install(world: World, plans: Plans, k: int, count: int, draft: Draft) -> Non
     register(world, k, True)
 
 
-@compiled
+@inner
 def replan(world: World, plans: Plans, scratch: Scratch, draft: Draft, limits: Limits, k: int) -> None:
     """Replace UAV k's plan by its best response to all other tracks."""
     step_m = 0.4 * world.u_max_m[k]
@@ -1264,7 +1224,7 @@ def sweep(
             replan(world, plans, scratch, draft, limits, k)
 
 
-@compiled
+@inner
 def put_off(world: World, plans: Plans, k: int, most: int) -> None:
     """Drop the way points that are reached; delay a plan that the vehicle can no longer fly in time.
 

@@ -8,7 +8,8 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from edc_swarm.planner.guidance_kernel import Floats, Ints, compiled
+from edc_swarm.planner.compiler import compiled
+from edc_swarm.planner.guidance_kernel import Floats, Ints
 
 NODE_BITS = 10
 """A state has the node of each UAV in so many bits; at most six UAVs fit into 60 bits."""

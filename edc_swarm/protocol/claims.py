@@ -40,12 +40,13 @@ Claimant = Annotated[str, Meta(pattern=r"^[0-9a-f]{16}$(?!\n)")]
 class IdClaim(Struct, frozen=True, kw_only=True):
     """Request for `uavs` ids, or for the ids that this claimant already has.
 
-    `among` has the ids that it can fly; empty stands for all.
+    `among` has the ids that it can fly; empty stands for all. `host` is the name of its host or container, for people.
     """
 
     claimant: Claimant
     uavs: Annotated[int, Meta(ge=1, le=MAX_UAVS)]
     among: UavIds = []
+    host: Annotated[str, Meta(pattern=r"^[A-Za-z0-9_.-]{0,64}$(?!\n)")] = ""
 
 
 class Issued(Struct, frozen=True, kw_only=True):

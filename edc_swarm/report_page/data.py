@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import base64
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from typing import Any
 
 import numpy as np
@@ -13,17 +13,25 @@ from numpy.typing import NDArray
 from edc_swarm.analysis.columns import Columns, columns_of
 from edc_swarm.analysis.metrics import HeadTerm
 from edc_swarm.analysis.separation import least_gaps_m
+from edc_swarm.analysis.story import Story, story_of
 from edc_swarm.analysis.timings import Timing
 from edc_swarm.foreign_text import MAX_LINE, shown
 from edc_swarm.mission.field_types import ZoneKind
 from edc_swarm.mission.zone import Zone
 from edc_swarm.protocol.events import EventKind
-from edc_swarm.protocol.messages import MissionMessage
+from edc_swarm.protocol.messages import MissionMessage, Report
 from edc_swarm.recording.model import Recording
+from edc_swarm.report_page.flight_rows import FlightRow, flight_rows
+from edc_swarm.story.happening import STATES, Level
 
 MAX_ANIMATED = 1_000_000
 """Most UAV-slots that are animated; the animation of a longer mission skips slots evenly."""
 MAX_FAULT_MARKS = 200
+MAX_TOLD = 3000
+"""Most happenings that the page lists."""
+ACTIVE_SHARE = 0.8
+"""Plots begin with the span in which UAVs move if that is a smaller share of the mission."""
+NEVER = 255
 
 
 class Series(Struct, frozen=True):
@@ -49,6 +57,17 @@ class FaultMark(Struct, frozen=True):
 
     time_s: float
     text: str
+
+
+class Told(Struct, frozen=True):
+    """A happening of the story: `end_s` is None for a moment, and for what lasts on; `uavs` are roster indices."""
+
+    time_s: float
+    end_s: float | None
+    kind: str
+    words: str
+    level: Level
+    uavs: list[int]
 
 
 class Area(Struct, frozen=True):
@@ -78,8 +97,11 @@ class Area(Struct, frozen=True):
 class Page(Struct, frozen=True, kw_only=True):
     """The data of one mission.
 
-    `centres` is float32 (F, K, 2), `leader` an index or -1 (F), `heard` uint8 (F, K): 1 for heard, 0 for silent, 2 for
-    a UAV that has landed.
+    `centres` is float32 (F + 1, K, 2), `leader` an index or -1 (F), `heard` uint8 (F, K): 1 for heard, 0 for silent, 2
+    for a UAV that has landed. `states` is uint8 (F, K), indices of `state_names`; `ages` uint8 (F, K): slots since a
+    head had a fix of the UAV, 255 for never; `battery` uint8 (F, K): per cent of the first charge, 255 for unknown;
+    `offsets` int8 (F, K, 2): true place less the disc's centre, in 1/127 of `r_m`, -128 for unknown. `active_s` is the
+    time after which no UAV moves.
     """
 
     name: str
@@ -98,6 +120,16 @@ class Page(Struct, frozen=True, kw_only=True):
     slot_s: float
     faults: list[FaultMark]
     plots: list[Plot]
+    states: str = ""
+    state_names: tuple[str, ...] = STATES
+    ages: str = ""
+    battery: str = ""
+    offsets: str = ""
+    active_s: float = 0.0
+    story: list[Told] = []
+    left_out: int = 0
+    routes: list[list[tuple[float, float]]] = []
+    rows: list[FlightRow] = []
 
     @classmethod
     def of(cls, recording: Recording, heads: list[HeadTerm], timings: Sequence[Timing] = ()) -> Page:
@@ -106,7 +138,12 @@ class Page(Struct, frozen=True, kw_only=True):
         slots, count = columns.step_m.shape
         every = max(1, -(-slots * count // MAX_ANIMATED))
         heard = np.where(columns.grounded, 2, ~np.isnan(columns.energy_j))[::every]
-        leader = _leader(recording, columns)[::every]
+        plans = _plans(recording, columns)
+        whole_leader = _leader(plans, columns)
+        leader = whole_leader[::every]
+        story = story_of(recording)
+        told = _told(story, mission)
+        states = np.array([list(row) for row in story.states], np.uint8).reshape(-1, count)[:slots]
         return cls(
             name=shown(mission.name),
             uavs=columns.uavs,
@@ -124,6 +161,15 @@ class Page(Struct, frozen=True, kw_only=True):
             slot_s=mission.dt_s,
             faults=_faults(recording),
             plots=_plots(mission, columns),
+            states=_packed(states[::every], np.uint8),
+            ages=_packed(_ages(plans, columns)[::every], np.uint8),
+            battery=_packed(_battery(mission, columns)[::every], np.uint8),
+            offsets=_packed(_offsets(mission, columns)[::every], np.int8),
+            active_s=_active_s(mission, columns),
+            story=told,
+            left_out=story.left_out + len(story.happenings) - len(told),
+            routes=[entry.points if len(entry.points) > 1 else [] for entry in mission.roster],
+            rows=flight_rows(mission, columns, story, plans, whole_leader.tolist()),
         )
 
 
@@ -140,18 +186,77 @@ def _extent_m(mission: MissionMessage, columns: Columns) -> tuple[float, float, 
     return min(left_m), min(low_m), max(right_m), max(high_m)
 
 
-def _leader(recording: Recording, columns: Columns) -> NDArray[np.int64]:
-    """Return (S,) roster indices of the head that planned with the fixes of each slot, -1 for none."""
-    index = {uav: k for k, uav in enumerate(columns.uavs)}
-    leader = np.full(len(columns.time_s), -1, np.int64)
+def _plans(recording: Recording, columns: Columns) -> dict[int, Report]:
+    """Return the plan of the highest term of each slot that has one with a quorum."""
+    roster, plans = set(columns.uavs), dict[int, Report]()
     for report in sorted(recording.reports, key=lambda report: report.term):
         if (
             report.has_quorum
-            and report.is_backed(index.keys(), recording.mission.quorum)
-            and 0 <= report.slot < len(leader)
+            and report.is_backed(roster, recording.mission.quorum)
+            and 0 <= report.slot < len(columns.time_s)
         ):
-            leader[report.slot] = index.get(report.head, -1)
+            plans[report.slot] = report
+    return plans
+
+
+def _leader(plans: Mapping[int, Report], columns: Columns) -> NDArray[np.int64]:
+    """Return (S,) roster indices of the head that planned with the fixes of each slot, -1 for none."""
+    index = {uav: k for k, uav in enumerate(columns.uavs)}
+    leader = np.full(len(columns.time_s), -1, np.int64)
+    for slot, plan in plans.items():
+        leader[slot] = index.get(plan.head, -1)
     return leader
+
+
+def _ages(plans: Mapping[int, Report], columns: Columns) -> NDArray[np.int64]:
+    """Return (S, K) slots since a head had a fix of each UAV; 255 for never."""
+    index = {uav: k for k, uav in enumerate(columns.uavs)}
+    ages, last = np.full(columns.step_m.shape, NEVER, np.int64), np.full(len(index), -NEVER, np.int64)
+    for slot in range(len(ages)):
+        if (plan := plans.get(slot)) is not None:
+            last[[index[uav] for uav in (plan.head, *plan.heard) if uav in index]] = slot
+        ages[slot] = np.minimum(slot - last, NEVER)
+    return ages
+
+
+def _battery(mission: MissionMessage, columns: Columns) -> NDArray[np.float64]:
+    """Return (S, K) per cent of the first charge, 255 for unknown."""
+    first_j = np.array([entry.energy_j or np.nan for entry in mission.roster])
+    return np.where(np.isnan(columns.energy_j / first_j), NEVER, np.clip(100 * columns.energy_j / first_j, 0, 100))
+
+
+def _offsets(mission: MissionMessage, columns: Columns) -> NDArray[np.float64]:
+    """Return (S, K, 2) true places less the disc's centre as slots begin, in 1/127 of the radius; -128 for unknown."""
+    r_m = np.array([entry.r_m for entry in mission.roster])[:, None]
+    share = 127 * (columns.true_from_m - columns.centre_m[:-1]) / r_m
+    return np.where(np.isnan(share), -128, np.clip(np.round(share), -127, 127))
+
+
+def _active_s(mission: MissionMessage, columns: Columns) -> float:
+    """Return the time after which no UAV moves, with a little after it; the whole mission if that is not much more."""
+    moved = np.flatnonzero((columns.step_m > 0).any(axis=1))
+    slots = len(columns.time_s)
+    last = min(slots, int(moved[-1]) + 1 + max(4, slots // 50)) if len(moved) else slots
+    return mission.dt_s * (last if last < ACTIVE_SHARE * slots else slots)
+
+
+def _told(story: Story, mission: MissionMessage) -> list[Told]:
+    """Return the happenings that the page lists: all of them, or the ones of weight if there are too many."""
+    index = {entry.uav: k for k, entry in enumerate(mission.roster)}
+    chosen = story.happenings
+    if len(chosen) > MAX_TOLD:
+        chosen = [happening for happening in chosen if happening.level != "detail"][:MAX_TOLD]
+    return [
+        Told(
+            round(each.time_s, 3),
+            None if each.last_slot is None else (each.last_slot + 1) * mission.dt_s,
+            each.kind,
+            shown(each.words, MAX_LINE),
+            each.level,
+            [index[uav] for uav in each.uavs if uav in index],
+        )
+        for each in chosen
+    ]
 
 
 def _faults(recording: Recording) -> list[FaultMark]:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from html import escape
 from string import Template
@@ -16,6 +16,7 @@ from edc_swarm.analysis.metrics import Metrics
 from edc_swarm.analysis.tables import metric_rows
 from edc_swarm.foreign_text import MAX_LINE, shown
 from edc_swarm.report_page.data import Page
+from edc_swarm.report_page.flight_rows import HEADINGS, cells
 
 MAX_WHERE = 20
 MAX_FACT = 300
@@ -23,38 +24,120 @@ MAX_ZONE_ROWS = 30
 FACTS = ("command", "commit", "clock", "machine")
 
 
+SCRIPTS = ("map.js", "plots.js", "page.js")
+"""Files of the script, in the order in which they follow one another."""
+
+
 @dataclass(frozen=True, slots=True)
 class Assets:
-    """The source files of the page: `page.html`, `page.css` and `page.js`."""
+    """The source files of the page: `page.html`, `page.css` and the script, `SCRIPTS` one after another."""
 
     template: str
     style: str
     script: str
 
 
+@dataclass(frozen=True, slots=True)
+class Shown:
+    """One recording on the page: its data, metrics and verdicts, and facts of its run."""
+
+    page: Page
+    metrics: Metrics
+    guarantees: Sequence[GuaranteeResult]
+    run: Mapping[str, str]
+
+
 def render(
-    page: Page, metrics: Metrics, guarantees: Sequence[GuaranteeResult], run: dict[str, str], assets: Assets
+    page: Page, metrics: Metrics, guarantees: Sequence[GuaranteeResult], run: Mapping[str, str], assets: Assets
 ) -> str:
-    """Return the whole document."""
+    """Return the whole document of one recording."""
+    return render_all([Shown(page, metrics, guarantees, run)], assets)
+
+
+def render_all(recordings: Sequence[Shown], assets: Assets) -> str:
+    """Return the whole document of one recording, or of two side by side."""
+    first = recordings[0]
+    names = [escape(each.page.name) for each in recordings]
     return Template(assets.template).substitute(
-        title=escape(page.name),
-        subtitle=escape(_subtitle(metrics, guarantees)),
+        title=" and ".join(names),
+        headlines="".join(f"<p>{escape(_headline(each, label))}</p>\n" for each, label in _labelled(recordings)),
         style=assets.style,
         script=assets.script,
-        metrics=_rows(metric_rows(metrics)),
-        guarantees="".join(_guarantee(result) for result in guarantees),
-        faults=_rows((f"{fault.time_s:.2f} s", fault.text) for fault in page.faults) or _rows([("none", "")]),
-        zone_legend=_zone_legend(page),
-        zones=_zones(page),
-        facts=_rows((name, run[name][:MAX_FACT]) for name in FACTS if run.get(name)),
-        metrics_json=_embedded(_printable(msgspec.to_builtins(metrics))),
-        data=_embedded(page),
+        maps="".join(_map(each.page, label) for each, label in _labelled(recordings)),
+        stories="".join(
+            f'<ol class="events" tabindex="0" aria-label="Events {label}"></ol>' for _, label in _labelled(recordings)
+        ),
+        tables=_tables(first) if len(recordings) == 1 else _comparison(recordings),
+        flights="".join(_flights(each.page, label) for each, label in _labelled(recordings)),
+        zone_legend=_zone_legend(first.page),
+        metrics_json=_embedded(_printable(msgspec.to_builtins(first.metrics))),
+        data=_embedded(first.page),
+        other_data="".join(
+            f'<script type="application/json" id="data-b">{_embedded(each.page)}</script>\n' for each in recordings[1:]
+        ),
     )
 
 
-def _subtitle(metrics: Metrics, guarantees: Sequence[GuaranteeResult]) -> str:
+def _labelled(recordings: Sequence[Shown]) -> Iterable[tuple[Shown, str]]:
+    """Return the recordings with A and B, a single one with no label."""
+    return zip(recordings, "AB" if len(recordings) > 1 else [""], strict=False)
+
+
+def _headline(each: Shown, label: str) -> str:
+    metrics = each.metrics
     arrived = f"{metrics.arrived} of {metrics.uavs} UAVs arrived in {metrics.duration_s:g} s"
-    return f"{arrived}; {headline(guarantees)}"
+    return f"{label + ': ' if label else ''}{arrived}; {headline(each.guarantees)}"
+
+
+def _map(page: Page, label: str) -> str:
+    own = "map" if label in {"", "A"} else "map-b"
+    caption = f"<figcaption>{label}: {escape(page.name)}</figcaption>" if label else ""
+    words = "The swarm from above; its state is in the line below and in the list of events"
+    canvas = f'<canvas id="{own}" class="map" tabindex="0" role="img" aria-label="{words}"></canvas>'
+    return f"<figure>{caption}{canvas}</figure>\n"
+
+
+def _tables(each: Shown) -> str:
+    page, run = each.page, each.run
+    faults = _rows((f"{fault.time_s:.2f} s", fault.text) for fault in page.faults) or _rows([("none", "")])
+    facts = _rows((name, run[name][:MAX_FACT]) for name in FACTS if run.get(name))
+    return (
+        f'<div><h2>Metrics</h2><table id="metrics">{_rows(metric_rows(each.metrics))}</table></div>\n'
+        f'<div><h2>Guarantees</h2><table id="guarantees">{"".join(map(_guarantee, each.guarantees))}</table></div>\n'
+        f'<div><h2>Faults</h2><table id="faults">{faults}</table></div>\n'
+        f'<div><h2>The run</h2><table id="facts">{facts}</table></div>\n{_zones(page)}'
+    )
+
+
+def _comparison(recordings: Sequence[Shown]) -> str:
+    """Return the table of differences of two recordings: metrics, then verdicts."""
+    first, second = recordings
+    ours, theirs = (dict(metric_rows(each.metrics)) for each in recordings)
+    rows = [_difference(name, ours.get(name, "-"), theirs.get(name, "-")) for name in dict.fromkeys([*ours, *theirs])]
+    verdicts = {result.guarantee: result.status for result in second.guarantees}
+    for result in first.guarantees:
+        name = f"{result.guarantee} {result.title}"
+        rows += [_difference(name, result.status, verdicts.get(result.guarantee, "-"))]
+    head = "<thead><tr><th></th><th scope=col>A</th><th scope=col>B</th></tr></thead>"
+    table = f'<table id="differences">{head}<tbody>{"".join(rows)}</tbody></table>'
+    return f'<div class="differences"><h2>Differences</h2>{table}</div>\n'
+
+
+def _difference(name: str, ours: str, theirs: str) -> str:
+    changed = ' class="changed"' if ours != theirs else ""
+    return f"<tr{changed}><th scope=row>{escape(name)}</th><td>{_broken(ours)}</td><td>{_broken(theirs)}</td></tr>\n"
+
+
+def _flights(page: Page, label: str) -> str:
+    own = "flights" if label in {"", "A"} else "flights-b"
+    head = "".join(f"<th scope=col>{heading}</th>" for heading in HEADINGS)
+    body = "".join(
+        f"<tr><th scope=row>{escape(name)}</th>{''.join(f'<td>{escape(cell)}</td>' for cell in rest)}</tr>"
+        for name, *rest in map(cells, page.rows)
+    )
+    title = f"<h3>{label}</h3>" if label else ""
+    table = f'<table id="{own}"><thead><tr>{head}</tr></thead><tbody>{body}</tbody></table>'
+    return f'{title}<div class="wrap">{table}</div>\n'
 
 
 def _zone_legend(page: Page) -> str:

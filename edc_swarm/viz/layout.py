@@ -41,7 +41,7 @@ def layout(mission: MissionMessage) -> dict[str, Any]:
                 _plot(gap_m=("now", BLUE), planned_gap_m=("planned", ORANGE), gap_limit_m=("limit", RED)),
             ),
             HEAD: _titled("Head and term", {"isSynced": True, "paths": [_path("head"), _path("term")]}),
-            LOG: _titled("Log", {"searchTerms": [], "minLogLevel": 1}),
+            LOG: _titled("Log", {"searchTerms": [], "minLogLevel": 2}),
             MAP: _titled("GPS", _map(mission, middle_m, size_m)),
         },
         "globalVariables": {},

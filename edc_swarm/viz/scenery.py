@@ -11,8 +11,6 @@ from collections.abc import Iterable
 from dataclasses import dataclass, field
 
 import msgspec
-from foxglove_schemas_protobuf.LocationFix_pb2 import LocationFix
-from foxglove_schemas_protobuf.Log_pb2 import Log
 from foxglove_schemas_protobuf.SceneEntity_pb2 import SceneEntity
 from msgspec import UNSET
 
@@ -20,13 +18,15 @@ from edc_swarm.geometry import DISC_TOLERANCE_M
 from edc_swarm.mission.configuration import NS_PER_S
 from edc_swarm.mission.roster_entry import RosterEntry
 from edc_swarm.mission.routes import rectangle_m
-from edc_swarm.protocol.events import EVENT_FORMS
 from edc_swarm.protocol.messages import Command, Event, Fix, Message, MissionMessage, Report, Truth
+from edc_swarm.story.happening import Happening, grouped
+from edc_swarm.story.teller import Storyteller
 from edc_swarm.viz import channels
 from edc_swarm.viz.channels import ROOT, Status
+from edc_swarm.viz.log_lines import TOLD, event_line, happening_line
+from edc_swarm.viz.marks import location, on_the_ground, out_of_action
 from edc_swarm.viz.shapes import (
     AMBER,
-    FRAME,
     GREY,
     RED,
     WHITE,
@@ -38,7 +38,6 @@ from edc_swarm.viz.shapes import (
     ring,
     scene,
     stadium,
-    stamp,
     text,
 )
 from edc_swarm.viz.zones import zone_entities
@@ -55,7 +54,9 @@ FORGET_NS = 60 * NS_PER_S
 """Longest time without messages that is shown; a longer one is skipped."""
 LABELS_HIGH = 45
 """Height of a view of the whole area, in labels."""
-WARNINGS = frozenset(kind for kind, form in EVENT_FORMS.items() if form.warning)
+
+
+GONE = frozenset({"dead", "frozen", "silent"})
 
 
 @dataclass(frozen=True, slots=True)
@@ -97,6 +98,7 @@ class Scenery:
     def __init__(self) -> None:
         self._mission: MissionMessage | None = None
         self._uavs: dict[str, _Uav] = {}
+        self._teller: Storyteller | None = None
         self._zones: list[SceneEntity] = []
         self._label_m = 0.0
         self._report: Report | None = None
@@ -117,6 +119,7 @@ class Scenery:
         if now_ns - self._next_ns > FORGET_NS:
             self._next_ns = now_ns
         while self._next_ns <= now_ns:
+            shown += self._tell(self._next_ns)
             shown += self._tick(self._next_ns)
             self._next_ns += TICK_NS
             self._ticks += 1
@@ -124,6 +127,8 @@ class Scenery:
 
     def hear(self, message: Message, now_ns: int) -> None:
         """Process a message that was sent at `now_ns`."""
+        if self._teller is not None:
+            self._teller.hear(message)
         match message:
             case MissionMessage():
                 self._begin(message, now_ns)
@@ -139,11 +144,23 @@ class Scenery:
             case Report() if self._mission is not None:
                 self._hear_report(message, now_ns)
             case Event():
-                self._said.append(Shown(ROOT + channels.LOG, now_ns, _log(message, now_ns)))
+                if self._teller is None or message.kind not in TOLD:
+                    self._said.append(Shown(ROOT + channels.LOG, now_ns, event_line(message, now_ns)))
+
+    def _tell(self, now_ns: int) -> list[Shown]:
+        """Return the lines of the log that tell the story up to the slot before the last, all of which has come."""
+        assert self._mission is not None
+        assert self._teller is not None
+        teller, told = self._teller, list[Happening]()
+        while teller.next_slot < self._slot(now_ns) - 1:
+            told += teller.close(teller.next_slot)
+        order = [entry.uav for entry in self._mission.roster]
+        return [Shown(ROOT + channels.LOG, now_ns, happening_line(each, now_ns)) for each in grouped(told, order)]
 
     def _begin(self, mission: MissionMessage, now_ns: int) -> None:
         if self._mission is None:
             self._mission = mission
+            self._teller = Storyteller(mission, max(0, self._slot(now_ns)))
             self._zones = list(zone_entities(mission.zone, now_ns))
             (left_m, low_m), (right_m, high_m) = extent_m(mission)
             self._label_m = max(right_m - left_m, high_m - low_m) / LABELS_HIGH
@@ -181,10 +198,14 @@ class Scenery:
 
     def _discs(self, centres: dict[str, Point], now_ns: int) -> list[SceneEntity]:
         overlapping, landed = self._gaps(centres).overlapping, self._landed
+        teller = self._teller
+        states, whys = (teller.states, teller.whys) if teller is not None else ({}, {})
         return [
-            _on_the_ground(uav.entry, centres[name], now_ns)
+            on_the_ground(uav.entry, centres[name], now_ns)
             if name in landed
-            else self._disc(uav, centres[name], name in overlapping, now_ns)
+            else out_of_action(uav.entry, centres[name], f"{name} {states[name]}", self._label_m, now_ns)
+            if states.get(name) in GONE
+            else self._disc(uav, centres[name], name in overlapping, whys.get(name, ""), now_ns)
             for name, uav in self._uavs.items()
         ]
 
@@ -193,7 +214,7 @@ class Scenery:
         """UAVs that the head knows to be out of the airspace."""
         return [] if self._report is None else self._report.landed
 
-    def _disc(self, uav: _Uav, centre: Point, overlaps: bool, now_ns: int) -> SceneEntity:
+    def _disc(self, uav: _Uav, centre: Point, overlaps: bool, why: str, now_ns: int) -> SceneEntity:
         entry, colour = uav.entry, RED if overlaps else colour_of(uav.index)
         made = entity(entry.uav, now_ns)
         made.cylinders.append(disc(centre, entry.r_m, colour, 0.45 if overlaps else 0.22))
@@ -205,7 +226,7 @@ class Scenery:
         if self._report is not None and entry.uav == self._report.head:
             made.lines.append(ring(centre, entry.r_m * 1.06, WHITE, 4.0))
         name_y_m = centre[1] + 1.06 * entry.r_m + self._label_m / 2
-        made.texts.append(text((centre[0], name_y_m), entry.uav, WHITE))
+        made.texts.append(text((centre[0], name_y_m), entry.uav + (f": {why}" if why else ""), AMBER if why else WHITE))
         if role := self._role(entry.uav):
             role_y_m = min(centre[1] - 0.3 * entry.r_m, name_y_m - self._label_m)
             made.texts.append(text((centre[0], role_y_m), role, WHITE))
@@ -358,34 +379,4 @@ def _trails(uavs: Iterable[_Uav], now_ns: int) -> list[SceneEntity]:
 
 def _locations(uavs: Iterable[_Uav], now_ns: int) -> list[Shown]:
     fixes = [uav.fix for uav in uavs if uav.fix is not None]
-    return [Shown(f"{ROOT}{channels.LOCATION}/{fix.uav}", now_ns, _location(fix, now_ns)) for fix in fixes]
-
-
-def _on_the_ground(entry: RosterEntry, centre: Point, now_ns: int) -> SceneEntity:
-    """Return the mark of a UAV that has landed: where it is, without a disc that anybody keeps clear of."""
-    made = entity(entry.uav, now_ns)
-    made.cylinders.append(disc(centre, max(entry.body_m, 0.15), GREY, 0.9))
-    made.texts.append(text((centre[0], centre[1] + 1.0), f"{entry.uav} landed", GREY))
-    return made
-
-
-def _location(fix: Fix, now_ns: int) -> bytes:
-    """Return the GPS position as bytes. A uniform error in a disc of radius r has the variance r^2 / 4 per axis."""
-    variance_m2 = fix.r_m**2 / 4
-    return LocationFix(
-        timestamp=stamp(now_ns),
-        frame_id=FRAME,
-        latitude=fix.lat_deg,
-        longitude=fix.lon_deg,
-        position_covariance=[variance_m2, 0, 0, 0, variance_m2, 0, 0, 0, 0],
-        position_covariance_type=LocationFix.DIAGONAL_KNOWN,
-    ).SerializeToString(deterministic=True)
-
-
-def _log(event: Event, now_ns: int) -> bytes:
-    level = Log.WARNING if event.kind in WARNINGS else Log.INFO
-    # Viewers break lines at spaces only, and a fault can list the whole roster.
-    words = f"{event.kind}: {event.detail.replace(',', ', ')}" if event.detail else event.kind
-    return Log(
-        timestamp=stamp(now_ns), level=level, message=words, name=event.source, file="", line=max(event.slot, 0)
-    ).SerializeToString(deterministic=True)
+    return [Shown(f"{ROOT}{channels.LOCATION}/{fix.uav}", now_ns, location(fix, now_ns)) for fix in fixes]

@@ -5,6 +5,7 @@ from __future__ import annotations
 import sys
 from collections.abc import Sequence
 from contextlib import suppress
+from difflib import get_close_matches
 from importlib.metadata import version
 from pathlib import Path
 from typing import Any, Literal, get_args, get_origin
@@ -43,6 +44,8 @@ app.command("processes.cli.commands.metrics:metrics", help="Print every metric o
 app.command(
     "processes.cli.commands.check:check", help="Check the guarantees of a recording; status 1: broken, 3: not judged."
 )
+app.command("processes.cli.commands.events:events", help="Print what happened in a recorded mission, and why.")
+app.command("processes.cli.commands.faults:faults", help="Print every fault that a mission can suffer, with examples.")
 app.command("processes.cli.commands.fuzz:fuzz", help="Search random fault schedules for a broken guarantee.")
 app.command("processes.cli.commands.figures:figures", help="Make the paper's figures and the energy bill.")
 app.command("processes.cli.commands.latency:latency", help="Fly a grid of delays, jitters and losses.")
@@ -143,7 +146,7 @@ def _in_one_line(error: CycloptsError) -> str:
         case UnknownOptionError():
             said = ("option", error.token.keyword or error.token.value, "one of those in --help")
         case UnknownCommandError():
-            said = ("command", unused[0], f"one of {', '.join(_commands())}")
+            said = ("command", unused[0], f"one of {', '.join(_commands())}{_meant(unused[0])}")
         case UnusedCliTokensError():
             said = ("arguments", " ".join(unused), "left out")
         case RepeatArgumentError():
@@ -168,6 +171,12 @@ def _kind(target: Any) -> str:
 
 
 _KINDS = {int: "a whole number", float: "a number"}
+
+
+def _meant(word: str) -> str:
+    """Return a question after the command that is most like `word`, "" if none is."""
+    nearest = get_close_matches(word, _commands(), n=1)
+    return f" (do you mean {nearest[0]}?)" if nearest else ""
 
 
 def _commands() -> list[str]:

@@ -27,6 +27,7 @@ from edc_swarm.planner.registry import check_planner
 from edc_swarm.simulation.plug_in_trial import try_plug_ins
 from processes.cli.whole_number import WholeNumber
 from processes.runtime.console import note
+from processes.runtime.voice import Voice
 
 MISSION_HELP = "Mission file (TOML); without one, a random mission."
 
@@ -118,6 +119,10 @@ class MissionOptions(_FieldOptions):  # type: ignore[misc]  # The declarations d
         Print the metrics as JSON alone on standard output.
     force
         Overwrite an existing recording.
+    quiet
+        Say nothing on standard error but warnings and errors.
+    verbose
+        Tell the story of the mission with all details, on a terminal too.
     """
 
     fault_help: bool = False
@@ -125,6 +130,13 @@ class MissionOptions(_FieldOptions):  # type: ignore[misc]  # The declarations d
     no_viz: bool = False
     json: bool = False
     force: bool = False
+    quiet: bool = False
+    verbose: bool = False
+
+    @property
+    def voice(self) -> Voice:
+        """What the command says while it works; with --json nothing, unless --verbose asks for it."""
+        return Voice(quiet=self.quiet or (self.json and not self.verbose), verbose=self.verbose)
 
     def mission(self, file: Path | None) -> Mission:
         """Return the mission: the file, with options in place of its fields, completed by draws and derived values.

@@ -26,6 +26,7 @@ from processes.runtime.children import PartEndedError
 from processes.runtime.console import note
 from processes.runtime.limits import make_room
 from processes.runtime.output import SUFFIX, Output
+from processes.runtime.voice import Voice
 
 RESULT_NEUTRAL_PACKAGES = ("cli", "experiments")
 """Packages of `processes` that cannot change the result of a mission."""
@@ -76,7 +77,7 @@ def _launch(run: Run, path: Path) -> RunReport:
     with Output(path, force=True) as output, _signals_kept():
         mission = complete_mission(run.mission)
         make_room(len(mission.roster))
-        report = Launcher(mission, output, listen=None, view=View(viz=False), show_progress=False).run()
+        report = Launcher(mission, output, listen=None, view=View(viz=False), voice=Voice(quiet=True)).run()
         if output.part.exists():
             output.recover_part()
     return report

@@ -52,6 +52,12 @@ class Ready(Struct, frozen=True, kw_only=True, tag=True):
     warm_s: float
 
 
+class Compiling(Struct, frozen=True, kw_only=True, tag=True):
+    """News that the planner is being compiled: `done` functions are."""
+
+    done: int
+
+
 class Failed(Struct, frozen=True, kw_only=True, tag=True):
     """News that the planner cannot be loaded."""
 
@@ -74,7 +80,7 @@ class Exited(Struct, frozen=True, kw_only=True, tag=True):
 
 
 Order = Fork | Signal
-News = Ready | Failed | Forked | Exited
+News = Ready | Compiling | Failed | Forked | Exited
 
 
 class ForkSource:
@@ -177,7 +183,7 @@ def _warm(source: ForkSource) -> bool:
     start_s = time.monotonic()
     try:
         if mission := sys.stdin.buffer.read():
-            warm_planner(msgspec.json.decode(mission, type=Mission))
+            warm_planner(msgspec.json.decode(mission, type=Mission), lambda done: source.send(Compiling(done=done)))
     except SwarmError as error:
         source.send(Failed(reason=str(error)))
         return False

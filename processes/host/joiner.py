@@ -30,9 +30,12 @@ from processes.host.pool import UavPool
 from processes.operator import host_requests
 from processes.runtime.children import Child, ChildExited, PartEndedError
 from processes.runtime.clock import MissionClock
+from processes.runtime.compiling import CompilingNote
 from processes.runtime.console import MAX_NAMES, note
+from processes.runtime.host_name import host_name
 from processes.runtime.loop import LOOK_EVERY_S, Interrupted, Loop
 from processes.runtime.output import log_tail
+from processes.runtime.voice import Voice
 from processes.services.orders import asked
 from processes.uav.process import UavSettings
 
@@ -55,6 +58,7 @@ class Joiner:
         self._pool: UavPool | None = None
         self._source: Child | None = None
         self._source_ready = False
+        self._compiling = CompilingNote(Voice())
         self._over = False
         self._crashed = False
         self._deaths = Deaths(self._loop, self._log, self._note_crash)
@@ -103,7 +107,9 @@ class Joiner:
     def _claim(self, session: zenoh.Session, presence: OperatorPresence, mission: str) -> Issued:
         """Repeat the claim until the operator answers; the same claim always gets the same answer."""
         among = certified_uavs(self._certs) if self._certs else []
-        claim = msgspec.json.encode(IdClaim(claimant=self._folder.claimant, uavs=self._uavs, among=among))
+        claim = msgspec.json.encode(
+            IdClaim(claimant=self._folder.claimant, uavs=self._uavs, among=among, host=host_name())
+        )
         answers: list[Issued] = []
 
         def ask() -> bool:
@@ -148,7 +154,7 @@ class Joiner:
                 )
             )
         who = ", ".join(issued.uavs) if len(issued.uavs) <= MAX_NAMES else f"{len(issued.uavs)} UAVs"
-        note(f"flying {who} of mission {issued.mission.name}")
+        note(f"{host_name()} flies {who} of mission {issued.mission.name}")
 
     def _replace_uavs(self, pool: UavPool, issued: Issued) -> None:
         """Replace the UAVs after an absence before the mission, in which the operator issued their ids to others."""
@@ -200,7 +206,10 @@ class Joiner:
             case Heard():
                 self._take_event(item)
             case fork_source.Ready():
+                self._compiling.end()
                 self._source_ready = True
+            case fork_source.Compiling(done=done):
+                self._compiling.tell(done)
             case fork_source.Failed(reason=reason):
                 self._loop.failure = SwarmError(reason)
             case fork_source.Forked() | fork_source.Exited() if self._pool is not None:

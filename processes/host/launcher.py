@@ -25,8 +25,10 @@ from processes.host.watch import MissionWatch
 from processes.operator.bus_client import Operator
 from processes.operator.takeover import new_mission_id
 from processes.runtime.children import ChildExited, ChildReady, PartEndedError
+from processes.runtime.compiling import CompilingNote
 from processes.runtime.loop import LOOK_EVERY_S, Interrupted, Loop
 from processes.runtime.output import Output
+from processes.runtime.voice import Voice
 from processes.services.ground_station import NAME as GROUND
 from processes.services.recorder import CANNOT_WRITE
 from processes.services.recorder import NAME as RECORDER
@@ -49,7 +51,7 @@ class Launcher:
         *,
         listen: str | None,
         view: View,
-        show_progress: bool,
+        voice: Voice,
         remote: int = 0,
         bus: Bus | None = None,
         protection: Protection | None = None,
@@ -61,11 +63,12 @@ class Launcher:
             output=output,
             listen=listen,
             view=view,
-            show_progress=show_progress,
+            voice=voice,
             remote=remote,
             bus=bus,
             protection=protection,
         )
+        self._compiling = CompilingNote(voice)
         self._loop = Loop(self._take, self._flush)
         self._state = RunState(self._setup, self._loop)
         self._parts = self._state.parts
@@ -112,8 +115,11 @@ class Launcher:
     def _take_news(self, news: object) -> None:
         match news:
             case fork_source.Ready(warm_s=warm_s):
+                self._compiling.end()
                 self._state.times.warm_s, self._state.times.ready_at_s = warm_s, time.monotonic()
                 self._parts.ready.add(FORK_SOURCE)
+            case fork_source.Compiling(done=done):
+                self._compiling.tell(done)
             case fork_source.Failed(reason=reason):
                 self._loop.failure = SwarmError(reason)
             case fork_source.Forked():

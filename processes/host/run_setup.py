@@ -11,6 +11,7 @@ from edc_swarm.mission.configuration import Mission
 from processes.operator.takeover import Takeover
 from processes.runtime.clock import MissionClock
 from processes.runtime.output import Output
+from processes.runtime.voice import Voice
 
 
 @dataclass(frozen=True, slots=True)
@@ -56,7 +57,7 @@ class RunSetup:
     output: Output
     listen: str | None
     view: View
-    show_progress: bool
+    voice: Voice
     remote: int = 0
     bus: Bus | None = None
     protection: Protection | None = None

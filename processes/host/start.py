@@ -48,6 +48,7 @@ class RunStart:
         self._note_remote()
         self._loop.wait(lambda: self._state.bus.alive >= self._everyone(), self._missing)
         self._state.times.connected_at_s = time.monotonic()
+        self._note_connected()
 
     def _start_operator(self, given: Bus) -> None:
         """Start the operator alone; it answers the other parts' queries for their orders."""
@@ -106,6 +107,19 @@ class RunStart:
         bus = self._state.bus
         missing = [f"{who} (claimed)" if who in bus.claimed else who for who in sorted(self._everyone() - bus.alive)]
         return f"{listed(missing, MAX_NAMES)} to connect"
+
+    def _note_connected(self) -> None:
+        """Tell the user that all UAVs are there, and who flies those of other hosts."""
+        setup, times = self._setup, self._state.times
+        since = (
+            f"the fork source was ready (warm in {times.warm_s:.1f} s)" if times.warm_s else "the operator was ready"
+        )
+        hosts = self._state.bus.hosts
+        flown = {host: ", ".join(uav for uav in setup.roster if hosts.get(uav) == host) for host in hosts.values()}
+        for host, uavs in flown.items():
+            note(f"{host} flies {uavs}")
+        waited_s = times.connected_at_s - times.ready_at_s
+        note(f"{len(setup.roster)} UAVs connected {waited_s:.2f} s after {since}")
 
     def _note_remote(self) -> None:
         """Tell the user the command that joins the UAVs of other hosts."""

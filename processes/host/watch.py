@@ -18,8 +18,8 @@ from processes.operator.fault_injector import Injector
 from processes.operator.remote_parts import Remote
 from processes.runtime.children import PartEndedError
 from processes.runtime.console import note
+from processes.runtime.display import Display
 from processes.runtime.loop import LOOK_EVERY_S
-from processes.runtime.progress_bar import ProgressBar
 from processes.services.recorder import NAME as RECORDER
 
 EPOCH_AHEAD_NS = 200_000_000
@@ -43,15 +43,18 @@ class MissionWatch:
         injector, monitor = Injector(mission, self, now_s if self._setup.takeover else 0.0), self.bus.monitor
         self._injector = injector
         assert monitor is not None
-        with ProgressBar(mission, shown=self._setup.show_progress) as bar:
+        teller = self.bus.teller
+        assert teller is not None
+        with Display(mission, self._setup.voice, self.bus.hosts) as display:
             while not (why := self._end_reason(mission)):
                 injector.inject_due()
                 self._check_remote()
-                bar.show(monitor)
+                display.show(monitor, teller, self.bus.slot_now() - 1)
                 state.loop.pump(min(LOOK_EVERY_S, injector.next_in_s()))
                 if state.times.publishing_at_s is None and len(self.bus.seen.heard) == len(mission.roster):
                     state.times.publishing_at_s = time.monotonic()
-        state.publish_end(why)
+            state.publish_end(why)
+            display.show(monitor, teller, self.bus.slot_now() + 1)
 
     def _begin(self) -> MissionMessage:
         """Begin the mission, or continue one that has begun."""

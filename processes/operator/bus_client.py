@@ -18,6 +18,7 @@ from edc_swarm.protocol.events import EventKind
 from edc_swarm.protocol.goals import GoalDesk
 from edc_swarm.protocol.keys import Keys
 from edc_swarm.protocol.messages import Command, Event, Fix, Goal, MissionMessage, Report
+from edc_swarm.story.teller import Storyteller
 from processes.bus.event_source import EventSource
 from processes.bus.outbox import Outbox
 from processes.bus.session import hand_over
@@ -61,6 +62,8 @@ class Operator:
         The mission's clock of this host.
     monitor
         Progress of the mission: its head, the UAVs that have arrived; None before the mission.
+    teller
+        The story of the mission; None before it.
     seen
         Firsts and lasts of the mission that the operator has received.
     """
@@ -79,6 +82,7 @@ class Operator:
         self._gate = Gate(partial(self.publish_event, EventKind.MALFORMED))
         self.seen = Seen()
         self.monitor: MissionMonitor | None = None
+        self.teller: Storyteller | None = None
         self._session = session
         self._outbox = Outbox(self._session, self._keys.again(OPERATOR, self._events.instance), inbox)
         self._declare()
@@ -104,6 +108,7 @@ class Operator:
             sent_ns=self.clock.now_ns(),
         )
         self.monitor, self._goals = MissionMonitor(mission), GoalDesk(mission)
+        self.teller = Storyteller(self._mission)
         self._gate.know(self._mission)
         self._say(self._keys.mission, encode(self._mission), self._mission.seq)
 
@@ -117,6 +122,7 @@ class Operator:
         self.monitor, self._goals = MissionMonitor(mission), GoalDesk(mission)
         for goal in goals:
             self._goals.resume(goal, self.slot_now())
+        self.teller = Storyteller(mission, max(1, self.slot_now()))
 
     def give_goal(self, uav: str, route: list[Point]) -> None:
         """Give a UAV a new route; `flush` sends it once a slot until the UAV answers."""
@@ -138,6 +144,8 @@ class Operator:
         """Publish an event, for the swarm and the recording."""
         event = self._events.event(kind, detail, self.slot_now())
         payload = encode(event)
+        if self.teller is not None:
+            self.teller.hear(event)
         if is_in_force(event):
             self._in_force.append(payload)
         self._say(self._keys.event(OPERATOR), payload, event.seq)
@@ -173,6 +181,11 @@ class Operator:
         return {uav for uav, _ in self._tokens}
 
     @property
+    def hosts(self) -> dict[str, str]:
+        """Name of the host or container of each UAV that others fly, where they say it."""
+        return self._desk.hosts
+
+    @property
     def claimed(self) -> set[str]:
         """Ids that claimants hold."""
         return self._desk.claims.held
@@ -205,7 +218,10 @@ class Operator:
     def _hear(self, key: str, payload: bytes) -> None:
         if self.monitor is None or self._goals is None:
             return
-        match self._gate.admit(Heard(key, payload)):
+        message = self._gate.admit(Heard(key, payload))
+        if message is not None and self.teller is not None:
+            self.teller.hear(message)
+        match message:
             case Fix() as fix:
                 self.seen.hear_fix(fix)
                 self.monitor.hear_fix(fix)

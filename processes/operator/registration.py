@@ -19,6 +19,11 @@ from processes.runtime.inbox import Inbox
 class Desk:
     """Issue ids to claimants, and orders to parts that the operator has not launched; one answer at a time.
 
+    Attributes
+    ----------
+    hosts
+        Name of the host or container of each UAV that was issued to a claimant which says it.
+
     Parameters
     ----------
     mission
@@ -42,6 +47,7 @@ class Desk:
         self.mission = mission
         self._by_name = by_name
         self.claims = Claims(remote)
+        self.hosts: dict[str, str] = {}
         self._orders = {Keys(mission.name).orders(name): payload for name, payload in (orders or {}).items()}
 
     def declare(self, session: zenoh.Session, inbox: Inbox[object]) -> None:
@@ -72,4 +78,5 @@ class Desk:
         if self._by_name and not claim.among:
             return [msgspec.json.encode(Issued(mission=self.mission))]
         left, uavs = len(self.claims.free(claim.among)), self.claims.issue(claim)
+        self.hosts.update(dict.fromkeys(uavs, claim.host) if claim.host else {})
         return [msgspec.json.encode(Issued(mission=self.mission, uavs=uavs, left=left, begun=self.claims.begun))]

@@ -7,6 +7,7 @@ from __future__ import annotations
 
 import contextlib
 import socket
+from collections import deque
 from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Any
@@ -20,7 +21,9 @@ HOST = "127.0.0.1"
 ANY_HOST = "0.0.0.0"
 PORT = 8765
 """Default port of viewers."""
-NOT_REPEATED = "/viz/log"
+LOG_TOPIC = "/viz/log"
+MAX_LOG = 200
+"""Most lines of the log that a new viewer receives."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -69,6 +72,10 @@ class Live:
         self._context = foxglove.Context()
         self._channels: dict[str, Any] = {}
         self._last: dict[str, Shown] = {}
+        self._log: deque[Shown] = deque(maxlen=MAX_LOG)
+        foxglove.set_log_level("CRITICAL")  # It calls every viewer that disconnects a WebSocket protocol error.
+        # A viewer subscribes to what is advertised when it connects: an event may be a long time off.
+        self._advertise(LOG_TOPIC)
         self._server = foxglove.start_server(
             name="edc-swarm", host=host, port=port, context=self._context, server_listener=Listener()
         )
@@ -76,12 +83,15 @@ class Live:
     def show(self, shown: Shown) -> None:
         """Send a scene to all subscribers of its topic."""
         self._last[shown.topic] = shown
+        if shown.topic == LOG_TOPIC:
+            self._log.append(shown)
         self._send(shown)
 
     def repeat(self, topic: str) -> None:
-        """Send the last message of a topic to its subscribers again."""
-        if topic in self._last and topic != NOT_REPEATED:
-            self._send(self._last[topic])
+        """Send the last message of a topic to its subscribers again, of the log all lines that are kept."""
+        again = self._log if topic == LOG_TOPIC else [self._last[topic]] if topic in self._last else []
+        for shown in again:
+            self._send(shown)
 
     def stop(self) -> None:
         """Disconnect all viewers."""

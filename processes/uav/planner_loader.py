@@ -8,18 +8,23 @@ from collections.abc import Callable
 
 from edc_swarm.mission.configuration import Mission
 from edc_swarm.planner.interface import Plan, Planner, PlanRequest
+from processes.runtime.compiling import counted
 
 _warm_for: set[str] = set()
 """Planners that this process, or the process that forked it, has imported and warmed up."""
 
 
-def warm_planner(mission: Mission) -> None:
-    """Import and warm up the mission's planner once; processes forked later inherit it."""
+def warm_planner(mission: Mission, tell: Callable[[int], None] = lambda _: None) -> None:
+    """Import and warm up the mission's planner once; processes forked later inherit it.
+
+    `tell` is called with the number of functions compiled so far, at every one.
+    """
     if mission.planner in _warm_for:
         return
     from edc_swarm.planner.registry import warm_up  # noqa: PLC0415  (imports numpy: only a possible head needs it)
 
-    warm_up(mission)
+    with counted(mission.planner, tell):
+        warm_up(mission)
     _warm_for.add(mission.planner)
 
 

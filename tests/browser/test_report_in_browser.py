@@ -147,6 +147,7 @@ def test_values_stand_in_the_order_of_the_legend(page: Path, browser: Any, tmp_p
 def test_playing_moves_the_time_until_it_is_paused(page: Path, browser: Any) -> None:
     """The button has the name of its next action."""
     browser.get(page.as_uri())
+    seek(browser, 0.0)
     play = browser.find_element(By.ID, "play")
     play.click()
     assert play.text == "Pause"
@@ -186,6 +187,70 @@ def test_the_dark_scheme_is_dark(page: Path, browser: Any) -> None:
     drawn = "return document.getElementById('map').toDataURL()"
     WebDriverWait(browser, PATIENCE_S).until(lambda _: browser.execute_script(drawn) != light)
     browser.execute_cdp_cmd("Emulation.setEmulatedMedia", {"features": []})
+
+
+def test_the_page_opens_in_mid_flight_and_an_event_goes_to_its_time(page: Path, browser: Any) -> None:
+    """The newest event is marked, and a click on another one moves the time."""
+    browser.get(page.as_uri())
+    assert slider(browser) > 0
+    data = json.loads(browser.execute_script("return document.getElementById('data').textContent"))
+    shown = [told for told in data["story"] if told["level"] != "detail"]
+    (index,) = [n for n, told in enumerate(shown) if told["kind"] == "fault"]
+    buttons = [each for each in browser.find_elements(By.CSS_SELECTOR, "ol.events button") if each.is_displayed()]
+    assert len(buttons) == len(shown)
+    browser.execute_script("arguments[0].click()", buttons[index])
+    assert slider(browser) == pytest.approx(shown[index]["time_s"], abs=1e-3)
+    assert "now" in browser.find_element(By.CSS_SELECTOR, "ol.events li.now").get_attribute("class")
+
+
+def test_zoom_and_follow_change_the_map(page: Path, browser: Any) -> None:
+    """Following says the state of the UAV, and `all` shows everything again."""
+    drawn = "return document.getElementById('map').toDataURL()"
+    browser.get(page.as_uri())
+    seek(browser, 3.0)
+    whole = browser.execute_script(drawn)
+    browser.find_element(By.ID, "zoom-in").click()
+    zoomed = browser.execute_script(drawn)
+    assert zoomed != whole
+    browser.execute_script(
+        "const f = document.getElementById('follow'); f.value = '1'; f.dispatchEvent(new Event('change'))"
+    )
+    assert browser.find_element(By.ID, "detail").text.startswith("u002: ")
+    assert browser.execute_script(drawn) not in {whole, zoomed}
+    browser.find_element(By.ID, "zoom-all").click()
+    assert browser.find_element(By.ID, "detail").text == ""
+    assert browser.execute_script(drawn) == whole
+    assert browser.get_log("browser") == []
+
+
+def test_the_plots_show_a_part_of_the_mission(page: Path, browser: Any) -> None:
+    """`10 s around now` and `whole mission` say so on the overview."""
+    words = "return document.querySelector('#overview text:nth-of-type(2)').textContent"
+    browser.get(page.as_uri())
+    seek(browser, 6.0)
+    browser.find_element(By.ID, "span-all").click()
+    whole = browser.execute_script(words)
+    browser.find_element(By.ID, "span-near").click()
+    assert browser.execute_script(words) == "plots: 1.0 to 11.0 s" != whole
+
+
+def test_two_recordings_stand_side_by_side(tmp_path: Path, browser: Any) -> None:
+    """There are two maps, two lists of events, and a table of what differs."""
+    paths = [tmp_path / f"{name}.mcap" for name in "ab"]
+    for path, planner in zip(paths, ("straight", "edc"), strict=True):
+        main(["sim", "--uavs", "3", "--planner", planner, "--out", str(path), "--no-viz", "--json"])
+    out = tmp_path / "both.html"
+    assert main(["report", *map(str, paths), "-o", str(out)]) == 0
+    browser.get(out.as_uri())
+    assert len(browser.find_elements(By.CSS_SELECTOR, "canvas.map")) == 2
+    lists = browser.find_elements(By.CSS_SELECTOR, "ol.events")
+    assert [len(each.find_elements(By.CSS_SELECTOR, "li")) > 0 for each in lists] == [True, True]
+    table = browser.find_element(By.ID, "differences").text
+    assert "least gap" in table
+    assert "G3 Separation" in table
+    assert browser.execute_script("return document.documentElement.scrollWidth <= innerWidth")
+    assert browser.execute_script(OVERLAPPING_TEXTS) == []
+    assert browser.get_log("browser") == []
 
 
 def seek(browser: Any, time_s: float) -> None:

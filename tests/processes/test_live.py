@@ -3,14 +3,19 @@
 from __future__ import annotations
 
 import json
+import socket
 import struct
+import time
 from pathlib import Path
 from typing import Any
 
 import pytest
+from foxglove_schemas_protobuf.Log_pb2 import Log
 from foxglove_schemas_protobuf.SceneUpdate_pb2 import SceneUpdate
 
+from edc_swarm.viz.scenery import Shown
 from processes.cli.main import main
+from processes.services.live import Live, Subscribed
 from tests.processes.conftest import Fly
 
 websocket = pytest.importorskip("websocket", reason="no WebSocket client (pip install edc-swarm[dev])")
@@ -61,6 +66,38 @@ def test_a_late_viewer_sees_what_does_not_move(start: Fly) -> None:
     assert len(first_scene(viewer, channels["/viz/uavs"]).entities) == 3
     viewer.close()
     assert command.end().status == 0
+
+
+def test_the_log_reaches_viewers_and_their_leaving_is_no_error(capfd: pytest.CaptureFixture[str]) -> None:
+    """A viewer gets the lines that came before it, and those that come after."""
+    told: list[Subscribed] = []
+    with socket.socket() as probe:
+        probe.bind(("127.0.0.1", 0))
+        port = int(probe.getsockname()[1])
+    live = Live("127.0.0.1", port, told.append)
+
+    def say(words: str) -> None:
+        live.show(Shown("/viz/log", 1, Log(message=words, level=Log.INFO).SerializeToString()))
+
+    say("before")
+    live.show(Shown("/viz/area", 1, SceneUpdate().SerializeToString()))
+    viewer, channels = connected(port)
+    viewer.send(json.dumps({"op": "subscribe", "subscriptions": [{"id": 7, "channelId": channels["/viz/log"]["id"]}]}))
+    while not told:
+        time.sleep(0.01)
+    live.repeat(told[0].topic)
+    say("after")
+    heard: list[str] = []
+    while len(heard) < 2:
+        said = viewer.recv()
+        if isinstance(said, bytes) and said[0] == MESSAGE_DATA:
+            heard.append(Log.FromString(said[13:]).message)
+    assert heard == ["before", "after"]
+    viewer.sock.shutdown(socket.SHUT_RDWR)
+    viewer.sock.close()
+    time.sleep(0.3)
+    live.stop()
+    assert "WebSocket protocol error" not in capfd.readouterr().err
 
 
 def test_live_without_a_view_is_refused(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:

@@ -262,7 +262,7 @@ def test_a_planner_beside_the_mission_is_found_and_its_failure_told(
 
 def test_a_planner_too_slow_for_its_slots_is_told(capsys: pytest.CaptureFixture[str], tmp_path: Path) -> None:
     """Virtual time has room for it; real UAVs would hold."""
-    busy = "until_s = time.thread_time() + 0.03\n        while time.thread_time() < until_s:\n            pass\n        if False:"
+    busy = "until_s = time.thread_time() + 0.03\n        while time.thread_time() < until_s: pass\n        if False:"
     slow = PLANNER.replace("if request.slot > 4:", busy)
     (tmp_path / "slow_planner.py").write_text(f"import time\n{slow}")
     main(["sim", "--planner", "slow_planner:Tiring", "--uavs", "2", "--slot", "0.02", "--max-slots", "3", "--json"])

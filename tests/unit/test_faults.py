@@ -10,7 +10,7 @@ import pytest
 from edc_swarm.emulation.machine import MACHINE_FAULTS
 from edc_swarm.errors import MissionError
 from edc_swarm.mission.configuration import Mission
-from edc_swarm.mission.fault_help import fault_help
+from edc_swarm.mission.fault_help import EXAMPLES, fault_help
 from edc_swarm.mission.faults import (
     DECLARATIONS,
     USAGE,
@@ -145,7 +145,7 @@ def test_bad_faults_are_refused_in_one_line(text: str) -> None:
     ("text", "allowed"),
     [
         ("", USAGE),
-        ("explode head @3", f"{USAGE} (unknown fault explode)"),
+        ("explode head @3", f"{USAGE} (unknown fault explode; `edc-swarm faults` lists all)"),
         ("kill head", "kill TARGET [mid-step] @WHEN [for D] (no @WHEN)"),
         ("resume head @soon", "resume TARGET @WHEN ('soon' is no number)"),
         ("partition u1 @3", "partition LEFT|RIGHT @WHEN [for D] or partition LEFT>RIGHT @WHEN [for D]"),
@@ -177,8 +177,25 @@ def test_the_help_has_every_declaration() -> None:
 
 
 def test_the_page_of_the_docs_is_current() -> None:
-    """`edc-swarm run --fault-help > docs/faults.md` writes it anew."""
+    """`edc-swarm faults > docs/faults.md` writes it anew."""
     assert PAGE.read_text() == fault_help()
+
+
+def test_every_example_is_a_fault_of_its_verb() -> None:
+    """An example can be copied as it stands."""
+    assert EXAMPLES.keys() == DECLARATIONS.keys()
+    for verb, (example, _) in EXAMPLES.items():
+        assert parse_fault(example, 0.5).declaration.verb == verb
+
+
+@pytest.mark.parametrize(("verb", "meant"), [("kil", "kill"), ("partitoin", "partition"), ("restrat", "restart")])
+def test_an_unknown_verb_suggests_the_nearest(verb: str, meant: str) -> None:
+    """One that is like no other suggests none."""
+    with pytest.raises(MissionError, match=f"do you mean {meant}\\?"):
+        parse_fault(f"{verb} head @10", 0.5)
+    with pytest.raises(MissionError) as caught:
+        parse_fault("xyzzy head @10", 0.5)
+    assert "do you mean" not in str(caught.value)
 
 
 @pytest.mark.parametrize(

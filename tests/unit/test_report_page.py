@@ -20,7 +20,7 @@ from edc_swarm.protocol.messages import Event, Fix, Message, Report
 from edc_swarm.recording.model import Recording
 from edc_swarm.report_page import data as page_data
 from edc_swarm.report_page.data import Page
-from edc_swarm.report_page.render import MAX_WHERE, Assets, render
+from edc_swarm.report_page.render import MAX_WHERE, SCRIPTS, Assets, render
 from tests.unit.synthetic import EPOCH_NS, change, flight, parallel, recorded, straight, whole
 
 
@@ -39,7 +39,8 @@ def page_of(messages: list[Message]) -> Page:
 def document(recording: Recording, guarantees: list[GuaranteeResult] | None = None) -> str:
     """Return the whole page, made from the files that the command uses."""
     folder = files("edc_swarm.report_page")
-    assets = Assets(*((folder / f"page.{kind}").read_text() for kind in ("html", "css", "js")))
+    template, style = ((folder / f"page.{kind}").read_text() for kind in ("html", "css"))
+    assets = Assets(template, style, "\n".join((folder / name).read_text() for name in SCRIPTS))
     metrics = compute_metrics(recording)
     verdicts = check(recording) if guarantees is None else guarantees
     return render(Page.of(recording, metrics.heads), metrics, verdicts, {"command": "edc-swarm <x>"}, assets)

@@ -310,6 +310,23 @@ def test_events_are_logged_with_their_source() -> None:
     assert (log.message, log.name, log.level) == ("fault: kill u1 @3s", "operator", Log.WARNING)
 
 
+def test_a_dead_uav_looks_dead_and_the_log_tells_the_story(messages: list[Message]) -> None:
+    """Its disc is grey, empty and crossed out, and its label says what it is."""
+    messages = [m for m in messages if not (isinstance(m, Fix) and m.uav == "u1" and m.slot >= 4)]
+    fault = Event(source="operator", kind="fault", detail="kill u1 @4", sent_ns=EPOCH_NS + 2_000_000_000, slot=4)
+    said = shown([*messages, fault])
+    lines = [Log.FromString(each.payload) for each in said if each.topic == "/viz/log"]
+    assert ("dead: u1: killed by a fault in slot 4", Log.WARNING) in [(each.message, each.level) for each in lines]
+    assert any(each.message.startswith("take-off: ") and each.level == Log.INFO for each in lines)
+    scene = SceneUpdate.FromString(
+        [each for each in said if each.topic == "/viz/uavs" and each.time_ns <= EPOCH_NS + 4_500_000_000][-1].payload
+    )
+    discs = {entity.id: entity for entity in scene.entities}
+    assert [text.text for text in discs["u1"].texts] == ["u1 dead"]
+    assert (len(discs["u1"].cylinders), len(discs["u1"].lines)) == (0, 3)
+    assert discs["u0"].cylinders
+
+
 def test_long_lists_in_the_log_can_be_broken_into_lines() -> None:
     """Viewers break lines at spaces only; a partition of 50 UAVs would exceed the panel."""
     event = Event(source="operator", kind="fault", detail="partition u1,u2|u3,u4 @3s", sent_ns=EPOCH_NS, slot=6)

@@ -12,7 +12,7 @@ from edc_swarm.analysis.metrics import compute_metrics
 from edc_swarm.analysis.timings import load_timings
 from edc_swarm.recording.reader import read_recording
 from edc_swarm.report_page.data import Page
-from edc_swarm.report_page.render import Assets, render
+from edc_swarm.report_page.render import SCRIPTS, Assets, Shown, render_all
 from processes.cli.judging import judged
 from processes.runtime.console import note
 from processes.runtime.output import SUFFIX, check_new, new_file
@@ -22,17 +22,20 @@ HTML = ".html"
 
 def report(
     recording: Path,
+    other: Path | None = None,
     /,
     *,
     out: Annotated[Path | None, Parameter(name=["--out", "-o"])] = None,
     force: bool = False,
 ) -> int:
-    """Make a self-contained page of a recording: the animated mission, plots, metrics, guarantees.
+    """Make a self-contained page of a recording: the animated mission, its story, plots, metrics, guarantees.
 
     Parameters
     ----------
     recording
         The recording, FILE.mcap.
+    other
+        A second recording, which the page shows beside the first, with a table of differences.
     out
         The page to write (FILE.html beside the recording).
     force
@@ -40,17 +43,20 @@ def report(
     """
     path = out or recording.with_name(recording.name.removesuffix(SUFFIX) + HTML)
     check_new(path, HTML, force=force)
-    whole, timings = read_recording(recording), load_timings(recording, note)
-    metrics = compute_metrics(whole, timings)
-    page = Page.of(whole, metrics.heads, timings)
-    document = render(page, metrics, judged(whole), whole.run, _assets())
+    document = render_all([_shown(each) for each in (recording, other) if each is not None], _assets())
     with new_file(path) as stream:
         stream.write(document.encode())
     print(path)
     return 0
 
 
+def _shown(path: Path) -> Shown:
+    whole, timings = read_recording(path), load_timings(path, note)
+    metrics = compute_metrics(whole, timings)
+    return Shown(Page.of(whole, metrics.heads, timings), metrics, judged(whole), whole.run)
+
+
 def _assets() -> Assets:
     folder = files("edc_swarm.report_page")
-    template, style, script = ((folder / f"page.{kind}").read_text("utf-8") for kind in ("html", "css", "js"))
-    return Assets(template, style, script)
+    template, style = ((folder / f"page.{kind}").read_text("utf-8") for kind in ("html", "css"))
+    return Assets(template, style, "\n".join((folder / name).read_text("utf-8") for name in SCRIPTS))

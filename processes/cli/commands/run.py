@@ -95,7 +95,7 @@ def run(
             output,
             listen=listen,
             view=view,
-            show_progress=not options.json,
+            voice=options.voice,
             remote=remote,
             bus=bus,
             protection=protection,
@@ -104,7 +104,7 @@ def run(
         if output.part.exists() and report.flew:
             missing = "; ".join(output.recover_part()) or "nothing is missing"
             note(f"the recorder died; recovered {output.path}: {missing}")
-    _tell(report, len(mission.roster))
+    _tell(report)
     status = conclude(output.path, as_json=options.json, last_slot=report.last_slot) if report.flew else FAILED
     launcher.leave()
     return FAILED if report.failed or report.interrupted else status
@@ -162,20 +162,11 @@ def _protection(secure: bool, certs: Path | None, mission: Mission, *, elsewhere
     return Protection(certs)
 
 
-def _tell(report: RunReport, uavs: int) -> None:
+def _tell(report: RunReport) -> None:
     """Print notes about the processes of a run."""
     for text in report.notes:
         note(text)
     if report.interrupted:
         note("interrupted")
-    if report.publishing_s is not None:
-        start = (
-            f"the fork source was ready (warm in {report.warm_s:.1f} s)" if report.warm_s else "the operator was ready"
-        )
-        flown = "no command was flown"
-        if report.first_flown_slot >= 0:
-            flown = f"first commands flown in slot {report.first_flown_slot}"
-        note(
-            f"{uavs} UAVs connected {report.connected_s:.2f} s and publishing {report.publishing_s:.2f} s after "
-            f"{start}; {flown}"
-        )
+    if report.publishing_s is not None and report.first_flown_slot < 0:
+        note("no command was flown")

@@ -12,19 +12,22 @@ from edc_swarm.analysis.timings import Timing, Timings, content_hash
 from edc_swarm.mission.configuration import Mission
 from edc_swarm.mission.fault_help import fault_help
 from edc_swarm.mission.plug_ins import plug_ins_of
-from edc_swarm.planner.registry import warm_up
 from edc_swarm.protocol.codec import encode
 from edc_swarm.protocol.messages import Message, MissionMessage, mission_message
 from edc_swarm.recording.writer import RecordingWriter
 from edc_swarm.simulation.simulator import Simulation, SimulationEnd
+from edc_swarm.story.teller import Storyteller
 from edc_swarm.viz.scenery import Scenery
 from processes.cli.conclusion import conclude
 from processes.cli.options import MISSION_HELP, MissionOptions
 from processes.experiments.timed_planner import TimedPlanner
+from processes.runtime.compiling import CompilingNote
+from processes.runtime.display import Display
 from processes.runtime.output import Output, default_output, held_for_writing, new_file
-from processes.runtime.progress_bar import ProgressBar
 from processes.runtime.run_facts import CODE, code_digest, plug_in_facts, run_facts
+from processes.runtime.voice import Voice
 from processes.services.recorded_view import attach_layout, write_shown
+from processes.uav.planner_loader import warm_planner
 
 
 def sim(
@@ -41,37 +44,44 @@ def sim(
     mission = options.mission(mission_file)
     path = options.out or default_output(mission.name, mission.planner, str(mission.seed))
     with Output(path, force=options.force) as output:
-        timings = _simulate(mission, output, viz=not options.no_viz, show_progress=not options.json)
+        timings = _simulate(mission, output, viz=not options.no_viz, voice=options.voice)
     with new_file(output.path.with_suffix(".timings.json")) as stream:
         stream.write(msgspec.json.encode(Timings(content_hash(output.path), timings)))
     return conclude(output.path, as_json=options.json, load_planner=True)
 
 
-def _simulate(mission: Mission, output: Output, *, viz: bool, show_progress: bool) -> list[Timing]:
+def _simulate(mission: Mission, output: Output, *, viz: bool, voice: Voice) -> list[Timing]:
     message, timings = mission_message(mission), list[Timing]()
-    warm_up(mission)
+    compiling = CompilingNote(voice)
+    warm_planner(mission, compiling.tell)
+    compiling.end()
     code = code_digest(mission.planner, *plug_ins_of(mission))
     facts = {**run_facts("virtual"), **plug_in_facts(mission), CODE: code}
     with held_for_writing(output.part) as stream:
         writer = RecordingWriter(stream, facts)
         attach_layout(writer, message)
-        scenery = Scenery()
+        scenery, teller = Scenery(), Storyteller(message)
 
         def record(key: str, said: Message, now_ns: int) -> None:
             if viz:
                 write_shown(writer, scenery.advance(now_ns))
                 scenery.hear(said, now_ns)
             writer.write(key, encode(said), now_ns)
+            if voice.shows_bar or voice.verbose:
+                teller.hear(said)
 
         simulation = Simulation(message, lambda: TimedPlanner(message, timings), record)
-        end = _fly(simulation, message, show_progress=show_progress)
+        end = _fly(simulation, message, teller, voice)
         writer.finish({"completed": str(end.completed).lower()})
         output.part.replace(output.path)
     return sorted(timings, key=lambda timing: timing.slot)
 
 
-def _fly(simulation: Simulation, mission: MissionMessage, *, show_progress: bool) -> SimulationEnd:
-    with ProgressBar(mission, shown=show_progress) as bar:
-        for _ in simulation.slots():
-            bar.show(simulation.monitor)
-    return simulation.end()
+def _fly(simulation: Simulation, mission: MissionMessage, teller: Storyteller, voice: Voice) -> SimulationEnd:
+    spoken = voice if voice.verbose else Voice(quiet=not voice.shows_bar)  # A simulation is over in a moment.
+    with Display(mission, spoken) as display:
+        for slot in simulation.slots():
+            display.show(simulation.monitor, teller, slot)
+        end = simulation.end()
+        display.show(simulation.monitor, teller, simulation.monitor.slot + 1)
+    return end

@@ -1,0 +1,83 @@
+"""The story of a recording: what happened, slot by slot, on the evidence of the whole record."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from dataclasses import dataclass
+
+import msgspec
+
+from edc_swarm.protocol.messages import Command, Fix, Message, Report
+from edc_swarm.recording.model import Recording
+from edc_swarm.story.happening import STATES, Happening, grouped
+from edc_swarm.story.teller import Storyteller
+
+MAX_SLOTS = 1_000_000
+"""Most slots of a story."""
+
+
+@dataclass(frozen=True, slots=True)
+class Story:
+    """What happened in a mission.
+
+    Attributes
+    ----------
+    happenings
+        By time; those that differ in their UAVs alone are one.
+    states
+        One bytes object per slot: for each UAV, in roster order, the index of its state in `STATES`.
+    left_out
+        Number of happenings beyond the most that are kept.
+    """
+
+    happenings: list[Happening]
+    states: list[bytes]
+    left_out: int
+
+
+def story_of(recording: Recording) -> Story:
+    """Return the story from slot 0 to the last slot with a fix; what comes after belongs to that one."""
+    mission, slots = recording.mission, slots_of(recording)
+    teller = Storyteller(mission)
+    by_slot: dict[int, list[Message]] = {}
+    for slot, message in _messages(recording, slots):
+        by_slot.setdefault(slot, []).append(message)
+    code, states = {state: k for k, state in enumerate(STATES)}, []
+    for slot in range(slots):
+        for message in by_slot.pop(slot, ()):
+            teller.hear(message)
+        teller.close(slot)
+        states.append(bytes(code[state] for state in teller.states.values()))
+    _take_back(teller.happenings, states, [entry.uav for entry in mission.roster])
+    happenings = grouped(teller.happenings, [entry.uav for entry in mission.roster])
+    happenings.sort(key=lambda happening: happening.time_s)
+    return Story(happenings, states, teller.left_out)
+
+
+def slots_of(recording: Recording) -> int:
+    """Return the number of slots of a story, at least one: as many as the tracks have."""
+    last = max((fix.slot for fix in recording.fixes), default=0)
+    return min(MAX_SLOTS, 1 + max(last, max((truth.slot for truth in recording.truths), default=0)))
+
+
+def _messages(recording: Recording, slots: int) -> Iterable[tuple[int, Message]]:
+    """Yield the messages of a story with their slots; events after the last slot belong to it."""
+    for event in recording.events:
+        slot = min(max(event.slot, 0), slots - 1)
+        yield slot, msgspec.structs.replace(event, slot=slot)
+    sent: list[Fix | Command | Report] = [*recording.fixes, *recording.commands, *recording.reports]
+    for each in sent:
+        yield each.slot, each
+
+
+def _take_back(happenings: list[Happening], states: list[bytes], uavs: list[str]) -> None:
+    """Make the states unknown in which the record turned out to lack fixes."""
+    index, unknown = {uav: k for k, uav in enumerate(uavs)}, STATES.index("unknown")
+    for each in happenings:
+        if each.kind == "unknown":
+            last = len(states) - 1 if each.last_slot is None else each.last_slot
+            for slot in range(each.slot, last + 1):
+                row = bytearray(states[slot])
+                for uav in each.uavs:
+                    row[index[uav]] = unknown
+                states[slot] = bytes(row)

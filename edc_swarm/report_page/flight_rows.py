@@ -1,0 +1,87 @@
+"""The table of the UAVs: where each ended, when, how far it flew, what it waited for, and what was lost of it."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+
+import numpy as np
+from msgspec import Struct
+
+from edc_swarm.analysis.columns import Columns
+from edc_swarm.analysis.story import Story
+from edc_swarm.protocol.messages import MissionMessage, Report
+from edc_swarm.story.happening import STATES
+
+ARRIVED = STATES.index("arrived")
+
+
+class FlightRow(Struct, frozen=True):
+    """One UAV: None is unknown.
+
+    `held_pct` is the share of the slots from the first flown command until it is home in which it flew no command;
+    `unheard_pct` the share of the plans that lacked its fix, of those made while it was heard by the recorder.
+    """
+
+    uav: str
+    state: str
+    home_s: float | None
+    way_m: float | None
+    held_pct: float | None
+    unheard_pct: float | None
+    battery_pct: float | None
+    led_slots: int
+
+
+def flight_rows(
+    mission: MissionMessage, columns: Columns, story: Story, plans: Mapping[int, Report], leader: list[int]
+) -> list[FlightRow]:
+    """Return the rows in roster order; `plans` by slot, `leader` the roster index of the head of each slot."""
+    states = np.array([list(row) for row in story.states], np.uint8).reshape(len(story.states), -1)
+    flown = np.flatnonzero(columns.executed.any(axis=1))
+    first = int(flown[0]) if len(flown) else len(states)
+    rows = []
+    for k, entry in enumerate(mission.roster):
+        away = np.flatnonzero(states[:, k] != ARRIVED)
+        home = int(away[-1]) + 1 if len(away) else 0
+        counted = slice(first, max(first, home))
+        moving = columns.alive[counted, k] & ~columns.lost[counted, k]
+        heard = ~np.isnan(columns.energy_j[:, k])
+        asked = [slot for slot in plans if slot < len(heard) and heard[slot]]
+        missed = sum(entry.uav in plans[slot].unheard for slot in asked)
+        charge = columns.energy_j[heard, k]
+        rows.append(
+            FlightRow(
+                uav=entry.uav,
+                state=STATES[states[-1, k]] if len(states) else "unknown",
+                home_s=home * mission.dt_s if home < len(states) else None,
+                way_m=None if columns.lost[:, k].any() else float(columns.step_m[:, k].sum()),
+                held_pct=100 * float((moving & ~columns.executed[counted, k]).sum() / moving.sum())
+                if moving.any()
+                else None,
+                unheard_pct=100 * missed / len(asked) if asked else None,
+                battery_pct=100 * float(charge[-1]) / entry.energy_j if len(charge) and entry.energy_j else None,
+                led_slots=leader.count(k),
+            )
+        )
+    return rows
+
+
+def cells(row: FlightRow) -> list[str]:
+    """Return the cells of a row as text."""
+    return [
+        row.uav,
+        row.state,
+        _text(row.home_s, 1),
+        _text(row.way_m, 1),
+        _text(row.held_pct, 0),
+        _text(row.unheard_pct, 0),
+        _text(row.battery_pct, 0),
+        str(row.led_slots),
+    ]
+
+
+HEADINGS = ("UAV", "at the end", "home (s)", "way (m)", "held (%)", "unheard (%)", "battery (%)", "led (slots)")
+
+
+def _text(value: float | None, digits: int) -> str:
+    return "-" if value is None else f"{value:.{digits}f}"

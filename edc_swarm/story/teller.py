@@ -1,0 +1,207 @@
+"""The teller of a story: it hears the messages of a mission and tells, slot by slot, what has happened.
+
+Every happening rests on messages that were heard. What messages lack is told as unknown: a silence that sequence
+numbers explain by missing fixes, and a hold without the commands that could explain it, lose their names as soon as the
+numbers say so.
+"""
+
+from __future__ import annotations
+
+import re
+
+from edc_swarm.mission.faults import Freeze, Kill, Restart, read_fault
+from edc_swarm.mission.roles import OPERATOR
+from edc_swarm.protocol.events import EVENT_FORMS, EventKind
+from edc_swarm.protocol.messages import Event, Message, MissionMessage, Report
+from edc_swarm.story.fleet import Fleet
+from edc_swarm.story.happening import Happening, Level, State
+from edc_swarm.story.heard import Heard, Inbox
+from edc_swarm.story.log import Log
+
+NO_PLAN_SLOTS = 3
+"""Slots in a row without a plan after which no head plans."""
+QUIET_SLOTS = 10
+"""Slots without a late tick after which an overload is over."""
+MANY = 0.1
+"""Share of late UAVs from which an overload is a warning."""
+PLAIN = {
+    EventKind.PLANNER_FAILED: "the planner failed: ",
+    EventKind.GOAL_REFUSED: "goal refused: ",
+    EventKind.GOAL_UNANSWERED: "goal unanswered: ",
+    EventKind.CLOCK_JUMP: "the wall clock jumped: ",
+    EventKind.RECORDER_DROPPED: "messages that could not be written: ",
+    EventKind.RECORDING_FAILED: "the recording failed: ",
+    EventKind.FAULT_WITHOUT_TARGET: "a fault without a target: ",
+}
+"""Events that are told as they are, with the words before their detail."""
+
+
+class Storyteller:
+    """The story of one mission. Call `hear` with every message, and `close` with every slot once it has been heard.
+
+    Attributes
+    ----------
+    happenings
+        All that was told, in order; what lasts is completed when it is over.
+    left_out
+        Number of happenings beyond the most that are kept.
+    """
+
+    def __init__(self, mission: MissionMessage, first_slot: int = 0) -> None:
+        self._mission = mission
+        self._log = Log(mission.dt_s)
+        self._fleet = Fleet(mission, self._log, from_first=first_slot == 0)
+        self._inbox = Inbox(self._fleet.uavs.keys(), mission.quorum, first_slot)
+        self._plan: Report | None = None
+        self._claimed = 0
+        self._without_plan = 0
+        self._gap: Happening | None = None
+        self._overload: Happening | None = None
+        self._late_slot = -1
+        self._over = False
+
+    @property
+    def happenings(self) -> list[Happening]:
+        """All that was told, in order of telling; what lasts is completed when it is over."""
+        return self._log.happenings
+
+    @property
+    def left_out(self) -> int:
+        """Number of happenings beyond the most that are kept."""
+        return self._log.left_out
+
+    @property
+    def next_slot(self) -> int:
+        """The slot that is to be told next."""
+        return self._inbox.next_slot
+
+    @property
+    def states(self) -> dict[str, State]:
+        """State of every UAV in the slot that was told last."""
+        return {name: uav.state for name, uav in self._fleet.uavs.items()}
+
+    @property
+    def whys(self) -> dict[str, str]:
+        """Why a UAV is kept where it is, in words, for each UAV that something keeps."""
+        return {name: uav.span.detail for name, uav in self._fleet.uavs.items() if uav.span is not None}
+
+    def hear(self, message: Message) -> None:
+        """Keep a message until its slot is told."""
+        self._inbox.hear(message)
+
+    def close(self, slot: int) -> list[Happening]:
+        """Tell a slot, of which nothing more will be heard; return what is told now."""
+        self._log.begin(slot)
+        heard = self._inbox.take(slot)
+        if not self._over:
+            before = self._plan if self._plan is not None and self._plan.slot == slot - 1 else None
+            for event in heard.events:
+                if event.kind != EventKind.END:
+                    self._take_event(event)
+            self._take_reports(heard)
+            self._fleet.take(heard, before)
+            self._take_late_ticks(heard)
+            for event in heard.events:
+                if event.kind == EventKind.CLOSED and event.source in self._fleet.uavs:
+                    self._fleet.close(event)
+                if event.kind == EventKind.END:
+                    self._take_event(event)
+        return self._log.told
+
+    # --- the mission ---------------------------------------------------------------------------
+
+    def _take_event(self, event: Event) -> None:
+        time_s = None
+        if event.source == OPERATOR and event.sent_ns:
+            time_s = max(0.0, (event.sent_ns - self._mission.epoch_ns) * self._mission.time_scale / 1e9)
+        match event.kind:
+            case EventKind.FAULT:
+                self._log.tell("fault", detail=_shorter(event.detail), level="warning", time_s=time_s)
+                self._take_fault(event)
+            case EventKind.EXITED:
+                name, _, how = event.detail.partition(" ")
+                self._fleet.stop(name, "dead", f"its process {how}")
+                self._log.tell("notice", detail=f"{event.detail}, and no fault had asked for it", level="warning")
+            case EventKind.BATTERY_EMPTY if event.source in self._fleet.uavs:
+                self._log.tell("battery-empty", [event.source], "the battery is empty", level="warning")
+            case EventKind.LANDED if event.source in self._fleet.uavs:
+                self._fleet.land(event.source, event.detail)
+            case EventKind.END:
+                self._log.tell("end", detail=event.detail, time_s=time_s)
+                self._over = True
+            case kind if kind in PLAIN:
+                level: Level = "warning" if EVENT_FORMS[EventKind(kind)].warning else "news"
+                who = [event.source] if event.source in self._fleet.uavs else []
+                self._log.tell("notice", who, f"{PLAIN[EventKind(kind)]}{event.detail}", level=level)
+            case _:
+                pass
+
+    def _take_fault(self, event: Event) -> None:
+        fault = read_fault(event.detail, self._mission.dt_s)
+        match fault:
+            case Kill(target=uav):
+                self._fleet.stop(uav, "dead", f"killed by a fault in slot {event.slot}")
+            case Freeze(target=uav):
+                self._fleet.stop(uav, "frozen", f"frozen by a fault in slot {event.slot}")
+            case Restart(target=uav):
+                self._fleet.stop(uav, "dead", f"restarted by a fault in slot {event.slot}")
+            case _:
+                pass
+
+    def _take_reports(self, heard: Heard) -> None:
+        for claim in heard.claims:
+            if claim.term > self._claimed and claim.head in self._fleet.uavs:
+                self._claimed = claim.term
+                self._log.tell(
+                    "claim", [claim.head], f"claims term {claim.term}: {len(claim.grants)} UAVs suspect the head"
+                )
+        plan = heard.plan
+        if plan is None:
+            self._miss_plan()
+            return
+        self._without_plan = 0
+        self._end_gap()
+        if self._plan is None or plan.term > self._plan.term:
+            after = f" after {self._plan.head}" if self._plan is not None and self._plan.head != plan.head else ""
+            words = f"leads term {plan.term}{after}, granted by {len(plan.grants)} of {len(self._fleet.uavs)}"
+            self._log.tell("term", [plan.head], words)
+        self._plan = plan
+        for name in plan.landed:
+            self._fleet.land(name, f"out of the airspace, by the report of head {plan.head}")
+
+    def _miss_plan(self) -> None:
+        self._without_plan += 1
+        if self._plan is not None and self._without_plan == NO_PLAN_SLOTS:
+            since = self._log.slot - NO_PLAN_SLOTS + 1
+            words = f"no head plans since slot {since}; the last was {self._plan.head}, term {self._plan.term}"
+            self._gap = self._log.tell("no-head", detail=words, level="warning", slot=since, lasts=True)
+
+    def _end_gap(self) -> None:
+        if self._gap is not None:
+            self._gap.last_slot, self._gap = self._log.slot - 1, None
+
+    def _take_late_ticks(self, heard: Heard) -> None:
+        plan, limit_ms = heard.plan, 1e3 * (self._mission.dt_s - self._mission.tau_s) / self._mission.time_scale
+        late = self._fleet.late
+        slow = plan is not None and plan.plan_ms > limit_ms
+        if late or slow:
+            self._late_slot = self._log.slot
+            if self._overload is None:
+                words = f"{len(late)} of {len(self._fleet.uavs)} UAVs began the slot late" if late else ""
+                if slow and plan is not None:
+                    words += (
+                        f"{'; ' if late else ''}the plan took {plan.plan_ms:.0f} ms, the limit is {limit_ms:.0f} ms"
+                    )
+                level: Level = "warning" if slow or len(late) >= MANY * len(self._fleet.uavs) else "detail"
+                self._overload = self._log.tell("overload", detail=words, level=level, lasts=True)
+        elif self._overload is not None and self._log.slot - self._late_slot >= QUIET_SLOTS:
+            self._overload.last_slot, self._overload = self._late_slot, None
+
+
+def _shorter(fault: str) -> str:
+    """Return the text of a fault with long lists of UAVs cut."""
+    return re.sub(r"[\w-]+(?:,[\w-]+){6,}", lambda names: _cut(names[0].split(",")), fault)
+
+
+def _cut(names: list[str]) -> str:
+    return f"{','.join(names[:2])},...({len(names)} UAVs)"

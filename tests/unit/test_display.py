@@ -1,0 +1,69 @@
+"""What a command says while a mission flies: the story line by line, a state that fits, or nothing."""
+
+from __future__ import annotations
+
+import pytest
+
+from edc_swarm.errors import InputError
+from edc_swarm.protocol.completion import MissionMonitor
+from edc_swarm.protocol.messages import Event, Message
+from edc_swarm.story.teller import Storyteller
+from processes.cli.main import main
+from processes.runtime.display import Display, fitting
+from processes.runtime.voice import Voice
+from tests.builders import at, fix, mission_message, report, row
+
+MISSION = mission_message(row("abc", 12.0, 40.0))
+
+
+def said(voice: Voice, capsys: pytest.CaptureFixture[str]) -> list[str]:
+    """Return the lines about a mission whose UAV c dies in slot 5."""
+    monitor, teller = MissionMonitor(MISSION), Storyteller(MISSION)
+    messages: list[Message] = [Event(source="operator", slot=5, kind="fault", detail="kill c @5", sent_ns=at(5))]
+    for slot in range(12):
+        messages.append(report(slot, grants=["a", "b"]))
+        heard = {uav: fix(uav, slot, seq=slot, executing=True, energy_j=1.0, sent_ns=at(slot)) for uav in "abc"}
+        messages.extend(heard[uav] for uav in ("ab" if slot >= 5 else "abc"))
+    for message in messages:
+        teller.hear(message)
+    with Display(MISSION, voice, {"c": "uav-7"}) as display:
+        display.show(monitor, teller, 12)
+    return capsys.readouterr().err.splitlines()
+
+
+def test_the_story_names_the_uav_and_its_container(capsys: pytest.CaptureFixture[str]) -> None:
+    """Without a terminal each happening of weight is a line."""
+    lines = said(Voice(), capsys)
+    assert "    2.5 s  fault         kill c @5" in lines
+    assert "    2.5 s  dead          c (uav-7): killed by a fault in slot 5" in lines
+    assert not any("holding" in line for line in lines)
+
+
+def test_verbose_tells_details_and_quiet_nothing(capsys: pytest.CaptureFixture[str]) -> None:
+    """A hold of four slots is a detail."""
+    assert any("holding" in line for line in said(Voice(verbose=True), capsys))
+    assert said(Voice(quiet=True), capsys) == []
+    with pytest.raises(InputError, match="--quiet"):
+        Voice(quiet=True, verbose=True)
+
+
+def test_a_narrow_terminal_shows_the_most_important_parts() -> None:
+    """Parts are left out whole."""
+    parts = ["slot 12", "arrived 3/10", "head u001 term 2"]
+    assert fitting(parts, 80) == "slot 12  arrived 3/10  head u001 term 2"
+    assert fitting(parts, 25) == "slot 12  arrived 3/10"
+    assert fitting(parts, 3) == "slot 12"
+
+
+def test_faults_prints_the_vocabulary(capsys: pytest.CaptureFixture[str]) -> None:
+    """It has examples."""
+    assert main(["faults"]) == 0
+    assert "kill head @10" in capsys.readouterr().out
+
+
+@pytest.mark.parametrize(("word", "meant"), [("reprot", "report"), ("evnts", "events"), ("xyzzy", "")])
+def test_an_unknown_command_suggests_the_nearest(word: str, meant: str, capsys: pytest.CaptureFixture[str]) -> None:
+    """One that is like no other suggests none."""
+    assert main([word]) == 2
+    error = capsys.readouterr().err
+    assert (f"do you mean {meant}?" in error) if meant else ("do you mean" not in error)
