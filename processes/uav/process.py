@@ -217,6 +217,7 @@ class UavProcess:
         if have_range(mission):
             self._subscriptions.listen_to_truths()
         self._flight = Flight(mission, node, postbox, LocalFaults(mission, entry.uav, postbox.links, self._clock))
+        self._carry_out(node.wishes())
 
     def _obey(self, event: Event) -> None:
         """Carry out the operator's event: end, or apply a fault."""
