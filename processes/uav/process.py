@@ -287,6 +287,8 @@ class UavProcess:
                 case Land():
                     self._leaving = True
         self._outbox.flush()
+        if self._flight is not None and self._subscriptions.watch(self._flight.node.grant[1]):
+            self._peers = Peers()
 
     def _comes_too_late(self, airframe: Airframe) -> bool:
         """Return True if the vehicle has begun to land and so does not accept the step to be written."""
