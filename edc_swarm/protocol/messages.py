@@ -194,7 +194,6 @@ class Report(Struct, frozen=True, kw_only=True, gc=False):
         """
         return self.quorum == quorum and self.head in self.grants and len(roster & set(self.grants)) >= quorum
 
-
     @property
     def id_lists(self) -> tuple[list[str], ...]:
         """The lists of UAVs."""

@@ -67,11 +67,17 @@ class UavSubscriptions:
             self._subscribe(key)
         self._tokens: zenoh.Subscriber[None] | None = None
         self._watched = ""
+        self._hears_truths = False
 
     @property
     def hears_fixes(self) -> bool:
         """True if the UAV subscribes to the fixes of all UAVs."""
         return self._fixes is not None
+
+    @property
+    def hears_swarm(self) -> bool:
+        """True if messages of all UAVs come in: fixes, or truths for the emulated radio."""
+        return self._fixes is not None or self._hears_truths
 
     def ask_for_mission(self) -> None:
         """Query the messages that a late joiner has missed: the mission, and the faults in force."""
@@ -104,6 +110,7 @@ class UavSubscriptions:
     def listen_to_truths(self) -> None:
         """Subscribe to the true positions of all UAVs: for the emulated radio, never for the agent."""
         self._subscribe(self._keys.all_truths)
+        self._hears_truths = True
 
     def _subscribe(self, key: str) -> zenoh.Subscriber[None]:
         handler = hand_over(self._take_sample)
