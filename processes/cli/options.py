@@ -136,8 +136,8 @@ class MissionOptions(_FieldOptions):  # type: ignore[misc]  # The declarations d
 
     def with_slot(self, slot_s: float) -> MissionOptions:
         """Return the same options with another length of a slot."""
-        changed: MissionOptions = replace(self, **{_attribute(FIELDS["dt_s"]): slot_s})
-        return changed
+        fields: dict[str, Any] = {_attribute(FIELDS["dt_s"]): slot_s}
+        return replace(self, **fields)
 
     def _options(self) -> dict[str, str]:
         """Return the given options by the field that they set; `link.loss` is a field of every link."""
