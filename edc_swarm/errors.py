@@ -45,6 +45,10 @@ class PlacementError(MissionError):
     """Rejection of a random mission whose UAVs do not fit into its area."""
 
 
+class SpacingError(MissionError):
+    """Rejection of a roster in which the discs of two UAVs overlap at their starts, or at their targets."""
+
+
 class MessageError(SwarmError):
     """Rejection of bytes from the bus that are no message of the expected kind; callers count, report and drop them.
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 from edc_swarm.agent.vehicle import Airframe, Promise
-from edc_swarm.mission.field_types import GpsModel
+from edc_swarm.mission.faults import VehicleFault
 from edc_swarm.planner.interface import Planner
 from edc_swarm.protocol.messages import Message
 
@@ -37,13 +37,13 @@ class PlannerReady:
 
 
 @dataclass(frozen=True, slots=True)
-class GpsChanged:
-    """A fault that replaces the GPS error model."""
+class Disturbed:
+    """A fault of the vehicle: of its GPS or its motors, or a gust."""
 
-    model: GpsModel
+    fault: VehicleFault
 
 
-NodeEvent = Tick | Received | PeerGone | PlannerReady | GpsChanged
+NodeEvent = Tick | Received | PeerGone | PlannerReady | Disturbed
 
 
 @dataclass(frozen=True, slots=True)

@@ -43,7 +43,8 @@ class Flight:
         self._pending.clear()
 
     def begin_slot(self, slot: int, slots: int, grant: Grant, late: bool) -> None:
-        """Fly the pending command of `slot` if it is valid, else hold; the last call was `slots` slots ago."""
+        """Fly the pending command of `slot` if it is valid, else brake; the last call was `slots` slots ago."""
+        self._vehicle.brake_until(slot)
         command = self._pending.pop(slot, None)
         if command is not None and refusal(command, self._situation(slot, command, grant, late)) is not None:
             command = None
@@ -57,7 +58,7 @@ class Flight:
         """Return the promise to persist; None for a UAV that lost its promise."""
         if not self.voter:
             return None
-        x_m, y_m = self._vehicle.waypoint_m
+        (x_m, y_m), (from_x_m, from_y_m) = self._vehicle.waypoint_m, self._vehicle.from_m
         return Promise(
             slot=slot,
             term=grant[0],
@@ -66,6 +67,8 @@ class Flight:
             waypoint_y_m=y_m,
             stepped_slot=self._vehicle.stepped_slot,
             course=self._vehicle.course,
+            from_x_m=from_x_m,
+            from_y_m=from_y_m,
         )
 
     def _situation(self, slot: int, command: Command, grant: Grant, late: bool) -> Situation:
@@ -79,4 +82,6 @@ class Flight:
             energy_j=self._vehicle.energy_j,
             step_energy_j=self._vehicle.step_energy_j(length_m),
             landing_slot=self._vehicle.landing_slot,
+            from_m=self._vehicle.from_m,
+            change_m=self._vehicle.change_m,
         )

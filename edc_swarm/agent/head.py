@@ -16,6 +16,7 @@ from collections.abc import Collection, Sequence
 from dataclasses import dataclass, field
 
 from edc_swarm.agent.knowledge import Grant, HullRules, Knowledge
+from edc_swarm.mission.braking import change_of, changes_m
 from edc_swarm.mission.configuration import Mission
 from edc_swarm.mission.failsafe import failsafe_of
 from edc_swarm.planner.interface import Hull, Plan, Planner, PlanRequest
@@ -65,7 +66,12 @@ class Head:
         self._barred_term = barred_term
         self._knowledge = knowledge
         self._quorum = mission.quorum
-        self._rules = HullRules({entry.uav: mission.step_m(entry) for entry in mission.roster}, mission.lag_slots)
+        self._rules = HullRules(
+            {entry.uav: mission.step_m(entry) for entry in mission.roster},
+            mission.lag_slots,
+            {entry.uav: change_of(mission, entry) for entry in mission.roster},
+        )
+        self._with_previous = mission.lag_slots > 0 or changes_m(mission) is not None
         self._failsafe = failsafe_of(mission)
         self._roster = {entry.uav: entry for entry in mission.roster}
         self._index = {entry.uav: index for index, entry in enumerate(mission.roster)}
@@ -148,7 +154,6 @@ class Head:
         )
 
     def _request(self, slot: int, fixes: Sequence[Fix], hulls: dict[str, Hull]) -> PlanRequest:
-        entries = [self._roster[fix.uav] for fix in fixes]
         aims = [self._aim(fix) for fix in fixes]
         return PlanRequest(
             slot=slot + 1,
@@ -156,9 +161,9 @@ class Head:
             position_m=[(fix.waypoint_x_m, fix.waypoint_y_m) for fix in fixes],
             target_m=[aim_m for aim_m, _ in aims],
             rest_m=[rest_m for _, rest_m in aims],
-            r_m=[entry.r_m for entry in entries],
+            r_m=[fix.r_m for fix in fixes],
             hulls=list(hulls.values()),
-            previous_m=[(fix.from_x_m, fix.from_y_m) for fix in fixes] if self._mission.lag_slots else None,
+            previous_m=[(fix.from_x_m, fix.from_y_m) for fix in fixes] if self._with_previous else None,
         )
 
     def _aim(self, fix: Fix) -> tuple[tuple[float, float], float]:

@@ -15,9 +15,10 @@ from __future__ import annotations
 import math
 from collections import Counter
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from typing import TypeVar
 
+from edc_swarm.mission.braking import Point, reach_m, rest_point
 from edc_swarm.mission.roster_entry import RosterEntry
 from edc_swarm.planner.interface import Hull
 from edc_swarm.protocol.messages import Command, Fix, Report
@@ -128,15 +129,14 @@ class Knowledge:
         (b) Otherwise: the place x known for the end of slot s, grown by u_max * max(0, t0 + 1 - s), where u_max is the
             longest step of this UAV. The head had its first quorum of the term in slot `t0`; no older plan exists for
             a slot after t0 + 1, so growth ends there.
+
+        All of these contain the braking paths: in (a) that of the fix's step and that of the command, in (b) that of
+        the fix's step, or after growth that of the fastest step (`reach_m`).
         """
         fix = self.newest.get(uav)
         if fix is not None and (fix.term, fix.head) == grant:
             return self._after_own_command(fix, sent.get(uav), rules)
-        seen = self._seen(uav, grant[0], rules)
-        return min(
-            (_grown(place, rules.u_max_m[uav] * max(0, t0 + 1 - slot)) for slot, place in seen),
-            key=lambda hull: hull.radius_m,
-        )
+        return min(self._grown_places(uav, grant[0], t0, rules), key=lambda hull: hull.radius_m)
 
     def last_step(self, uav: str, grant: Grant, t0: int, sent: Mapping[str, Command]) -> int:
         """Return a slot after which unheard `uav` has accepted no step in the slots that `grant` and older terms plan.
@@ -158,44 +158,79 @@ class Knowledge:
             self._free_from.setdefault(uav, free_slot)
         return slot >= self._free_from.get(uav, free_slot)
 
-    def _seen(self, uav: str, term: int, rules: HullRules) -> Iterator[tuple[int, Hull]]:
-        """Yield (slot, place): known places of `uav` at ends of slots, by its fix, by a head's report, else the roster.
+    def _grown_places(self, uav: str, term: int, t0: int, rules: HullRules) -> Iterator[Hull]:
+        """Yield hulls (b) of `uav`: by its fix, by a head's report, else by the roster.
 
         A report of slot s from the term just before `term` holds for the end of slot s + 1 too. No term lies between,
         and in slot s its head sent no command to the unheard UAVs; to itself it sent the step that its hull covers.
         """
         fix, relayed, entry = self.newest.get(uav), self._relayed.get(uav), self._roster[uav]
         if fix is not None:
-            yield fix.slot, self._about(fix, rules)
+            slots = t0 + 1 - fix.slot
+            place = self._about(fix, rules, brakes=slots <= 0)
+            yield _grown(place, rules.reach_m(uav, slots, math.dist(*_last_step(fix))))
         if relayed is not None:
             slot, of_term, place = relayed
-            yield slot + (of_term + 1 == term), place
+            slots = t0 + 1 - slot - (of_term + 1 == term)
+            yield _grown(place, rules.reach_m(uav, slots, rules.u_max_m[uav]))
         if fix is None and relayed is None:
-            yield -1, self._place(uav, entry.start_x_m, entry.start_y_m, entry.start_x_m, entry.start_y_m)
+            place = self._place(uav, entry.start_x_m, entry.start_y_m, entry.start_x_m, entry.start_y_m)
+            yield _grown(place, rules.reach_m(uav, t0 + 2, 0.0))
 
-    def _about(self, fix: Fix, rules: HullRules) -> Hull:
-        """Return the waypoint of a fix; with lag also the segment to it, which the UAV may still fly."""
-        x_m, y_m = (fix.from_x_m, fix.from_y_m) if rules.lag_slots else (fix.waypoint_x_m, fix.waypoint_y_m)
-        return self._place(fix.uav, x_m, y_m, fix.waypoint_x_m, fix.waypoint_y_m)
+    def _about(self, fix: Fix, rules: HullRules, *, brakes: bool = True) -> Hull:
+        """Return the waypoint of a fix, with the braking path if it `brakes`.
+
+        With lag it is also the segment to the waypoint, which the UAV may still fly.
+        """
+        from_m, to_m = _last_step(fix)
+        end_m = rest_point(from_m, to_m, rules.change_of(fix.uav)) if brakes else to_m
+        return self._place(fix.uav, *(from_m if rules.lag_slots else to_m), *end_m)
 
     def _after_own_command(self, fix: Fix, command: Command | None, rules: HullRules) -> Hull:
-        """Return hull (a): the segment of the command sent for the slot after the fix, else the waypoint."""
+        """Return hull (a): the segment of the command sent for the slot after the fix, else the waypoint.
+
+        Both with their braking paths; the UAV may or may not have heard the command.
+        """
         about = self._about(fix, rules)
         if command is None or command.slot != fix.slot + 1:
             return about
-        path = replace(about, bx_m=command.target_x_m, by_m=command.target_y_m)
-        return _grown(path, _distance_to_segment_m(fix.waypoint_x_m, fix.waypoint_y_m, path))
+        change_m, (_, here_m) = rules.change_of(fix.uav), _last_step(fix)
+        stop_m = rest_point(here_m, (command.target_x_m, command.target_y_m), change_m)
+        heard, rest_m = replace(about, bx_m=stop_m[0], by_m=stop_m[1]), (about.bx_m, about.by_m)
+        heard = _grown(heard, max(_distance_to_segment_m(*point_m, heard) for point_m in (here_m, rest_m)))
+        unheard = _grown(about, _distance_to_segment_m(*stop_m, about))
+        # A UAV that stops at once has no braking path; of two braking paths the longer one is the better axis.
+        return unheard if rest_m != here_m and unheard.radius_m < heard.radius_m else heard
 
     def _place(self, uav: str, ax_m: float, ay_m: float, bx_m: float, by_m: float, radius_m: float = 0.0) -> Hull:
-        return Hull(self._index[uav], ax_m, ay_m, bx_m, by_m, radius_m, self._roster[uav].r_m)
+        fix = self.newest.get(uav)
+        r_m = self._roster[uav].r_m if fix is None else fix.r_m
+        return Hull(self._index[uav], ax_m, ay_m, bx_m, by_m, radius_m, r_m)
 
 
 @dataclass(frozen=True, slots=True)
 class HullRules:
-    """Constants of the mission that hulls depend on: the longest step of each UAV, and the lag."""
+    """Constants of the mission that hulls depend on: the longest step of each UAV, the lag, and the step changes.
+
+    `change_m` has the UAVs that cannot stop at once.
+    """
 
     u_max_m: Mapping[str, float]
     lag_slots: int
+    change_m: Mapping[str, float] = field(default_factory=dict)
+
+    def change_of(self, uav: str) -> float:
+        """Return the largest change of consecutive steps of `uav`, in metres."""
+        return self.change_m.get(uav, math.inf)
+
+    def reach_m(self, uav: str, slots: int, length_m: float) -> float:
+        """Return the greatest distance that `uav` flies in `slots` slots and while it brakes after them."""
+        return reach_m(length_m, slots, self.u_max_m[uav], self.change_of(uav))
+
+
+def _last_step(fix: Fix) -> tuple[Point, Point]:
+    """Return start and end of the step that the UAV flies in the slot of its fix."""
+    return (fix.from_x_m, fix.from_y_m), (fix.waypoint_x_m, fix.waypoint_y_m)
 
 
 def _add(counts: Counter[Key], key: Key, by: int) -> None:

@@ -23,8 +23,8 @@ from collections.abc import Callable, Sequence
 import msgspec
 
 from edc_swarm.agent.effects import (
+    Disturbed,
     Effect,
-    GpsChanged,
     Land,
     Listen,
     NodeEvent,
@@ -151,8 +151,8 @@ class UavNode:
                 self._election.peer_gone(uav)
             case PlannerReady(planner):
                 self._leadership.planner = planner
-            case GpsChanged(model):
-                self._vehicle.use_gps_model(model)
+            case Disturbed(fault):
+                self._vehicle.disturb(fault)
             case Tick() if not began:
                 self._do_due(now_ns)
         self._settle(now_ns)
@@ -335,8 +335,8 @@ class UavNode:
 
 __all__ = [
     "MAX_PENDING",
+    "Disturbed",
     "Effect",
-    "GpsChanged",
     "Land",
     "Listen",
     "NodeEvent",

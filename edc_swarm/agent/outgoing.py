@@ -58,8 +58,20 @@ class Outgoing:
 
     def truth(self, slot: int, vehicle: Vehicle) -> Truth:
         """Return the true motion of a slot, not yet stamped."""
-        from_x_m, from_y_m, to_x_m, to_y_m = vehicle.truth_m
-        return Truth(uav=self._uav, slot=slot, from_x_m=from_x_m, from_y_m=from_y_m, to_x_m=to_x_m, to_y_m=to_y_m)
+        flown = vehicle.flown
+        (from_x_m, from_y_m), (to_x_m, to_y_m) = flown.from_m, flown.to_m
+        truth = Truth(uav=self._uav, slot=slot, from_x_m=from_x_m, from_y_m=from_y_m, to_x_m=to_x_m, to_y_m=to_y_m)
+        if flown.between_m is None:
+            return truth
+        return msgspec.structs.replace(
+            truth,
+            waypoint_x_m=vehicle.waypoint_m[0],
+            waypoint_y_m=vehicle.waypoint_m[1],
+            between_x_m=[x_m for x_m, _ in flown.between_m],
+            between_y_m=[y_m for _, y_m in flown.between_m],
+            propulsion_j=flown.propulsion_j,
+            saturated=flown.saturated,
+        )
 
     def claim(self, slot: int, claim: TermClaim) -> Report:
         """Return the report of a standby's claim, not yet stamped."""

@@ -14,8 +14,10 @@ from numpy.typing import NDArray
 
 from edc_swarm.analysis.guarantees.evidence import gather
 from edc_swarm.analysis.living import alive_in, living_at_end
+from edc_swarm.analysis.slot_energy import slot_energy_j
 from edc_swarm.analysis.timings import Timing, measured
 from edc_swarm.analysis.tracks import Tracks
+from edc_swarm.analysis.true_paths import true_paths
 from edc_swarm.protocol.messages import PLANNED, Report
 from edc_swarm.recording.model import Recording
 
@@ -38,6 +40,8 @@ class Columns:
         (S + 1, K, 2) centres of the tracked discs at slot starts and, last, at the end.
     step_m
         (S, K) distance flown in each slot.
+    slot_j
+        (S, K) energy of propulsion in each slot.
     away_m
         (S + 1, K) distance of each centre from its UAV's target.
     true_from_m, true_to_m
@@ -58,6 +62,7 @@ class Columns:
     time_s: Floats
     centre_m: Floats
     step_m: Floats
+    slot_j: Floats
     away_m: Floats
     true_from_m: Floats
     true_to_m: Floats
@@ -86,11 +91,13 @@ def columns_from(recording: Recording, tracks: Tracks, living: NDArray[np.bool_]
     times: Sequence[Timing | Report] = measured(recording, timings) or reports
     planned = [plan for plan in times if plan.plan_ms > 0]
     command_slot, fix_to_command_ms = _fix_to_command_ms(recording)
+    step_m = length_m(np.diff(centre_m, axis=0))
     return Columns(
         uavs=tracks.uavs,
         time_s=mission.dt_s * np.arange(tracks.slots, dtype=np.float64),
         centre_m=centre_m,
-        step_m=length_m(np.diff(centre_m, axis=0)),
+        step_m=step_m,
+        slot_j=slot_energy_j(mission, step_m, true_paths(recording, tracks.slots)),
         away_m=length_m(centre_m - target_m),
         true_from_m=tracks.true_from_m,
         true_to_m=tracks.true_to_m,

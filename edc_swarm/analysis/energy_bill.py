@@ -10,8 +10,7 @@ from msgspec import Struct
 from edc_swarm.analysis.columns import Floats, columns_of
 from edc_swarm.analysis.guarantees.evidence import gather
 from edc_swarm.analysis.timings import Timing, measured
-from edc_swarm.emulation.energy import compute_energy_j, propulsion_power_w, propulsion_powers_w
-from edc_swarm.mission.configuration import Mission
+from edc_swarm.emulation.energy import compute_energy_j
 from edc_swarm.protocol.events import EventKind
 from edc_swarm.protocol.messages import PLANNED
 from edc_swarm.recording.model import Recording
@@ -47,7 +46,7 @@ class Exhausted(Struct, frozen=True):
 def energy_bills(recording: Recording, timings: Sequence[Timing] = ()) -> list[EnergyBill]:
     """Return the bill of every UAV in roster order. `timings`, if given, replace the recorded plan times."""
     mission, columns, evidence = recording.mission, columns_of(recording), gather(recording)
-    slot_j = _slot_energy_j(mission, columns.step_m)
+    slot_j = columns.slot_j
     sent, (plan_s, led) = _messages_sent(recording), _head_work(recording, timings)
     bills = []
     for k, entry in enumerate(mission.roster):
@@ -80,13 +79,6 @@ def energy_bills(recording: Recording, timings: Sequence[Timing] = ()) -> list[E
             )
         )
     return bills
-
-
-def _slot_energy_j(mission: Mission, step_m: Floats) -> Floats:
-    """Return the propulsion energy of every slot: a UAV flies between the slot's guards and hovers within them."""
-    flown_s = mission.dt_s - 2 * mission.guard_s
-    hovered_j = propulsion_power_w(0.0, mission.energy) * (mission.dt_s - flown_s)
-    return propulsion_powers_w(step_m / flown_s, mission.energy) * flown_s + hovered_j
 
 
 def exhausted(recording: Recording) -> list[Exhausted]:

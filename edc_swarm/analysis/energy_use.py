@@ -6,21 +6,18 @@ import numpy as np
 from numpy.typing import NDArray
 
 from edc_swarm.analysis.columns import Columns
-from edc_swarm.emulation.energy import compute_energy_j, full_speed_energy_j, propulsion_power_w, propulsion_powers_w
+from edc_swarm.emulation.energy import compute_energy_j, full_speed_energy_j
 from edc_swarm.mission.configuration import Mission
 from edc_swarm.protocol.messages import PLANNED
 from edc_swarm.recording.model import Recording
 
 
-def propulsion_j(mission: Mission, columns: Columns, arrival: NDArray[np.int64], first: int | None) -> float:
+def propulsion_j(columns: Columns, arrival: NDArray[np.int64], first: int | None) -> float:
     """Return the propulsion energy of all UAVs, each from the first commanded slot until it arrives or dies."""
     if first is None:
         return 0.0
-    flown_s = mission.dt_s - 2 * mission.guard_s
-    flying_j = propulsion_powers_w(columns.step_m / flown_s, mission.energy) * flown_s
-    hovering_j = propulsion_power_w(0.0, mission.energy) * (mission.dt_s - flown_s)
     slot = np.arange(len(columns.step_m))[:, None]
-    return float(np.sum((flying_j + hovering_j)[(slot >= first) & (slot <= arrival) & columns.alive]))
+    return float(np.sum(columns.slot_j[(slot >= first) & (slot <= arrival) & columns.alive]))
 
 
 def compute_j(recording: Recording, columns: Columns) -> float | None:

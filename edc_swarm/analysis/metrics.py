@@ -20,12 +20,12 @@ from edc_swarm.analysis.columns import Columns, Floats, columns_from
 from edc_swarm.analysis.energy_use import compute_j, propulsion_j, straight_energy_j
 from edc_swarm.analysis.guarantees.completeness import unproved
 from edc_swarm.analysis.guarantees.evidence import Evidence, gather
+from edc_swarm.analysis.guarantees.inside import largest_deviation_m
 from edc_swarm.analysis.landing import Landing, landings
 from edc_swarm.analysis.living import living_at_end
 from edc_swarm.analysis.outcome import NotHome, home_at_end, not_home
 from edc_swarm.analysis.separation import encounters, least_gap_m
 from edc_swarm.analysis.timings import Timing
-from edc_swarm.analysis.tracks import Tracks
 from edc_swarm.analysis.voyages import Voyages, voyages_of
 from edc_swarm.geometry import BODY_TOLERANCE_M, DISC_TOLERANCE_M
 from edc_swarm.mission.configuration import Mission
@@ -34,6 +34,7 @@ from edc_swarm.mission.prospect import COMPLETED, GIVEN_UP
 from edc_swarm.mission.roles import OPERATOR
 from edc_swarm.mission.roster_entry import ARRIVED_M
 from edc_swarm.mission.routes import hover_time_s
+from edc_swarm.mission.vehicle_budget import budget_of, vehicle_of
 from edc_swarm.protocol.events import EventKind
 from edc_swarm.recording.model import Recording
 
@@ -85,6 +86,8 @@ class Metrics(Struct, frozen=True, kw_only=True):
     true_collisions: int | None
     min_disc_gap_m: float | None
     min_true_distance_m: float | None
+    disc_budget: str
+    max_deviation_m: float | None
     path_m: float | None
     straight_m: float
     extra_distance_pct: float | None
@@ -128,7 +131,7 @@ def compute_metrics(recording: Recording, timings: Sequence[Timing] = ()) -> Met
     last = int(arrival[living].max()) if settled else tracks.slots - 1
     makespan_s = _makespan_s(mission, arrival[living], first) if settled and known.motion else None
     heads, astray = _heads(recording), not_home(recording, tracks, living)
-    separation = _separation(mission, tracks, known)
+    separation = _separation(evidence, known)
     path_m, straight_m = columns.step_m.sum(axis=0), np.array([voyage.straight_m for voyage in voyages.each])
     ended_m = _ended_m(voyages, columns.centre_m[-1])
     return Metrics(
@@ -147,6 +150,8 @@ def compute_metrics(recording: Recording, timings: Sequence[Timing] = ()) -> Met
         true_collisions=separation.true_collisions,
         min_disc_gap_m=separation.min_disc_gap_m,
         min_true_distance_m=separation.min_true_distance_m,
+        disc_budget=_disc_budget(mission),
+        max_deviation_m=largest_deviation_m(evidence),
         path_m=float(path_m.sum()) if known.fixes else None,
         straight_m=float(straight_m.sum()),
         extra_distance_pct=_extra_pct(path_m[home], ended_m[home]) if known.fixes else None,
@@ -155,7 +160,7 @@ def compute_metrics(recording: Recording, timings: Sequence[Timing] = ()) -> Met
         ),
         makespan_s=makespan_s,
         makespan_ratio=_makespan_ratio(makespan_s, _least_s(mission, voyages, _reached_m(columns, arrival))[living]),
-        energy_propulsion_j=propulsion_j(mission, columns, arrival, first) if known.motion else None,
+        energy_propulsion_j=propulsion_j(columns, arrival, first) if known.motion else None,
         energy_compute_j=compute_j(recording, columns),
         energy_straight_j=straight_energy_j(mission),
         plan_ms=_quantiles(columns.plan_ms),
@@ -307,17 +312,24 @@ class _Separation(NamedTuple):
     min_true_distance_m: float | None
 
 
-def _separation(mission: Mission, tracks: Tracks, known: _Known) -> _Separation:
+def _separation(evidence: Evidence, known: _Known) -> _Separation:
+    mission, tracks, paths = evidence.mission, evidence.tracks, evidence.paths
     radius_m = np.array([entry.r_m for entry in mission.roster])
     body_m = np.array([entry.body_m for entry in mission.roster])
     from_m, to_m = tracks.seen_m
-    true_m = tracks.bodies_m
+    true_m = tracks.bodies_m if paths is None else paths.moves_m(*tracks.bodies_m)
     return _Separation(
         _pairs(from_m, to_m, radius_m, -DISC_TOLERANCE_M) or (0 if known.fixes else None),
         _pairs(*true_m, body_m, -BODY_TOLERANCE_M) or (0 if known.fixes and known.truths else None),
         _finite(least_gap_m(from_m, to_m, radius_m)),
         _finite(least_gap_m(*true_m, np.zeros_like(body_m))),
     )
+
+
+def _disc_budget(mission: Mission) -> str:
+    """Return the arithmetic of the tightest disc of a vehicle with inertia; "" if there is none."""
+    budgets = [budget_of(mission, entry) for entry in mission.roster if not vehicle_of(mission, entry).is_ideal]
+    return str(max(budgets, key=lambda budget: budget.needed_m - budget.r_m)) if budgets else ""
 
 
 def _pairs(from_m: Floats, to_m: Floats, radius_m: Floats, below_m: float) -> int:

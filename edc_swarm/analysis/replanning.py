@@ -13,6 +13,7 @@ from dataclasses import dataclass
 
 from msgspec import Struct
 
+from edc_swarm.mission.braking import changes_m
 from edc_swarm.planner.interface import Hull, Planner, PlanRequest
 from edc_swarm.protocol.messages import PLANNED, Command, Fix, Report, roster_index
 from edc_swarm.recording.model import Recording
@@ -94,6 +95,7 @@ def _plans(recording: Recording, reports: list[Report]) -> Iterator[_Plan]:
 
 def _request(recording: Recording, report: Report, fixes: list[Fix], index: dict[str, int]) -> PlanRequest:
     mission = recording.mission
+    with_previous = mission.lag_slots > 0 or changes_m(mission) is not None
     entries = [mission.roster[index[fix.uav]] for fix in fixes]
     aims = [
         fix.course.aim(entry, (fix.waypoint_x_m, fix.waypoint_y_m), mission.step_m(entry), mission.dt_s)
@@ -107,7 +109,7 @@ def _request(recording: Recording, report: Report, fixes: list[Fix], index: dict
         rest_m=[rest_m for _, rest_m in aims],
         r_m=[entry.r_m for entry in entries],
         hulls=list(_hulls(recording, report, index)),
-        previous_m=[(fix.from_x_m, fix.from_y_m) for fix in fixes] if mission.lag_slots else None,
+        previous_m=[(fix.from_x_m, fix.from_y_m) for fix in fixes] if with_previous else None,
     )
 
 

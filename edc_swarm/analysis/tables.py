@@ -31,6 +31,7 @@ def metric_rows(m: Metrics) -> list[tuple[str, str]]:
             "least gap",
             f"{_number(m.min_disc_gap_m, 'm')} between discs, {_number(m.min_true_distance_m, 'm')} true distance",
         ),
+        *_vehicles(m),
         ("way flown", "-" if m.path_m is None else f"{m.path_m:.1f} m{_extra(m)}"),
         ("makespan", _makespan(m)),
         ("energy", f"{_kj(m.energy_propulsion_j)}, straight {_kj(m.energy_straight_j)}"),
@@ -40,6 +41,12 @@ def metric_rows(m: Metrics) -> list[tuple[str, str]]:
         ("messages", f"{m.messages}, {_count(m.gaps)} gaps" + _late_and_twice(m)),
         *undone,
     ]
+
+
+def _vehicles(m: Metrics) -> list[tuple[str, str]]:
+    """Return a row with the budget of the tightest disc and the largest deviation; no row without inertia."""
+    said = f"{m.disc_budget}; at most {_number(m.max_deviation_m, 'm')} from the declared path"
+    return [("true paths", said)] if m.disc_budget else []
 
 
 def _not_home(m: Metrics) -> list[tuple[str, str]]:

@@ -1,7 +1,8 @@
 """Tracks: the place of every tracked disc and every UAV in every slot, reconstructed from a recording.
 
-A UAV publishes its waypoint in the fix of each slot. In a slot without a fix it held, unless its truth or its next
-fix shows that it executed a step (a process can die after it accepts a step and before it publishes the fix). The
+A UAV publishes its waypoint in the fix of each slot. In a slot without a fix it held (a vehicle with inertia: it
+braked), unless its truth or its next fix shows that it executed a step (a process can die after it accepts a step and
+before it publishes the fix). The
 fixes of a UAV that lost its memory (`voter` false) are no evidence on its disc; its truths are, since disc and UAV
 move by the same vector. If the recording lacks fixes (for example because the recorder was frozen) and no command
 explains how the UAV came to the waypoint of its next fix, the slots between are `lost`: nothing is judged there.
@@ -16,9 +17,12 @@ from operator import attrgetter
 from typing import Any
 
 import numpy as np
+from msgspec import UNSET
 from numpy.typing import NDArray
 
+from edc_swarm.analysis.true_paths import have_inertia, parts_of, tells_path
 from edc_swarm.errors import RecordingError
+from edc_swarm.mission.braking import Point, braked, change_of
 from edc_swarm.mission.failsafe import failsafe_of
 from edc_swarm.protocol.messages import Command, Fix, Truth, roster_index
 from edc_swarm.recording.model import Recording
@@ -26,10 +30,11 @@ from edc_swarm.recording.model import Recording
 Floats = NDArray[np.float64]
 Bools = NDArray[np.bool_]
 Ints = NDArray[np.int64]
-Point = tuple[float, float]
 MAX_UAV_SLOTS = 100_000_000
 """Most UAV-slots of a recording that can be analysed."""
 TRUTH_TOLERANCE_M = 1e-9
+Motion = tuple[Point, Point]
+"""Start and end of a step."""
 Cell = tuple[int, int]
 """Slot and UAV."""
 
@@ -117,7 +122,9 @@ def tracks_of(recording: Recording) -> Tracks:
     roster = recording.mission.roster
     index = roster_index(roster)
     fixes = [f for f in recording.fixes if f.slot >= 0 and f.uav in index]
+    inertia, parts = have_inertia(recording.mission), parts_of(recording.mission)
     truths = [t for t in recording.truths if t.slot >= 0 and t.uav in index]
+    truths = [t for t in truths if not inertia[index[t.uav]] or tells_path(t, parts)]
     cells, true_cells = _cells(fixes, index), _cells(truths, index)
     slots = 1 + max(int(cells[0].max(initial=-1)), int(true_cells[0].max(initial=-1)))
     if slots * len(roster) > MAX_UAV_SLOTS:
@@ -133,18 +140,19 @@ def tracks_of(recording: Recording) -> Tracks:
     voters = [f for f in fixes if f.voter]
     slot, uav = _cells(voters, index)
     centre_m[slot + 1, uav] = _points(voters, "waypoint")
-    silent = list(_silent_steps(recording, truths, true_cells, centre_m, executed))
+    change_m = [change_of(recording.mission, entry) for entry in roster]
+    silent = list(_silent_steps(recording, truths, true_cells, centre_m, executed, change_m))
     for step in silent:
         executed[step.slot, step.uav] = True
         centre_m[step.slot + 1, step.uav] = (step.command.target_x_m, step.command.target_y_m)
     unsaid = np.isnan(centre_m[1:, :, 0])
-    _fill_forward(centre_m)
-    lost = _bridged(voters, index, unsaid, centre_m)
+    _fill_forward(centre_m, change_m)
+    lost = _bridged(voters, index, unsaid, centre_m, change_m)
     true_from_m, true_to_m = _true_motion(truths, true_cells, centre_m)
-    untold = lost.copy()
+    untold = lost | inertia  # Of a vehicle with inertia, the disc does not tell the place.
     untold[true_cells] = False
     true_from_m[untold] = true_to_m[untold] = np.nan
-    for t, k in _flown_before_birth(executed, truths, index):
+    for t, k in _flown_before_birth(executed & ~inertia, truths, index):
         true_from_m[t, k] = true_to_m[t, k] - (centre_m[t + 1, k] - centre_m[t, k])
     grounded = _grounded(recording, executed, heard)
     return Tracks(list(index), centre_m, true_from_m, true_to_m, heard, executed, energy_j, silent, lost, grounded)
@@ -199,14 +207,24 @@ def _points(messages: Sequence[Any], name: str) -> Floats:
     return np.stack([_column(messages, f"{name}_x_m"), _column(messages, f"{name}_y_m")], axis=-1)
 
 
-def _fill_forward(centre_m: Floats) -> None:
-    """Replace every NaN with the last point before it."""
+def _fill_forward(centre_m: Floats, change_m: Sequence[float]) -> None:
+    """Replace every NaN with the place of a UAV that holds, or that brakes by its step change (K,)."""
+    for k in np.flatnonzero(np.isfinite(change_m) & np.isnan(centre_m[..., 0]).any(axis=0)).tolist():
+        for first, after in _runs(np.isnan(centre_m[:, k, 0])):
+            step_m = _point(centre_m[max(first - 2, 0), k]), _point(centre_m[first - 1, k])
+            for t in range(first, after):
+                step_m = braked(*step_m, change_m[k])
+                centre_m[t, k] = step_m[1]
+                if step_m[0] == step_m[1]:
+                    break
     known = ~np.isnan(centre_m[..., 0])
     newest = np.maximum.accumulate(np.where(known, np.arange(len(centre_m))[:, None], 0))
     centre_m[:] = np.take_along_axis(centre_m, newest[..., None], axis=0)
 
 
-def _bridged(fixes: Sequence[Fix], index: dict[str, int], unsaid: Bools, centre_m: Floats) -> Bools:
+def _bridged(
+    fixes: Sequence[Fix], index: dict[str, int], unsaid: Bools, centre_m: Floats, change_m: Sequence[float]
+) -> Bools:
     """Return (S, K) lost slots, and interpolate `centre_m` over each run of them up to the next fix."""
     lost = np.zeros_like(unsaid)
     for fix in _after_holes(fixes) if unsaid.any() else ():
@@ -214,7 +232,8 @@ def _bridged(fixes: Sequence[Fix], index: dict[str, int], unsaid: Bools, centre_
         first = after
         while first > 0 and unsaid[first - 1, k]:
             first -= 1
-        start_m = (fix.from_x_m, fix.from_y_m) if fix.executing else (fix.waypoint_x_m, fix.waypoint_y_m)
+        moves = fix.executing or math.isfinite(change_m[k])
+        start_m = (fix.from_x_m, fix.from_y_m) if moves else (fix.waypoint_x_m, fix.waypoint_y_m)
         if _point(centre_m[after, k]) != start_m:
             lost[first:after, k] = True
             centre_m[first : after + 1, k] = np.linspace(centre_m[first, k], start_m, after - first + 1)
@@ -271,6 +290,15 @@ class _Sightings:
 
     commands: dict[int, list[Command]]
     disc_m: dict[int, Point]
+    change_m: float
+
+    def motion(self, start: Point, end: Point) -> Motion:
+        """Return a step as the state from which the UAV brakes; a vehicle that stops at once has only a place."""
+        return (end, end) if math.isinf(self.change_m) else (start, end)
+
+    def braked(self, motion: Motion) -> Motion:
+        """Return the next step of a UAV that brakes."""
+        return braked(*motion, self.change_m)
 
     def agrees(self, slot: int, end: Point) -> bool:
         """Return True if the slot has no truth, or one that agrees with a disc that ends at `end`."""
@@ -278,7 +306,12 @@ class _Sightings:
 
 
 def _silent_steps(
-    recording: Recording, truths: list[Truth], cells: tuple[Ints, Ints], centre_m: Floats, executed: Bools
+    recording: Recording,
+    truths: list[Truth],
+    cells: tuple[Ints, Ints],
+    centre_m: Floats,
+    executed: Bools,
+    change_m: Sequence[float],
 ) -> Iterator[Step]:
     """Yield the steps in slots without a fix of a voter, for every UAV with such slots."""
     unsaid = np.isnan(centre_m[1:, :, 0])
@@ -287,7 +320,7 @@ def _silent_steps(
     index = roster_index(recording.mission.roster)
     runs = {k: list(_runs(unsaid[:, k])) for k in np.flatnonzero(unsaid.any(axis=0)).tolist()}
     wanted = {k: {slot for first, after in spans for slot in range(first, after + 1)} for k, spans in runs.items()}
-    seen = {k: _Sightings({}, {}) for k in runs}
+    seen = {k: _Sightings({}, {}, change_m[k]) for k in runs}
     for command in recording.commands:
         k = index.get(command.uav, -1)
         if k in wanted and command.slot in wanted[k]:
@@ -295,7 +328,9 @@ def _silent_steps(
     offset_m = _offsets_m(_points(truths, "to"), cells, centre_m[1:]).tolist()
     for i in np.flatnonzero(unsaid[cells]).tolist():
         truth, k = truths[i], int(cells[1][i])
-        if not math.isnan(offset_m[k][0]):
+        if truth.waypoint_x_m is not UNSET and truth.waypoint_y_m is not UNSET:
+            seen[k].disc_m[truth.slot] = (truth.waypoint_x_m, truth.waypoint_y_m)
+        elif not math.isnan(offset_m[k][0]):
             seen[k].disc_m[truth.slot] = (truth.to_x_m - offset_m[k][0], truth.to_y_m - offset_m[k][1])
     for k, sightings in seen.items():
         for first, after in runs[k]:
@@ -318,34 +353,38 @@ def _explained(
     """
     earlier = centre_m[: first + 1, k]
     start = _point(earlier[np.flatnonzero(~np.isnan(earlier[:, 0]))[-1]])
-    paths: dict[Point, tuple[Step, ...]] = {start: ()}
+    before = _point(earlier[max(first - 1, 0)])
+    paths: dict[Motion, tuple[Step, ...]] = {sightings.motion(before, start): ()}
     for slot in range(first, after):
         paths = _advanced(paths, k, slot, sightings)
     if after == len(executed):
         yield from next(iter(paths.values()))
         return
     seen = _point(centre_m[after + 1, k])
-    for point, path in paths.items():
-        flown = (c for c in sightings.commands.get(after, []) if (c.start_x_m, c.start_y_m) == point)
-        ends = [(c.target_x_m, c.target_y_m) for c in flown] if executed[after, k] else [point]
+    for motion, path in paths.items():
+        flown = (c for c in sightings.commands.get(after, []) if (c.start_x_m, c.start_y_m) == motion[1])
+        braking = [sightings.braked(motion)[1]]
+        ends = [(c.target_x_m, c.target_y_m) for c in flown] if executed[after, k] else braking
         if seen in ends:
             yield from path
             return
 
 
 def _advanced(
-    paths: dict[Point, tuple[Step, ...]], k: int, slot: int, sightings: _Sightings
-) -> dict[Point, tuple[Step, ...]]:
-    """Return the points that the UAV can reach in one slot; its old ones if no command explains the recorded truth."""
-    reached = {point: path for point, path in paths.items() if sightings.agrees(slot, point)}
-    motions: dict[tuple[Point, Point], list[Command]] = {}
+    paths: dict[Motion, tuple[Step, ...]], k: int, slot: int, sightings: _Sightings
+) -> dict[Motion, tuple[Step, ...]]:
+    """Return the motions that the UAV can make in a slot; without a command, if none explains the recorded truth."""
+    braking = {sightings.braked(motion): path for motion, path in paths.items()}
+    reached = {motion: path for motion, path in braking.items() if sightings.agrees(slot, motion[1])}
+    ordered: dict[Motion, list[Command]] = {}
     for command in sightings.commands.get(slot, []):
         motion = (command.start_x_m, command.start_y_m), (command.target_x_m, command.target_y_m)
-        motions.setdefault(motion, []).append(command)
-    for (start, end), commands in motions.items():
-        if start in paths and sightings.agrees(slot, end):
-            reached.setdefault(end, (*paths[start], Step(k, slot, tuple(commands))))
-    return reached or paths
+        ordered.setdefault(motion, []).append(command)
+    for (start, end), commands in ordered.items():
+        for motion, path in paths.items():
+            if motion[1] == start and sightings.agrees(slot, end):
+                reached.setdefault(sightings.motion(start, end), (*path, Step(k, slot, tuple(commands))))
+    return reached or braking
 
 
 def _point(xy_m: Floats) -> Point:

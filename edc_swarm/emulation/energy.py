@@ -9,6 +9,7 @@ Every UAV process imports this module, so it does not import numpy.
 
 from __future__ import annotations
 
+import math
 from typing import TYPE_CHECKING, Any
 
 from edc_swarm.errors import MissionError
@@ -16,6 +17,7 @@ from edc_swarm.mission.configuration import Mission
 from edc_swarm.mission.power_models import EnergyModel, HeadModel
 from edc_swarm.mission.roster_entry import ARRIVED_M, RosterEntry
 from edc_swarm.mission.routes import hover_time_s
+from edc_swarm.mission.vehicle_model import GRAVITY_MPS2
 
 if TYPE_CHECKING:
     import numpy as np
@@ -26,6 +28,20 @@ def propulsion_power_w(speed_mps: float, model: EnergyModel) -> float:
     """Return the power, in watts, of level flight at a constant speed (0 = hover)."""
     power_w: float = _power_w(speed_mps, model)
     return power_w
+
+
+def flight_power_w(air_speed_mps: float, acceleration_mps2: float, model: EnergyModel) -> float:
+    """Return the power, in watts, of level flight while the motors accelerate the vehicle horizontally.
+
+    They then lift and push with kappa = sqrt(1 + (a / g)^2) times the weight, and the induced power grows to
+    P_i kappa sqrt(sqrt(kappa^2 + a_v^2) - a_v), with a_v = V^2 / (2 v0^2) (Zeng, Xu, Zhang 2019; eq. 12 is its case
+    kappa = 1). V is the air speed. The model leaves out climbing, and what the tilt changes in the inflow.
+    """
+    a = air_speed_mps * air_speed_mps / (2 * model.induced_velocity_mps**2)
+    kappa2 = 1.0 + (acceleration_mps2 / GRAVITY_MPS2) ** 2
+    plain_w = model.induced_w / math.sqrt(math.sqrt(1 + a * a) + a)
+    induced_w = model.induced_w * kappa2 / math.sqrt(math.sqrt(kappa2 + a * a) + a)
+    return propulsion_power_w(air_speed_mps, model) - plain_w + induced_w
 
 
 def propulsion_powers_w(speed_mps: NDArray[np.float64], model: EnergyModel) -> NDArray[np.float64]:

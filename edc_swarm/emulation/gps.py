@@ -2,7 +2,7 @@
 
 The roster start is the first reported position, hence the centre of the tracked disc; the true
 start lies anywhere in the disc (uniformly, as in the paper's section II). The error of every fix
-stays within `r_m - body_m`, so the disc always contains the whole vehicle.
+stays within the GPS error bound `gps_m`, so the disc always contains the whole vehicle.
 
 Every UAV process imports this module, so it does not import numpy.
 """
@@ -13,10 +13,57 @@ import math
 import random
 from typing import assert_never
 
+from edc_swarm.mission.configuration import Mission
+from edc_swarm.mission.faults import OUTAGE, ChangeGps
 from edc_swarm.mission.field_types import GpsModel
+from edc_swarm.mission.roster_entry import RosterEntry
+from edc_swarm.mission.vehicle_budget import gps_bound_m
 
 CORRELATION_S = 30.0
 """Time constant of the `gauss-markov` model."""
+
+
+class Gps:
+    """The GPS of one UAV, slot by slot: the mission's error model, or that of a fault while it lasts."""
+
+    def __init__(self, mission: Mission, entry: RosterEntry) -> None:
+        self._mission = mission
+        self._entry = entry
+        self._receiver = self._new_receiver(mission.gps_model, "gps")
+        self._fault: ChangeGps | None = None
+
+    @property
+    def true_offset_m(self) -> tuple[float, float]:
+        """True start minus roster start; defined only before the first fix."""
+        return self._receiver.true_offset_m
+
+    @property
+    def error_m(self) -> tuple[float, float]:
+        """Reported minus true position of the newest fix."""
+        return self._receiver.error_m
+
+    @property
+    def outage_since_s(self) -> float:
+        """Mission time at which the outage began that lasts now."""
+        assert self._fault is not None
+        return self._fault.at_s
+
+    def change(self, fault: ChangeGps) -> None:
+        """Err as `fault` says from the next fix on; of faults that overlap the last one counts."""
+        self._fault = fault
+        if fault.model != OUTAGE:
+            self._receiver = self._new_receiver(fault.model, f"gps-{fault.model}")
+
+    def next_error_m(self, slot: int) -> tuple[float, float] | None:
+        """Return reported minus true position of the fix of `slot`; None in an outage."""
+        if self._fault is not None and slot * self._mission.dt_s >= self._fault.end_s - 1e-9:
+            self._fault = None
+            self._receiver = self._new_receiver(self._mission.gps_model, f"gps-{self._mission.gps_model}")
+        return None if self._fault is not None and self._fault.model == OUTAGE else self._receiver.next_error_m()
+
+    def _new_receiver(self, model: GpsModel, stream: str) -> GpsReceiver:
+        seed = f"{self._mission.seed}/{self._entry.uav}/{stream}"
+        return GpsReceiver(model, gps_bound_m(self._mission, self._entry), self._mission.dt_s, seed)
 
 
 class GpsReceiver:
@@ -28,7 +75,7 @@ class GpsReceiver:
         `bias` (one constant error), `white` (each fix independent and uniform in the disc, as in the paper),
         `gauss-markov` (correlated over `CORRELATION_S`, clipped to the disc), or `none`.
     reach_m
-        Largest error, `r_m - body_m`.
+        Largest error, `gps_m`.
     dt_s
         Mission time between two fixes.
     seed

@@ -9,8 +9,17 @@ from typing import Protocol
 
 from edc_swarm.emulation.links import NS_PER_MS, LinkEmulator, cut_pair
 from edc_swarm.mission.fault_handlers import FaultHandlers
-from edc_swarm.mission.faults import ChangeClock, ChangeGps, ChangeLink, Heal, Partition, SlowSolver
-from edc_swarm.mission.field_types import GpsModel
+from edc_swarm.mission.faults import (
+    ChangeClock,
+    ChangeGps,
+    ChangeLink,
+    Gust,
+    Heal,
+    Partition,
+    SlowSolver,
+    VehicleFault,
+    WeakMotor,
+)
 
 
 class Machine(Protocol):
@@ -27,8 +36,8 @@ class Machine(Protocol):
     def set_clock(self, offset_ns: int, drift_ppm: float) -> None:
         """Let the clock be `offset_ns` ahead from now on, and gain `drift_ppm`."""
 
-    def set_gps_model(self, model: GpsModel) -> None:
-        """Let the GPS receiver err by `model`."""
+    def disturb(self, fault: VehicleFault) -> None:
+        """Let the GPS receiver err otherwise, a gust hit the vehicle, or its motors weaken."""
 
     def slow_down(self, fault: SlowSolver) -> None:
         """Let every plan take longer while `fault` lasts."""
@@ -59,10 +68,14 @@ def _change_clock(machine: Machine, fault: ChangeClock) -> None:
         machine.set_clock(round(fault.offset_ms * NS_PER_MS), fault.drift_ppm)
 
 
-@MACHINE_FAULTS.of(ChangeGps)
-def _change_gps(machine: Machine, fault: ChangeGps) -> None:
+def _disturb(machine: Machine, fault: VehicleFault) -> None:
     if fault.target == machine.uav:
-        machine.set_gps_model(fault.model)
+        machine.disturb(fault)
+
+
+MACHINE_FAULTS.of(ChangeGps)(_disturb)
+MACHINE_FAULTS.of(Gust)(_disturb)
+MACHINE_FAULTS.of(WeakMotor)(_disturb)
 
 
 @MACHINE_FAULTS.of(SlowSolver)

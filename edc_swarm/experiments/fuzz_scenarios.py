@@ -22,6 +22,7 @@ from edc_swarm.mission.configuration import Mission
 from edc_swarm.mission.failsafe import failsafe_of
 from edc_swarm.mission.roster import complete_mission
 from edc_swarm.mission.validation import mission_from_dict
+from edc_swarm.mission.vehicle_budget import budget_of, vehicle_of
 from edc_swarm.mission.zone import Zone
 from edc_swarm.planner.edc import Edc
 from edc_swarm.planner.request import Arrays
@@ -75,6 +76,7 @@ def scenario(seed: int, kept: Collection[int] | None = None) -> Mission:
         "planner": rng.choice([RECKLESS, RECKLESS, RECKLESS, "edc"]),
         "link": _links(rng),
         **_failsafe(Random(f"fuzz/{seed}/failsafe")),
+        **_vehicle(Random(f"fuzz/{seed}/vehicle")),
     }
     if fields["planner"] == RECKLESS:
         fields["max_slots"] = RECKLESS_SLOTS
@@ -90,6 +92,7 @@ def scenario(seed: int, kept: Collection[int] | None = None) -> Mission:
     faults = _schedule(rng, mission)
     if fields["planner"] != RECKLESS:
         faults += _for_good(Random(f"fuzz/{seed}/for-good"), mission)
+    faults += _about_vehicles(Random(f"fuzz/{seed}/about-vehicles"), mission)
     faults += _about_landings(Random(f"fuzz/{seed}/landings"), mission)
     faults += new_goals(Random(f"fuzz/{seed}/goals"), zoned, LAST_FAULT_SLOT)
     chosen = faults if kept is None else [fault for index, fault in enumerate(faults) if index in kept]
@@ -127,6 +130,32 @@ def _failsafe(rng: Random) -> dict[str, Any]:
     """Draw the failsafe: none, the default one, or one so short that UAVs land and hulls go within the mission."""
     limits = {"land_after_s": rng.choice([0.5, 3.0, 4.0]), "landing_s": rng.choice([0.0, 0.5, 2.0])}
     return rng.choice([{"failsafe": "hold"}, {}, limits, limits])
+
+
+def _vehicle(rng: Random) -> dict[str, Any]:
+    """Draw vehicle and wind: ideal in half of the missions, else one that brakes for up to a dozen slots.
+
+    A vehicle that cannot stand still between steps allows for no clocks that differ.
+    """
+    model = {"model": "multirotor", "a_max_mps2": rng.choice([0.8, 1.5, 2.5, 5.0])}
+    wind = {"mean_mps": rng.choice([0.0, 4.0, 6.0]), "direction_deg": 30.0 * rng.randrange(12)}
+    wind["gust_mps"] = rng.choice([0.0, 1.5, 3.0])
+    return {"vehicle": model, "wind": wind, "guard_s": 0.0} if rng.random() < 0.5 else {}
+
+
+def _about_vehicles(rng: Random, mission: Mission) -> list[str]:
+    """Draw what happens to vehicles with inertia: a gust, an outage of GPS, motors as weak as the plan still allows."""
+    if mission.vehicle.is_ideal:
+        return []
+    entry = rng.choice(mission.roster)
+    budget, limit_mps2 = budget_of(mission, entry), vehicle_of(mission, entry).limit_mps2
+    least = (budget.others_mps2 + budget.command_per_plan * budget.a_max_mps2) / limit_mps2
+    faults = [
+        f"gust {_id(rng, mission)} {rng.choice([2, 4])}mps @{_slot(rng)} for {rng.randint(2, 8)}",
+        f"gps {_id(rng, mission)} outage @{_slot(rng)} for {rng.randint(1, 12)}",
+        f"motor {entry.uav} weak {min(1.0, 1.001 * least):.4f} @{_slot(rng)} for {rng.randint(2, 12)}",
+    ]
+    return rng.sample(faults, rng.randint(0, 2))
 
 
 def _about_landings(rng: Random, mission: Mission) -> list[str]:

@@ -22,6 +22,7 @@ from edc_swarm.experiments.fuzz_scenarios import (
     scenario,
 )
 from edc_swarm.geometry import DISC_TOLERANCE_M, Floats, segment_distance_m
+from edc_swarm.mission.braking import braked, change_of
 from edc_swarm.mission.configuration import Mission
 from edc_swarm.mission.failsafe import failsafe_of
 from edc_swarm.mission.roster import complete_mission
@@ -61,7 +62,8 @@ def fly(mission: Mission) -> list[str]:
         end = simulation.run()
     except AssertionError as error:
         return [f"assertion: {error}"]
-    seen = [*overlaps(message, end.motions, end.stepped_slot), *trespasses(message, end.motions)]
+    motions = with_braking(message, end.motions)
+    seen = [*overlaps(message, motions, end.stepped_slot), *trespasses(message, motions)]
     return [*seen, *_broken(Recording.from_messages(said), _asked(mission))]
 
 
@@ -85,6 +87,24 @@ def smallest(finding: Counterexample) -> Counterexample:
         else:
             finding = fewer
     return finding
+
+
+def with_braking(mission: MissionMessage, motions: Sequence[Motion]) -> list[Motion]:
+    """Return the accepted steps with the steps of UAVs that brake after them, until each rests or accepts another."""
+    following: dict[str, int] = {}
+    flown: list[Motion] = []
+    changes = {entry.uav: change_of(mission, entry) for entry in mission.roster}
+    for motion in reversed(motions):
+        step, slot = (motion.from_m, motion.to_m), motion.slot
+        braking = [motion]
+        while True:
+            step, slot = braked(*step, changes[motion.uav]), slot + 1
+            if step[0] == step[1] or slot >= following.get(motion.uav, slot + 1):
+                break
+            braking.append(Motion(slot, motion.uav, *step, late=motion.late))
+        following[motion.uav] = motion.slot
+        flown += reversed(braking)
+    return flown[::-1]
 
 
 def overlaps(mission: MissionMessage, motions: Sequence[Motion], stepped_slot: Mapping[str, int]) -> list[str]:

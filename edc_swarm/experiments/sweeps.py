@@ -7,6 +7,7 @@ and a printed command repeats it.
 from __future__ import annotations
 
 import shlex
+from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any
 
@@ -16,6 +17,7 @@ from edc_swarm.errors import InputError
 from edc_swarm.mission.configuration import Mission
 from edc_swarm.mission.declarations import option_names
 from edc_swarm.mission.link import Link
+from edc_swarm.mission.reference import TABLES
 
 
 @dataclass(frozen=True, slots=True)
@@ -100,11 +102,21 @@ def command_of(mission: Mission, verb: str = "sim") -> str:
             for each in value if isinstance(value, list) else [value]:
                 short = isinstance(each, float) and each == float(f"{each:g}")
                 words += [f"--{options[name]}", f"{each:g}" if short else str(each)]
+        elif name in TABLES and _changed_in(mission, name).keys() <= option_names(TABLES[name]).keys():
+            words += _words(_changed_in(mission, name), option_names(TABLES[name]))
         elif name == "link" and len(value) == 1:
             words += _link_words(mission)
         elif name != "name":
             raise InputError(name, value, f"a field that an option of edc-swarm {verb} sets, or in a mission file")
     return shlex.join(words)
+
+
+def _changed_in(mission: Mission, table: str) -> dict[str, Any]:
+    """Return the fields of a mission's table that differ from their defaults."""
+    default = msgspec.to_builtins(TABLES[table]())
+    return {
+        name: value for name, value in msgspec.to_builtins(getattr(mission, table)).items() if value != default[name]
+    }
 
 
 def _link_words(mission: Mission) -> list[str]:
@@ -113,4 +125,8 @@ def _link_words(mission: Mission) -> list[str]:
     options = option_names(Link)
     if unsaid := changed.keys() - options.keys():
         raise InputError("link", sorted(unsaid), "delay, jitter and loss of all links, or in a mission file")
+    return _words(changed, options)
+
+
+def _words(changed: Mapping[str, Any], options: Mapping[str, str]) -> list[str]:
     return [word for name, value in changed.items() for word in (f"--{options[name]}", str(value))]

@@ -14,9 +14,10 @@ import numpy as np
 from edc_swarm.errors import FormatError
 from edc_swarm.foreign_text import shown
 from edc_swarm.formats.content import Area, Point, Route, Stop, ranges
-from edc_swarm.formats.plane_checks import legs_through, outside_by_rule, widest_radius_m
+from edc_swarm.formats.flyable import Flight, flyable, most_uavs
+from edc_swarm.formats.plane_checks import legs_through
 from edc_swarm.formats.registry import Source
-from edc_swarm.geodesy import from_wgs84
+from edc_swarm.geodesy import from_wgs84, to_wgs84
 from edc_swarm.mission.configuration import Mission
 from edc_swarm.mission.field_types import MAX_ALL_CORNERS, MAX_CORNERS, MAX_ROUTE, MAX_UAVS, MAX_ZONES, MOST_M
 from edc_swarm.mission.polygons import polygon_fault
@@ -26,6 +27,8 @@ from edc_swarm.mission.zone import Zone
 
 MOST_AWAY_M = 200_000.0
 """Largest distance from the origin: up to there, the plane of the mission is true to 0.02 %."""
+LEAST_OUT_M = 50.0
+"""Least room round exclusion zones in the area of a mission without routes and fence."""
 SAME_M = 0.01
 """Successive points of a route closer than this are one point."""
 _ID = re.compile(r"[A-Za-z0-9_-]{1,32}")
@@ -57,25 +60,18 @@ class Imported:
         What the mission does not express, by file and then by what it is, with the items that hold it.
     remarks
         What else the user should know.
+    zones
+        File and item of each zone, by its index.
+    flown
+        The mission with everything that it leaves to be derived.
     """
 
     mission: dict[str, Any]
     places: dict[tuple[str, int], str] = field(default_factory=dict)
     notes: dict[str, dict[str, list[str]]] = field(default_factory=dict)
     remarks: list[str] = field(default_factory=list)
-
-
-@dataclass(frozen=True, slots=True)
-class _Flight:
-    """One route in the mission's plane: points in metres, the first one the start."""
-
-    file: str
-    uav: str
-    route: Route
-    stops: list[Stop]
-
-    def points(self) -> np.ndarray[tuple[int, int], np.dtype[np.float64]]:
-        return np.array([stop.point for stop in self.stops])
+    zones: dict[int, tuple[str, str]] = field(default_factory=dict)
+    flown: Mission = field(default_factory=Mission)
 
 
 def assemble(sources: Sequence[Source], settings: Settings) -> Imported:
@@ -91,20 +87,24 @@ def assemble(sources: Sequence[Source], settings: Settings) -> Imported:
     imported = Imported({"name": settings.name}, notes=notes)
     plane = _Plane.of(sources, settings)
     flights = _flights(sources, settings, plane, imported)
+    if not flights:
+        plane = _fit_area(sources, settings, plane, imported)
     zones = _zones(sources, plane, imported)
     mission = imported.mission
     if plane.origin is not None:
         mission["origin_lat_deg"], mission["origin_lon_deg"] = plane.origin
     radii_m = _set_sizes(flights, settings, imported)
-    _check_spacing(flights, radii_m, "start", 0)
-    _check_spacing(flights, radii_m, "target", -1)
-    _check_zones(flights, radii_m, zones, imported)
     mission["zone"] = [_plain(zone) for zone in zones]
     mission["roster"] = [_entry(flight, r_m, mission, settings) for flight, r_m in zip(flights, radii_m, strict=True)]
     for index, flight in enumerate(flights):
         imported.places["roster", index] = f"{flight.file}, {flight.route.item}"
     if not flights:
-        imported.remarks.append("no file holds a route: the mission draws its UAVs at random in its area")
+        mission["uavs"] = most_uavs(mission)
+        drawn = f"no file holds a route: the mission draws its UAVs ({mission['uavs']}) at random in its area"
+        imported.remarks.append(drawn)
+    imported.flown, warnings = flyable(mission, flights, imported.zones)
+    imported.remarks += warnings
+    _remark_on_bends(flights, radii_m, zones, imported)
     return imported
 
 
@@ -149,6 +149,48 @@ class _Plane:
         return round(x_m, 3) + 0.0, round(y_m, 3) + 0.0
 
 
+def _fit_area(sources: Sequence[Source], settings: Settings, plane: _Plane, imported: Imported) -> _Plane:
+    """Fit the area, in which a mission without routes draws its UAVs, to the zones; return the plane.
+
+    The area has a corner at the origin. So the origin becomes the south-west corner of the area, unless the user or a
+    file in metres states it.
+    """
+    west_m, south_m, east_m, north_m = _area_m(
+        [(source, area) for source in sources for area in source.content.areas], plane
+    )
+    stated = settings.origin is not None or any(source.content.frame == "local" for source in sources)
+    if not stated and plane.origin is not None:
+        plane = _Plane(to_wgs84(west_m, south_m, *plane.origin))
+        east_m, north_m = east_m - west_m, north_m - south_m
+    if min(east_m, north_m) > 0:
+        imported.mission["area_x_m"], imported.mission["area_y_m"] = round(east_m, 3), round(north_m, 3)
+    return plane
+
+
+def _area_m(areas: Sequence[tuple[Source, Area]], plane: _Plane) -> tuple[float, float, float, float]:
+    """Return (west, south, east, north) of the rectangle that all inclusion zones touch, or else of one round all."""
+    boxes_m = {
+        kind: [_box_m(*each, plane) for each in areas if each[1].kind == kind] for kind in ("inclusion", "exclusion")
+    }
+    if found := boxes_m["inclusion"]:
+        west_m, south_m, east_m, north_m = zip(*found, strict=True)
+        return max(west_m), max(south_m), min(east_m), min(north_m)
+    if not (found := boxes_m["exclusion"]):
+        return 0.0, 0.0, 0.0, 0.0
+    west_m, south_m, east_m, north_m = zip(*found, strict=True)
+    x_m, y_m = max(east_m) - min(west_m), max(north_m) - min(south_m)
+    out_m = max(x_m / 2, y_m / 2, LEAST_OUT_M)
+    return min(west_m) - out_m, min(south_m) - out_m, max(east_m) + out_m, max(north_m) + out_m
+
+
+def _box_m(source: Source, area: Area, plane: _Plane) -> tuple[float, float, float, float]:
+    """Return the sides (west, south, east, north) of a zone in metres."""
+    corners = [plane.metres(source, area.item, point) for point in area.polygon or [area.centre or (0.0, 0.0)]]
+    xs_m, ys_m = zip(*corners, strict=True)
+    out_m = area.radius_m if area.centre is not None else 0.0
+    return min(xs_m) - out_m, min(ys_m) - out_m, max(xs_m) + out_m, max(ys_m) + out_m
+
+
 def _located(source: Source) -> Iterator[Point]:
     for route in source.content.routes:
         if route.home is not None:
@@ -160,7 +202,7 @@ def _located(source: Source) -> Iterator[Point]:
             yield area.centre
 
 
-def _flights(sources: Sequence[Source], settings: Settings, plane: _Plane, imported: Imported) -> list[_Flight]:
+def _flights(sources: Sequence[Source], settings: Settings, plane: _Plane, imported: Imported) -> list[Flight]:
     found = [(source, route) for source in sources for route in source.content.routes]
     if len(found) > MAX_UAVS:
         raise FormatError("", f"{len(found)} routes: must be at most {MAX_UAVS}", sources[0].file)
@@ -168,7 +210,7 @@ def _flights(sources: Sequence[Source], settings: Settings, plane: _Plane, impor
     flights = []
     for source, route in found:
         uav = _stated_id(source, route, taken, imported)
-        flights.append(_Flight(source.file, uav, route, _flown(source, route, settings, plane, imported)))
+        flights.append(Flight(source.file, uav, route, _flown(source, route, settings, plane, imported)))
     for index, flight in enumerate(flights):
         if not flight.uav:
             uav = next(name for number in range(1, 2 * MAX_UAVS) if (name := f"u{number:03d}") not in taken)
@@ -225,6 +267,7 @@ def _zones(sources: Sequence[Source], plane: _Plane, imported: Imported) -> list
             zones.append(_zone(source, area, plane, _free_name(area.name or f"zone {len(zones) + 1}", names)))
             why = f" ({area.why})" if area.why else ""
             imported.places["zone", len(zones) - 1] = f"{source.file}, {area.item}{why}"
+            imported.zones[len(zones) - 1] = source.file, area.item
             if area.why:
                 imported.remarks.append(f"{source.file}: {area.item}: read as {area.kind} zone: {area.why}")
     if len(zones) > MAX_ZONES:
@@ -269,7 +312,7 @@ def _zone(source: Source, area: Area, plane: _Plane, name: str) -> Zone:
     return Zone(name=name, kind=area.kind, polygon=corners, keep=keep)
 
 
-def _set_sizes(flights: Sequence[_Flight], settings: Settings, imported: Imported) -> list[float]:
+def _set_sizes(flights: Sequence[Flight], settings: Settings, imported: Imported) -> list[float]:
     """Set radius, speed and slot of the mission, and return the radius of each UAV in metres."""
     mission = imported.mission
     stated_m = {flight.route.r_m for flight in flights if flight.route.r_m}
@@ -301,41 +344,13 @@ def _set_sizes(flights: Sequence[_Flight], settings: Settings, imported: Importe
     return radii_m
 
 
-def _check_spacing(flights: Sequence[_Flight], radii_m: Sequence[float], what: str, which: int) -> None:
-    """Raise `FormatError` if discs overlap at starts (`which` 0) or at targets (-1), and say what radius would fit."""
-    points = np.array([flight.stops[which].point for flight in flights]).reshape(-1, 2)
-    radii = np.array(radii_m)
-    for index in range(1, len(flights)):
-        gaps_m = np.hypot(*(points[:index] - points[index]).T)
-        short = np.flatnonzero(gaps_m < radii[:index] + radii[index])
-        if len(short):
-            other = int(short[0])
-            fits_m = math.floor(100 * widest_radius_m(points)) / 100
-            remedy = f"--r {fits_m:g} fits all {what}s" if fits_m > 0 else "no --r fits"
-            if what == "start" and any(flight.route.home is not None for flight in flights):
-                remedy += ", --start first begins at way points"
-            raise FormatError(
-                flights[index].stops[which].item,
-                f"{what} of {flights[index].uav} is {gaps_m[other]:.2f} m from that of {flights[other].uav}: "
-                f"must be at least {radii[other] + radii[index]:g} m, the sum of their radii ({remedy})",
-                flights[index].file,
-            )
-
-
-def _check_zones(flights: Sequence[_Flight], radii_m: Sequence[float], zones: list[Zone], imported: Imported) -> None:
-    """Raise `FormatError` for a point that a zone forbids; remark on legs that have to go round one."""
+def _remark_on_bends(
+    flights: Sequence[Flight], radii_m: Sequence[float], zones: list[Zone], imported: Imported
+) -> None:
+    """Remark on legs that have to go round a zone."""
     bent: dict[str, list[str]] = {}
     for flight, r_m in zip(flights, radii_m, strict=True):
-        points = flight.points()
-        for zone in zones:
-            wrong = np.flatnonzero(outside_by_rule(zone, points, r_m))
-            if len(wrong):
-                part = f"the disc of r = {r_m:g} m" if zone.keeps_disc else "the centre of the disc"
-                where = "outside exclusion" if zone.kind == "exclusion" else "inside inclusion"
-                raise FormatError(
-                    flight.stops[int(wrong[0])].item, f"{part} must be {where} zone {zone.name!r}", flight.file
-                )
-        legs = np.flatnonzero(legs_through(zones, points, r_m))
+        legs = np.flatnonzero(legs_through(zones, np.array([stop.point for stop in flight.stops]), r_m))
         bent.setdefault(flight.file, []).extend(flight.stops[int(leg) + 1].item for leg in legs)
     for file, items in bent.items():
         if items:
@@ -348,7 +363,7 @@ def _plain(zone: Zone) -> dict[str, Any]:
     return {key: value for key, value in plain.items() if value not in ("", [], 0.0)}
 
 
-def _entry(flight: _Flight, r_m: float, mission: dict[str, Any], settings: Settings) -> dict[str, Any]:
+def _entry(flight: Flight, r_m: float, mission: dict[str, Any], settings: Settings) -> dict[str, Any]:
     """Return the roster entry of a flight: a target where it is straight, else a route."""
     first, *rest = flight.stops
     if first.hover_s or not rest:

@@ -1,31 +1,16 @@
-"""Checks of imported zones and routes in the plane, in metres."""
+"""Measures of imported zones and routes in the plane, in metres."""
 
 from __future__ import annotations
 
 import numpy as np
 from numpy.typing import NDArray
 
-from edc_swarm.geometry import Floats, inside_polygon, length_m, point_segment_distance_m, segment_distance_m
+from edc_swarm.geometry import Floats, length_m, segment_distance_m
 from edc_swarm.mission.zone import Zone
 from edc_swarm.mission.zones import barriers
 
 TOLERANCE_M = 1e-6
 """Distances that are short by less than this are rounding."""
-
-
-def outside_by_rule(zone: Zone, points: Floats, r_m: float) -> NDArray[np.bool_]:
-    """Return which points (n, 2) no UAV of radius `r_m` may be at, because of the zone."""
-    margin_m = r_m if zone.keeps_disc else 0.0
-    if zone.polygon:
-        corners = np.array(zone.polygon)
-        ends = np.roll(corners, -1, axis=0)
-        # The sign says on which side of the boundary a point lies: above 0 inside.
-        distance_m = point_segment_distance_m(points[:, None], corners, ends).min(axis=1)
-        depth_m = np.where(inside_polygon(points, corners, ends), distance_m, -distance_m)
-    else:
-        depth_m = zone.radius_m - length_m(points - np.array(zone.centre))
-    allowed_m = depth_m if zone.kind == "inclusion" else -depth_m
-    return np.asarray(allowed_m < margin_m - TOLERANCE_M)
 
 
 def legs_through(zones: list[Zone], points: Floats, r_m: float) -> NDArray[np.bool_]:

@@ -43,6 +43,8 @@ from edc_swarm.mission.field_types import (
 from edc_swarm.mission.link import Link
 from edc_swarm.mission.power_models import EnergyModel, HeadModel
 from edc_swarm.mission.roster_entry import RosterEntry
+from edc_swarm.mission.vehicle_model import VehicleModel
+from edc_swarm.mission.wind_model import WindModel
 from edc_swarm.mission.zone import Zone
 
 AREA_M2 = 10_000.0
@@ -108,6 +110,14 @@ class Mission(Struct, frozen=True, kw_only=True):
 
     It decides what a true collision is. The disc of radius `r_m` holds the whole vehicle, so the GPS error is at most
     `r_m` - `body_m`. At most `r_m`.
+    """
+    gps_m: NonNegative = 0.0
+    """GPS error bound: largest distance of a measured position from the true one.
+
+    The disc of radius `r_m` holds the GPS error, the tracking bound of the vehicle (0 for `ideal`) and the body, so
+    `gps_m` + tracking bound + `body_m` is at most `r_m`.
+
+    Default: 0, which stands for all that tracking bound and body leave of `r_m`.
     """
     v_max_mps: Annotated[Speed, Option("speed-max")] = 5.0
     """Largest speed of a UAV.
@@ -201,6 +211,7 @@ class Mission(Struct, frozen=True, kw_only=True):
     """Slots by which a vehicle may finish its step late.
 
     With 1, each UAV is treated as the segment from its previous waypoint to its present one, which needs more room.
+    A mission with vehicles that have inertia always has 1.
     """
     handover_margin: NonNegative = 0.1
     """Lead of a standby at which the head hands over to it, as a fraction of the head's own criterion.
@@ -248,6 +259,10 @@ class Mission(Struct, frozen=True, kw_only=True):
     """Propulsion, radio and batteries, table `[energy]`."""
     head: HeadModel = HeadModel()
     """Cost of leading, table `[head]`."""
+    vehicle: VehicleModel = VehicleModel()
+    """Vehicle of the UAVs that name none of their own, table `[vehicle]`."""
+    wind: WindModel = WindModel()
+    """Wind, table `[wind]`."""
 
     @property
     def area_size_m(self) -> tuple[float, float]:

@@ -208,13 +208,14 @@ class Route(Part):
 
 @dataclass(frozen=True)
 class Quantity(Part):
-    """A number within bounds: a part by itself, or after its word one of `Quantities`."""
+    """A number within bounds: a part by itself, or after its word one of `Quantities`. Its unit may be a suffix."""
 
     field: str
     unit: str
     least: float
     most: float
     word: str = ""
+    suffix: str = ""
 
     @property
     def syntaxes(self) -> tuple[str, ...]:
@@ -228,7 +229,7 @@ class Quantity(Part):
 
     def value(self, text: str) -> float:
         """Return the number that `text` says."""
-        return bounded(number(text), self.least, self.most, self.word or self.unit)
+        return bounded(number(text.removesuffix(self.suffix)), self.least, self.most, self.word or self.unit)
 
     def read(self, words: deque[str]) -> dict[str, Any]:
         """Take one number."""
@@ -236,7 +237,7 @@ class Quantity(Part):
 
     def write(self, fault: Any) -> list[str]:
         """Return the number."""
-        return [number_text(getattr(fault, self.field))]
+        return [f"{number_text(getattr(fault, self.field))}{self.suffix}"]
 
 
 @dataclass(frozen=True)

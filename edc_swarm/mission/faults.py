@@ -13,7 +13,7 @@ import math
 from collections import deque
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
-from typing import Any, ClassVar, TypeVar, get_args
+from typing import Any, ClassVar, Literal, TypeVar, get_args
 
 from edc_swarm.errors import MissionError
 from edc_swarm.mission.configuration import Mission
@@ -45,6 +45,9 @@ from edc_swarm.mission.validation import convert
 MOST_IN_FAULT = 1e9
 """Largest time in seconds and largest quantity in a fault."""
 MOST_DRIFT_PPM = 500_000.0
+OUTAGE: Literal["outage"] = "outage"
+"""State of a GPS receiver that measures nothing."""
+GpsState = Literal[GpsModel, "outage"]
 ROUTER_OUTAGE_S = 1.0
 """Time for which a router that is restarted is away."""
 USAGE = "a fault such as 'kill head @10', 'freeze u003 @5s for 2s' or 'partition halves @10 for 20'"
@@ -244,13 +247,40 @@ class ChangeClock(Fault):
         return dict(self.quantities).get("drift_ppm", 0.0)
 
 
-@_declare("gps", Target(), Choice("model", "MODEL", get_args(GpsModel)))
+@_declare("gps", Target(), Choice("model", "MODEL", (*get_args(GpsModel), OUTAGE)), lasts=True)
 @dataclass(frozen=True, slots=True)
 class ChangeGps(Fault):
-    """The GPS receiver errs by another model."""
+    """The GPS receiver errs by another model or measures nothing (`outage`); after D the mission's model is back."""
 
     target: str
-    model: GpsModel
+    model: GpsState
+
+
+@_declare("gust", Target(), Quantity("speed_mps", "Vmps", 0.0, 100.0, suffix="mps"), lasts=True)
+@dataclass(frozen=True, slots=True)
+class Gust(Fault):
+    """A gust of V m/s from a random direction hits the UAV, if its vehicle has inertia; the last gust counts."""
+
+    target: str
+    speed_mps: float
+
+
+@_declare("motor", Target(), Quantities((Quantity("share", "SHARE", 0.0, 1.0, "weak"),), least_count=1), lasts=True)
+@dataclass(frozen=True, slots=True)
+class WeakMotor(Fault):
+    """The greatest acceleration of the UAV, if its vehicle has inertia, falls to this share."""
+
+    target: str
+    quantities: tuple[tuple[str, float], ...]
+
+    @property
+    def share(self) -> float:
+        """Share of the greatest acceleration that is left."""
+        return dict(self.quantities)["share"]
+
+
+VehicleFault = ChangeGps | Gust | WeakMotor
+"""Faults that change how a vehicle flies and measures."""
 
 
 @_declare("slow", Target(), Quantity("by_ms", "MS", 0.0, MOST_IN_FAULT), lasts=True)

@@ -17,9 +17,11 @@ from edc_swarm.mission.declarations import Declaration, declarations
 from edc_swarm.mission.link import Link
 from edc_swarm.mission.power_models import EnergyModel, HeadModel
 from edc_swarm.mission.roster_entry import RosterEntry
+from edc_swarm.mission.vehicle_model import VehicleModel
+from edc_swarm.mission.wind_model import WindModel
 from edc_swarm.mission.zone import Zone
 
-TABLES: dict[str, type[Struct]] = {"energy": EnergyModel, "head": HeadModel}
+TABLES: dict[str, type[Struct]] = {"energy": EnergyModel, "head": HeadModel, "vehicle": VehicleModel, "wind": WindModel}
 """Tables of a mission file, by key."""
 LISTS: dict[str, type[Struct]] = {"link": Link, "zone": Zone, "roster": RosterEntry}
 """Lists of tables of a mission file, by key."""

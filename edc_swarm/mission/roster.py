@@ -13,6 +13,7 @@ from edc_swarm.mission.inheritance import with_charges, with_radii
 from edc_swarm.mission.prospect import default_max_slots
 from edc_swarm.mission.roster_entry import RosterEntry
 from edc_swarm.mission.validation import check_links
+from edc_swarm.mission.vehicle_budget import check_vehicles, vehicle_of
 from edc_swarm.mission.zone import Zone
 from edc_swarm.mission.zone_shapes import check_shapes
 
@@ -26,8 +27,9 @@ _ENERGY_STREAM = 1
 
 
 def complete_mission(mission: Mission) -> Mission:
-    """Return the mission with its roster and fence, drawn if it has none, and with `tau_s` and `max_slots` derived.
+    """Return the mission with its roster and fence, drawn if it has none, and with derived values where it states none.
 
+    `tau_s` and `max_slots` are derived if they are 0; `lag_slots` is 1 if a vehicle has inertia.
     An entry of the roster has the radii of the mission and the charge of a random mission where it states none.
 
     Raises
@@ -41,13 +43,16 @@ def complete_mission(mission: Mission) -> Mission:
     roster = _inherited(mission) if mission.roster else random_roster(fenced)
     whole = msgspec.structs.replace(fenced, roster=roster, uavs=len(roster))
     check_links(whole)
+    check_vehicles(whole)
     check_zones(whole)
     check_goals(whole)
     if whole.goals == "lifelong" and any(zone.name != FENCE for zone in whole.zone):
         allowed = f"once with zones of the user's: targets are drawn without regard to zones but {FENCE!r}"
         raise MissionError("goals", whole.goals, allowed)
     max_slots = whole.max_slots or default_max_slots(whole)
-    return msgspec.structs.replace(whole, tau_s=default_tau_s(whole), max_slots=max_slots)
+    has_inertia = any(not vehicle_of(whole, entry).is_ideal for entry in whole.roster)
+    lag_slots = 1 if has_inertia else whole.lag_slots
+    return msgspec.structs.replace(whole, tau_s=default_tau_s(whole), max_slots=max_slots, lag_slots=lag_slots)
 
 
 def random_roster(mission: Mission) -> list[RosterEntry]:

@@ -10,6 +10,7 @@ from msgspec import Meta, Struct
 from msgspec.structs import force_setattr
 
 from edc_swarm.mission.field_types import MAX_ROUTE, MOST_M, Metres, NonNegative, Point, Positive, UavId
+from edc_swarm.mission.vehicle_model import OwnVehicle
 
 ARRIVED_M = 0.1
 """A UAV closer than this to its target has arrived."""
@@ -19,7 +20,7 @@ LACKS_TARGET = "a table with target_x_m and target_y_m, or with a route"
 """What an entry of the roster must be, in words."""
 
 
-class RosterEntry(Struct, frozen=True, kw_only=True):
+class RosterEntry(Struct, frozen=True, kw_only=True, omit_defaults=True):
     """One UAV: its start, its target or route, and what differs from the other UAVs.
 
     A field that is 0 or left out is inherited from the mission; `roster.complete_mission` fills it in.
@@ -30,7 +31,7 @@ class RosterEntry(Struct, frozen=True, kw_only=True):
     uav: UavId
     """Id of the UAV, which no other UAV has.
 
-    Ids of processes are reserved: operator, recorder, viz, router, join, ca.
+    Ids of processes are reserved: operator, recorder, viz, ground, router, join, ca.
     """
     start_x_m: Metres
     """Start, first coordinate in the local frame (east).
@@ -81,6 +82,16 @@ class RosterEntry(Struct, frozen=True, kw_only=True):
     At most `r_m` of this UAV.
 
     Default: 0, which stands for `body_m` of the mission.
+    """
+    gps_m: NonNegative = 0.0
+    """GPS error bound of this UAV.
+
+    Default: 0, which stands for `gps_m` of the mission.
+    """
+    vehicle: OwnVehicle = ""
+    """Vehicle of this UAV, with all figures of the named parameter set.
+
+    Default: "", which stands for table `[vehicle]` of the mission.
     """
     v_max_mps: Annotated[float, Meta(ge=0, le=1e4)] = 0.0
     """Largest speed of this UAV, the paper's V_k,Max.

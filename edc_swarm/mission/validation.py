@@ -15,7 +15,7 @@ from typing import Annotated, Any, TypeVar, cast, get_args, get_origin, get_type
 import msgspec
 from msgspec import Struct
 
-from edc_swarm.errors import InputError, MissionError
+from edc_swarm.errors import InputError, MissionError, SpacingError
 from edc_swarm.files import open_regular
 from edc_swarm.mission.configuration import AREA_M2, Mission
 from edc_swarm.mission.inheritance import with_radii
@@ -191,7 +191,7 @@ def _validate_route(where: str, entry: RosterEntry) -> None:
 
 
 def _validate_separation(roster: list[RosterEntry], which: str) -> None:
-    """Raise `MissionError` unless the discs at starts (or targets) are disjoint: else no plan is safe, or none ends."""
+    """Raise `SpacingError` unless the discs at starts (or targets) are disjoint: else no plan is safe, or none ends."""
     points = sorted((getattr(e, f"{which}_x_m"), getattr(e, f"{which}_y_m"), e.r_m, i) for i, e in enumerate(roster))
     widest_m = 2 * max((e.r_m for e in roster), default=0.0)
     for position, (x_m, y_m, r_m, index) in enumerate(points):
@@ -200,7 +200,7 @@ def _validate_separation(roster: list[RosterEntry], which: str) -> None:
                 break
             gap_m = math.hypot(other_x_m - x_m, other_y_m - y_m)
             if gap_m < r_m + other_r_m:
-                raise MissionError(
+                raise SpacingError(
                     f"roster[{index}].{which}_x_m, {which}_y_m",
                     (x_m, y_m),
                     f"at least {r_m + other_r_m:g} m from the {which} of {roster[other].uav}, not {gap_m:.3f} m",

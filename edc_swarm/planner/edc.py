@@ -7,10 +7,12 @@ from numpy.typing import NDArray
 
 from edc_swarm.emulation.energy import propulsion_power_w
 from edc_swarm.geometry import Floats, point_segment_distance_m
+from edc_swarm.mission.braking import changes_m
 from edc_swarm.mission.configuration import Mission
 from edc_swarm.planner import ways
 from edc_swarm.planner.guidance import Guidance, Scene, Tuning
 from edc_swarm.planner.interface import Plan, PlanRequest, Stopwatch
+from edc_swarm.planner.pilot import momentum_of, slowed_m, step_changes
 from edc_swarm.planner.request import Arrays, checked_arrays
 from edc_swarm.planner.safe import SafeSteps, airspace_of
 from edc_swarm.solver import certificate, slot_qp
@@ -49,13 +51,19 @@ class Edc:
         self._airspace = airspace_of(mission)
         prices = np.array([weights(mission, speed_mps) for speed_mps in mission.speeds_mps])
         self._guidance = Guidance(self._u_max_m, prices, mission.seed, tuning or Tuning(), self._airspace)
-        self._safe = SafeSteps(mission.steps_m, stopwatch, self._airspace)
+        self._change_m = step_changes(mission)
+        self._safe = SafeSteps(
+            mission.steps_m, stopwatch, self._airspace, changes_m(mission), lags=mission.lag_slots > 0
+        )
 
     def plan(self, request: PlanRequest) -> Plan:
         """Return the next waypoints of the UAVs of `request`."""
         started_ns = self._stopwatch()
         arrays = checked_arrays(request)
         wish_m = self._wishes(arrays)
+        momentum = momentum_of(arrays, self._u_max_m, self._change_m)
+        if momentum is not None:
+            wish_m = slowed_m(momentum, wish_m, arrays.target_m)
         return self._safe.plan(arrays, wish_m, guidance_ms=(self._stopwatch() - started_ns) / 1e6)
 
     def _wishes(self, arrays: Arrays) -> Floats:

@@ -1,7 +1,8 @@
 """Guard of a user's planner: its head continues after any failure of it, and reports the error.
 
-If the planner raises, or returns no valid plan, all UAVs hold in that slot and the plan has the reason. The guard
-shortens steps longer than u_max and changes nothing else in a valid plan. It does not make steps safe: a planner
+If the planner raises, or returns no valid plan, all UAVs hold (with inertia: brake) in that slot and the plan has the
+reason. The guard shortens steps longer than u_max, bends those that a UAV with inertia cannot fly, and changes
+nothing else in a valid plan. It does not make steps safe: a planner
 may send two UAVs to one place, and `edc-swarm check` then reports the collision.
 """
 
@@ -17,6 +18,8 @@ import numpy as np
 from edc_swarm.geometry import Floats
 from edc_swarm.mission.configuration import Mission
 from edc_swarm.planner.interface import Plan, Planner, PlanRequest, PlanStatus, Stopwatch
+from edc_swarm.planner.pilot import momentum_of, step_changes
+from edc_swarm.planner.request import checked_arrays
 from edc_swarm.planner.straight import least_end_gap_m
 from edc_swarm.solver.certificate import limited_waypoints
 
@@ -29,6 +32,7 @@ class Guarded:
     def __init__(self, planner: Planner, mission: Mission, stopwatch: Stopwatch) -> None:
         self._planner = planner
         self._u_max_m = np.array(mission.steps_m)
+        self._change_m = step_changes(mission)
         self._stopwatch = stopwatch
 
     def plan(self, request: PlanRequest) -> Plan:
@@ -37,7 +41,7 @@ class Guarded:
         try:
             plan = self._checked(self._planner.plan(request), request)
         except Exception as error:  # noqa: BLE001  (user code may raise anything, and the head continues)
-            plan = _all_hold(request, described(error, type(self._planner).__module__))
+            plan = self._all_hold(request, described(error, type(self._planner).__module__))
         if plan.guidance_ms + plan.assemble_ms + plan.solve_ms > 0.0:
             return plan
         return replace(plan, guidance_ms=(self._stopwatch() - started_ns) / 1e6)
@@ -50,8 +54,19 @@ class Guarded:
         wish_m = _points(plan.waypoint_m, len(request.uav))
         position_m = np.asarray(request.position_m, np.float64).reshape(-1, 2)
         waypoint_m = limited_waypoints(position_m, wish_m, self._u_max_m[np.asarray(request.uav, np.int64)])
+        waypoint_m = self._flyable_m(request, waypoint_m)
         gap_m = plan.min_gap_m or least_end_gap_m(waypoint_m, np.asarray(request.r_m, np.float64))
         return replace(plan, waypoint_m=[(x, y) for x, y in waypoint_m.tolist()], min_gap_m=float(gap_m))
+
+    def _all_hold(self, request: PlanRequest, problem: str) -> Plan:
+        """Return the plan in which all UAVs hold, or brake."""
+        waypoint_m = self._flyable_m(request, np.asarray(request.position_m, np.float64).reshape(-1, 2))
+        return Plan([(x, y) for x, y in waypoint_m.tolist()], "failed", problem=problem)
+
+    def _flyable_m(self, request: PlanRequest, waypoint_m: Floats) -> Floats:
+        """Return the waypoints nearest to these that UAVs with inertia can fly to."""
+        momentum = momentum_of(checked_arrays(request), self._u_max_m, self._change_m)
+        return waypoint_m if momentum is None else momentum.towards_m(waypoint_m)
 
 
 def described(error: BaseException, module: str) -> str:
@@ -70,7 +85,3 @@ def _points(values: object, count: int) -> Floats:
         index = int(np.flatnonzero(~np.isfinite(points_m).all(axis=1))[0])
         raise ValueError(f"waypoint_m[{index}] is {tuple(points_m[index].tolist())}, which is no place")
     return points_m
-
-
-def _all_hold(request: PlanRequest, problem: str) -> Plan:
-    return Plan([(float(x), float(y)) for x, y in request.position_m], "failed", problem=problem)

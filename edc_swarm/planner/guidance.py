@@ -52,6 +52,7 @@ from edc_swarm.mission.roster_entry import ARRIVED_M
 from edc_swarm.planner import guidance_kernel as kernel
 from edc_swarm.planner import ways
 from edc_swarm.planner.charts import Charts
+from edc_swarm.planner.room import Room
 from edc_swarm.solver.barrier_rows import Airspace
 from edc_swarm.solver.hull_rows import Obstacles
 from edc_swarm.solver.normals import DELTA_M
@@ -159,6 +160,7 @@ class Guidance:
         """Take the longest steps (K,) and the prices (wt, wd) (K, 2) of the UAVs of the roster."""
         self._u_max_m = u_max_m
         self._charts = Charts.of(airspace or Airspace.unbounded())
+        self._room = Room(self._charts, u_max_m)
         self._weights = weights
         self._seed = seed
         self._tuning = tuning
@@ -175,6 +177,10 @@ class Guidance:
             scene.position_m, scene.goal_m, walls, scene.slot, scene.uav, scene.r_m, self._charts
         )
         self._remember(scene, way_m + scene.rest_m)
+        if len(self._charts.barred.a_m):
+            goal_m = self._room.aims(
+                scene.slot, scene.uav, scene.position_m, scene.goal_m, goal_m, way_m, scene.r_m, walls
+            )
         plans = self._memory.plans_of(scene.uav)
         world = self._world(scene, goal_m, walls)
         kernel.populate(world, plans, self._tuning.delay)

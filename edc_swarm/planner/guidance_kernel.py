@@ -587,6 +587,17 @@ def open_way(walls: Walls, k: int, x0: float, y0: float, x: float, y: float) -> 
 
 
 @compiled
+def open_legs(
+    walls: Walls, barred: Barred, k: int, r_m: float, delta_m: float, node_m: Floats, first: Ints, second: Ints,
+    is_open: NDArray[np.bool_],
+) -> None:  # fmt: skip
+    """Write for each pair of nodes if vehicle k's straight way between them is clear of hulls and barriers."""
+    for i in range(len(first)):
+        x0, y0, x, y = node_m[first[i], 0], node_m[first[i], 1], node_m[second[i], 0], node_m[second[i], 1]
+        is_open[i] = open_way(walls, k, x0, y0, x, y) and open_leg(barred, r_m, delta_m, x0, y0, x, y)[0]
+
+
+@compiled
 def way_round(  # noqa: PLR0912 (one loop over arrays)
     walls: Walls, barred: Barred, r_m: float, delta_m: float, k: int, node_m: Floats, leg_m: Floats,
     known: NDArray[np.bool_], cost: Floats, parent: Ints, closed: NDArray[np.bool_], budget: int,

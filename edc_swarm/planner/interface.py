@@ -74,7 +74,7 @@ class PlanRequest:
     hulls
         Hulls of all other UAVs of the roster.
     previous_m
-        (n, 2) centres one slot earlier when `lag_slots` is 1, else None.
+        (n, 2) centres one slot earlier when `lag_slots` is 1 or a vehicle has inertia, else None.
     rest_m
         (n,) length of the way beyond `target_m`, 0 for the last point of a route; None for 0 everywhere.
     """

@@ -7,6 +7,7 @@ import importlib
 import msgspec
 
 from edc_swarm.errors import MissionError, SwarmError
+from edc_swarm.mission.braking import changes_m
 from edc_swarm.mission.configuration import Mission
 from edc_swarm.mission.roster_entry import RosterEntry
 from edc_swarm.planner.interface import Hull, Planner, PlannerFactory, PlanRequest, Stopwatch, stopped
@@ -61,11 +62,15 @@ def warm_up(mission: Mission) -> None:
                 target_m=[(entry.target_x_m, entry.target_y_m) for entry in tiny.roster],
                 r_m=[entry.r_m for entry in tiny.roster],
                 hulls=[hull] if slot else [],
-                previous_m=position_m if tiny.lag_slots else None,
+                previous_m=position_m if tiny.lag_slots or changes_m(tiny) else None,
             )
         )
         if plan.problem:
             raise MissionError("planner", mission.planner, f"one that has a plan for two UAVs ({plan.problem})")
+    if mission.planner == "edc" and mission.zone:
+        from edc_swarm.planner.room import rehearse  # noqa: PLC0415  (imports numpy)
+
+        rehearse()
 
 
 def _tiny(mission: Mission) -> Mission:

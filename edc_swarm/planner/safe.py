@@ -9,18 +9,26 @@ from typing import cast
 import numpy as np
 
 from edc_swarm.geometry import Floats
+from edc_swarm.mission.braking import braking_m, changes_m
 from edc_swarm.mission.configuration import Mission
+from edc_swarm.mission.vehicle_budget import grown_r_m
 from edc_swarm.mission.zones import barriers
 from edc_swarm.planner.interface import Plan, PlanStatus, Stopwatch, stopped
+from edc_swarm.planner.pilot import momentum_of
 from edc_swarm.planner.request import Arrays, steps_of
 from edc_swarm.solver import certificate, slot_qp, solution
 from edc_swarm.solver.barrier_rows import Airspace
+from edc_swarm.solver.slot_qp import Problem
 
 
 def airspace_of(mission: Mission) -> Airspace:
     """Return the airspace that the mission's zones leave to its UAVs."""
-    r_m = max([mission.r_m, *(entry.r_m for entry in mission.roster)])
-    return Airspace.of(barriers(mission.zone), r_m, 2 * max(mission.steps_m, default=0.0))
+    r_m = max([mission.r_m, *(grown_r_m(mission, entry) for entry in mission.roster)])
+    reach_m = 2 * max(mission.steps_m, default=0.0)
+    if changes := changes_m(mission):
+        steps = zip(mission.steps_m, changes, strict=True)
+        reach_m += max(braking_m(step_m, change_m) for step_m, change_m in steps)
+    return Airspace.of(barriers(mission.zone), r_m, reach_m)
 
 
 class SafeSteps:
@@ -34,8 +42,17 @@ class SafeSteps:
         u_max_m: Sequence[float] | float,
         stopwatch: Stopwatch = stopped,
         airspace: Airspace | None = None,
+        change_m: Sequence[float] | None = None,
+        *,
+        lags: bool = True,
     ) -> None:
-        """Take the longest step of every UAV of the roster (`Mission.steps_m`), or one for all."""
+        """Take the longest step of every UAV of the roster (`Mission.steps_m`), or one for all.
+
+        `change_m` are the step changes of the roster (`mission.braking.changes_m`), None if all UAVs stop at once.
+        `lags` says if UAVs end a step up to a slot late; without momentum `previous_m` of a request says it.
+        """
+        self._change_m = None if change_m is None else np.array(change_m)
+        self._lags = lags
         self._u_max_m = np.asarray(u_max_m, dtype=np.float64)
         self._stopwatch = stopwatch
         self._duals = solution.Memory()
@@ -44,15 +61,7 @@ class SafeSteps:
     def plan(self, arrays: Arrays, wish_m: Floats, guidance_ms: float = 0.0) -> Plan:
         """Plan for the UAVs of `arrays` with preferred waypoints `wish_m` (n, 2), at most u_max away."""
         ticks_ns = [self._stopwatch()]
-        problem = slot_qp.slot_problem(
-            arrays.position_m,
-            wish_m,
-            arrays.r_m,
-            steps_of(self._u_max_m, arrays.uav),
-            arrays.obstacles,
-            arrays.previous_m,
-            self._airspace,
-        )
+        problem = self._problem(arrays, wish_m)
         program = None
         if not solution.keeps_every_row(problem):
             program = solution.active_program(problem, arrays.uav)
@@ -74,3 +83,14 @@ class SafeSteps:
             solve_ms=float(solve_ms),
             iterations=solved.iterations,
         )
+
+    def _problem(self, arrays: Arrays, wish_m: Floats) -> Problem:
+        momentum = momentum_of(arrays, self._u_max_m, self._change_m)
+        if momentum is None:
+            u_max_m = steps_of(self._u_max_m, arrays.uav)
+            return slot_qp.slot_problem(
+                arrays.position_m, wish_m, arrays.r_m, u_max_m, arrays.obstacles, arrays.previous_m, self._airspace
+            )
+        previous_m = arrays.previous_m if self._lags else None
+        wish_m = momentum.towards_m(wish_m)
+        return slot_qp.moving_problem(momentum, wish_m, arrays.r_m, arrays.obstacles, previous_m, self._airspace)

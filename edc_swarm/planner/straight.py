@@ -1,4 +1,7 @@
-"""Planner "straight": no collision avoidance, as in the paper's Fig. 4."""
+"""Planner "straight": no collision avoidance, as in the paper's Fig. 4.
+
+A UAV that cannot stop at once takes up speed and slows down before its target.
+"""
 
 from __future__ import annotations
 
@@ -9,6 +12,7 @@ import numpy as np
 from edc_swarm.geometry import length_m
 from edc_swarm.mission.configuration import Mission
 from edc_swarm.planner.interface import Plan, PlanRequest, Stopwatch
+from edc_swarm.planner.pilot import momentum_of, slowed_m, step_changes
 from edc_swarm.planner.request import checked_arrays
 from edc_swarm.solver.certificate import limited_waypoints
 
@@ -18,6 +22,7 @@ class Straight:
 
     def __init__(self, mission: Mission, stopwatch: Stopwatch) -> None:
         self._u_max_m = np.array(mission.steps_m)
+        self._change_m = step_changes(mission)
         self._stopwatch = stopwatch
 
     def plan(self, request: PlanRequest) -> Plan:
@@ -25,6 +30,8 @@ class Straight:
         started_ns = self._stopwatch()
         scene = checked_arrays(request)
         waypoint_m = limited_waypoints(scene.position_m, scene.target_m, self._u_max_m[scene.uav])
+        if (momentum := momentum_of(scene, self._u_max_m, self._change_m)) is not None:
+            waypoint_m = momentum.towards_m(slowed_m(momentum, waypoint_m, scene.target_m))
         return Plan(
             waypoint_m=[(x, y) for x, y in waypoint_m.tolist()],
             status="no-qp-needed",

@@ -17,6 +17,7 @@ import msgspec
 from edc_swarm.errors import MessageError, MissionError
 from edc_swarm.mission.faults import parse_faults
 from edc_swarm.mission.roles import OPERATOR, ROLES
+from edc_swarm.mission.vehicle_budget import grown_r_m
 from edc_swarm.protocol.events import EventKind
 from edc_swarm.protocol.messages import NO_ONE, Command, Event, Fix, Goal, Message, MissionMessage, Report, Truth
 
@@ -99,6 +100,8 @@ class Admission:
         flown_m = math.hypot(fix.waypoint_x_m - entry.start_x_m, fix.waypoint_y_m - entry.start_y_m)
         if flown_m > self._mission.step_m(entry) * (fix.slot + 1) * (1 + REACH_TOLERANCE) + REACH_TOLERANCE:
             yield f"{flown_m:.6g} m from the start in slot {fix.slot}"
+        if not entry.r_m <= fix.r_m <= grown_r_m(self._mission, entry):
+            yield f"its disc has {fix.r_m:.6g} m, which that of this UAV cannot have"
 
     def _of_report(self, report: Report) -> Iterator[str]:
         yield from self._of_sender(report.head, report.slot, report.sent_ns)

@@ -28,6 +28,7 @@ class EventKind(StrEnum):
     CLOCK_JUMP = "clock-jump"
     DELAY_ERROR = "delay-error"
     MALFORMED = "malformed"
+    GROUND_DENIED = "ground-denied"
     RECORDER_BEHIND = "recorder-behind"
     RECORDER_DROPPED = "recorder-dropped"
     RECORDING_FAILED = "recording-failed"
@@ -61,6 +62,9 @@ EVENT_FORMS: dict[EventKind, EventForm] = {
     EventKind.CLOCK_JUMP: EventForm("every publisher", "by how much its wall clock jumped"),
     EventKind.DELAY_ERROR: EventForm("UAV", "JSON: how late its emulated links handed messages over"),
     EventKind.MALFORMED: EventForm("UAV, operator, recorder, visualiser", "what was rejected, and how often"),
+    EventKind.GROUND_DENIED: EventForm(
+        "bridge to a ground station", "the requests so far that would have steered a UAV, by kind", warning=True
+    ),
     EventKind.RECORDER_BEHIND: EventForm("recorder", "by how many seconds and messages it is behind", warning=True),
     EventKind.RECORDER_DROPPED: EventForm("recorder", "the number of messages that it could not write", warning=True),
     EventKind.RECORDING_FAILED: EventForm("recorder", "the error that ended the file"),

@@ -12,7 +12,7 @@ from collections.abc import Set
 from itertools import chain
 from typing import Annotated, Literal, get_args
 
-from msgspec import Meta, Struct
+from msgspec import UNSET, Meta, Struct, UnsetType
 
 from edc_swarm.mission.configuration import NS_PER_S, Mission
 from edc_swarm.mission.field_types import (
@@ -99,7 +99,13 @@ class Fix(Struct, frozen=True, kw_only=True, gc=False):
 
 
 class Truth(Struct, frozen=True, kw_only=True, gc=False):
-    """The emulator's ground truth of a slot: the true motion, with equal points for a hold."""
+    """The emulator's ground truth of a slot: the true motion, with equal points for a hold.
+
+    A vehicle with inertia also tells the waypoint at the end of its step (`waypoint_*`), its true positions at equal
+    times between the two ends (`between_*`), at most 0.1 s apart, its energy of propulsion, and whether the controller
+    asked for more acceleration than the vehicle has. Between two of these positions it is at most h^2 / 8 times its
+    acceleration from their straight line, h apart: 0.01 m at 8 m/s2.
+    """
 
     uav: UavId
     instance: Instance = ""
@@ -110,6 +116,12 @@ class Truth(Struct, frozen=True, kw_only=True, gc=False):
     from_y_m: Metres
     to_x_m: Metres
     to_y_m: Metres
+    waypoint_x_m: Metres | UnsetType = UNSET
+    waypoint_y_m: Metres | UnsetType = UNSET
+    between_x_m: Coordinates | UnsetType = UNSET
+    between_y_m: Coordinates | UnsetType = UNSET
+    propulsion_j: NonNegative | UnsetType = UNSET
+    saturated: bool | UnsetType = UNSET
 
 
 class Command(Struct, frozen=True, kw_only=True, gc=False):

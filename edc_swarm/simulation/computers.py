@@ -28,6 +28,7 @@ from edc_swarm.agent.node import (
 )
 from edc_swarm.agent.vehicle import Airframe, Promise, comes_too_late, first_airframe, first_promise
 from edc_swarm.emulation.links import NS_PER_MS, LinkEmulator
+from edc_swarm.mission.braking import change_of
 from edc_swarm.mission.failsafe import LATE_FRACTION
 from edc_swarm.mission.faults import Freeze, Kill, SlowSolver
 from edc_swarm.mission.roster_entry import RosterEntry
@@ -137,17 +138,22 @@ class Disk:
     def __init__(self, entry: RosterEntry, world: World) -> None:
         self._uav = entry.uav
         self._world = world
+        self._stops_at_once = math.isinf(change_of(world.mission, entry))
         self.promise: Promise | None = first_promise(entry)
         self.airframe = first_airframe(entry)
 
     def write(self, promise: Promise | None, airframe: Airframe) -> None:
         """Write both files: the write accepts a step, which is flown from here on, whatever happens."""
         before, mission, schedule = self.airframe, self._world.mission, self._world.schedule
-        if (before.x_m, before.y_m) != (airframe.x_m, airframe.y_m):
+        # A braking step is no accepted step: it follows from the last one.
+        brakes = not self._stops_at_once and before.stepped_slot == airframe.stepped_slot
+        if not brakes and (before.x_m, before.y_m) != (airframe.x_m, airframe.y_m):
             slot = promise.slot if promise is not None else schedule.slot
             begun_ns = mission.epoch_ns + slot * mission.slot_ns
             late = schedule.now_ns - begun_ns > LATE_FRACTION * mission.slot_ns + schedule.duration_ns(mission.guard_s)
             here_m, there_m = (before.x_m, before.y_m), (airframe.x_m, airframe.y_m)
+            if airframe.from_x_m is not None and airframe.from_y_m is not None:
+                here_m = (airframe.from_x_m, airframe.from_y_m)
             self._world.motions.append(Motion(slot, self._uav, here_m, there_m, late))
         self.promise, self.airframe = promise, airframe
 

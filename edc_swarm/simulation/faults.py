@@ -9,7 +9,7 @@ import math
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
 
-from edc_swarm.agent.node import GpsChanged, Tick
+from edc_swarm.agent.node import Disturbed, Tick
 from edc_swarm.emulation.links import LinkEmulator
 from edc_swarm.emulation.machine import MACHINE_FAULTS
 from edc_swarm.mission.fault_handlers import FaultHandlers
@@ -24,9 +24,9 @@ from edc_swarm.mission.faults import (
     Restart,
     Resume,
     SlowSolver,
+    VehicleFault,
     resolve,
 )
-from edc_swarm.mission.field_types import GpsModel
 from edc_swarm.mission.roles import RECORDER, ROUTER
 from edc_swarm.protocol.events import EventKind
 from edc_swarm.simulation.computers import FOREVER_NS, Clock, Computer
@@ -83,9 +83,9 @@ class SimulatedMachine:
         self.computer.clock = Clock(now_ns, now_ns + offset_ns, 1.0 + drift_ppm * 1e-6)
         self.computer.step(Tick())
 
-    def set_gps_model(self, model: GpsModel) -> None:
-        """Let the GPS receiver err by `model`."""
-        self.computer.step(GpsChanged(model))
+    def disturb(self, fault: VehicleFault) -> None:
+        """Let the GPS receiver err otherwise, a gust hit the vehicle, or its motors weaken."""
+        self.computer.step(Disturbed(fault))
 
     def slow_down(self, fault: SlowSolver) -> None:
         """Let every plan take longer while `fault` lasts."""

@@ -85,6 +85,53 @@ def barrier_rows(
     return uav, normal, room_m, frozen
 
 
+def moving_barrier_rows(
+    places_m: Floats, stop_m: Floats, r_m: Floats, reach_m: Floats, airspace: Airspace
+) -> tuple[Indices, Floats, Floats, Floats, NDArray[np.bool_]]:
+    """Return the rows of UAVs that cannot stop at once: UAV, normal, room and spare; and a mask as `barrier_rows`.
+
+    `places_m` (2 or 3, n, 2) are the rests, the positions and, with lag, the previous ones. The least of all counts, so
+    a curve that cuts the corner of a turn keeps the distance too. A disc that has grown beyond the index, without GPS,
+    makes all barriers candidates.
+    """
+    barriers = airspace.barriers
+    if r_m.max(initial=0.0) <= airspace.r_m:
+        uav, which = airspace.index.near(places_m[1])
+    else:
+        uav, which = (pair.ravel() for pair in np.indices((len(r_m), len(barriers.a_m))))
+    keep_m = barriers.radius_m[which] + barriers.keeps_disc[which] * r_m[uav]
+    a_m, b_m = barriers.a_m[which], barriers.b_m[which]
+    straight_m = np.subtract(*closest_points_of_segments(places_m[-1, uav], places_m[0, uav], a_m, b_m))
+    near = length_m(straight_m) < keep_m + reach_m[uav] + DELTA_M
+    uav, which = uav[near], which[near]
+    keep_m, straight_m, a_m, b_m = keep_m[near], straight_m[near], a_m[near], b_m[near]
+    points_m, side = places_m[:, uav], barriers.side[which]
+    path_m = np.subtract(*closest_points_of_segments(points_m[1], stop_m[uav], a_m, b_m))
+    towards = np.stack([straight_m, path_m])
+    length = length_m(towards)[..., None]
+    candidate = np.concatenate(
+        [np.stack([side, -side]), np.where(length > 0, towards / np.where(length > 0, length, 1), 0.0)]
+    )
+    along_m = dot(candidate[:, None], points_m)
+    spare_m = along_m[:, 0] - along_m.min(axis=1)
+    largest_m = np.abs(np.stack([a_m, b_m])).max(axis=(0, 2), initial=0.0) + np.abs(points_m).max(
+        axis=(0, 2), initial=0.0
+    )
+    beyond_m = np.maximum(dot(candidate, a_m), dot(candidate, b_m))
+    apart_m = along_m.min(axis=1) - beyond_m - 16 * np.spacing(largest_m)
+    left_m = apart_m - np.maximum(-dot(candidate, stop_m[uav] - points_m[0]) - spare_m, 0.0)
+    least_m = np.maximum(np.minimum(keep_m, apart_m.max(axis=0, initial=-np.inf)), ON_EDGE_M)
+    best = np.argmax(np.where(apart_m >= least_m, left_m, -np.inf), axis=0)
+    pick = np.arange(len(uav))
+    separates = apart_m[best, pick] >= least_m
+    normal = np.where(separates[:, None], candidate[best, pick], side)
+    room_m = np.where(separates, np.maximum(apart_m[best, pick] - keep_m, 0.0), 0.0)
+    inwards_m = np.maximum(dot(side, points_m[0] - points_m[1]), 0.0)
+    frozen = np.zeros(len(r_m), dtype=bool)
+    frozen[uav[~separates & (side == 0).all(axis=1)]] = True
+    return uav, normal, room_m, np.where(separates, spare_m[best, pick], inwards_m), frozen
+
+
 def _barrier_normals(point_m: Floats, wish_m: Floats, a_m: Floats, b_m: Floats, side: Floats) -> Floats:
     """Return the unit normals (4, h, 2) that a row may have.
 

@@ -29,6 +29,7 @@ from numpy.typing import NDArray
 
 from edc_swarm.geometry import Floats, Indices, dot, length_m
 from edc_swarm.solver.slot_qp import Problem
+from edc_swarm.solver.stopping import STOP_SLACK
 
 MARGIN_M = 1e-9
 """Room kept free for rounding."""
@@ -53,14 +54,18 @@ def certify(problem: Problem, step_m: Floats) -> Certified:
     if (slips := _slips(problem, step_m)).any():
         step_m = _limited(problem, _onto_rows(problem, step_m, slips))
     share = _shares(problem, step_m)
-    waypoint_m = _rounded(problem, share[:, None] * step_m)
-    waypoint_m = np.where(_refused(problem, waypoint_m)[:, None], problem.position_m, waypoint_m)
+    momentum = problem.momentum
+    if momentum is None:
+        waypoint_m, stay_m = _rounded(problem, share[:, None] * step_m), problem.position_m
+    else:
+        waypoint_m, stay_m = momentum.nearest_m(problem.position_m, share[:, None] * step_m), momentum.braked_m
+    waypoint_m = np.where(_refused(problem, waypoint_m)[:, None], stay_m, waypoint_m)
     return Certified(waypoint_m, share < 1.0)
 
 
 def least_gap_m(problem: Problem, waypoint_m: Floats) -> float:
     """Return the least room n.(x_k - x_l) - R in any execution of the steps; infinite without pairs."""
-    step_m = waypoint_m - problem.position_m
+    step_m = problem.flown_m(waypoint_m)
     closing_first_m, closing_second_m = problem.closing_m(step_m)
     pairs_m = problem.room_m - closing_first_m - closing_second_m
     rows_m = (problem.row_room_m - problem.row_closing_m(step_m))[: problem.hull_rows]
@@ -118,12 +123,16 @@ def _rounded(problem: Problem, step_m: Floats) -> Floats:
 def _refused(problem: Problem, waypoint_m: Floats) -> NDArray[np.bool_]:
     """Return a mask (n,) of the UAVs whose published floats break a row or the speed limit: they hold instead.
 
-    A hold is safe with any steps of the others (it is a corner of every row), so one pass is enough.
+    A hold is safe with any steps of the others (it is a corner of every row), so one pass is enough. With momentum the
+    same holds for braking.
     """
-    step_m = waypoint_m - problem.position_m
+    step_m = problem.flown_m(waypoint_m)
     over = _rows_over_m(problem, step_m, MARGIN_M / 2)
     rounding_m = _rounding_m(problem)
-    refused = _too_long(step_m, problem.u_max_m)
+    if problem.momentum is None:
+        refused = _too_long(step_m, problem.u_max_m)
+    else:
+        refused = ~problem.momentum.allows(waypoint_m, STOP_SLACK) | problem.frozen
     for uav, over_m, _ in over:
         refused[uav[over_m > -rounding_m]] = True
     return refused
@@ -138,9 +147,10 @@ def _rows_over_m(problem: Problem, step_m: Floats, margin_m: float) -> list[tupl
     moves: NDArray[np.bool_] = np.any(step_m != 0, axis=1)
     usable_m, row_usable_m = (np.maximum(room_m - margin_m, 0.0) for room_m in (problem.room_m, problem.row_room_m))
     first, second, single = problem.first, problem.second, problem.row_uav
-    a_m, b_m = -dot(problem.normal, step_m[first]), dot(problem.normal, step_m[second])
+    a_m = -dot(problem.normal, step_m[first]) - problem.first_spare_m
+    b_m = dot(problem.normal, step_m[second]) - problem.second_spare_m
     both = moves[first] & moves[second] & (a_m > 0) & (b_m > 0)
-    row_m = -dot(problem.row_normal, step_m[single])
+    row_m = -dot(problem.row_normal, step_m[single]) - problem.row_spare_m
     return [
         (uav[counts], (closing_m - room_m)[counts], room_m[counts])
         for uav, counts, closing_m, room_m in (
@@ -156,7 +166,8 @@ def _rows_over_m(problem: Problem, step_m: Floats, margin_m: float) -> list[tupl
 def _rounding_m(problem: Problem) -> float:
     """Return a bound above all rounding errors of a row: waypoint - position, the normal, and their product."""
     largest_m = np.abs(problem.position_m).max(initial=0.0) + problem.u_max_m.max(initial=0.0)
-    return float(8 * np.spacing(largest_m + np.abs(problem.room_m).max(initial=0.0)))
+    gain = 1.0 if problem.momentum is None else problem.momentum.gain
+    return float(8 * gain * np.spacing(largest_m + np.abs(problem.room_m).max(initial=0.0)))
 
 
 def _inward_m(problem: Problem) -> float:
@@ -177,6 +188,10 @@ def _onto_rows(problem: Problem, step_m: Floats, slips: NDArray[np.bool_]) -> Fl
     """Return the steps, with each step in `slips` moved, one after another, to the nearest point inside its rows."""
     step_m, inward_m = step_m.copy(), _inward_m(problem)
     usable_m, row_usable_m = (np.maximum(room_m - MARGIN_M, 0.0) for room_m in (problem.room_m, problem.row_room_m))
+    first_spare_m, second_spare_m = (
+        np.broadcast_to(spare, usable_m.shape) for spare in (problem.first_spare_m, problem.second_spare_m)
+    )
+    row_spare_m = np.broadcast_to(problem.row_spare_m, row_usable_m.shape)
     for uav in np.flatnonzero(slips):
         first, second, single = (
             np.flatnonzero(which == uav) for which in (problem.first, problem.second, problem.row_uav)
@@ -184,9 +199,14 @@ def _onto_rows(problem: Problem, step_m: Floats, slips: NDArray[np.bool_]) -> Fl
         closing_first_m, closing_second_m = problem.closing_m(step_m)
         normal = np.concatenate([problem.normal[first], -problem.normal[second], problem.row_normal[single]])
         room_m = np.concatenate(
-            [(usable_m - closing_second_m)[first], (usable_m - closing_first_m)[second], row_usable_m[single]]
+            [
+                (usable_m - closing_second_m)[first],
+                (usable_m - closing_first_m)[second],
+                row_usable_m[single],
+            ]
         )
-        step_m[uav] = nearest_step_m(step_m[uav], normal, inward_m - np.maximum(room_m, 0.0))
+        spare_m = np.concatenate([first_spare_m[first], second_spare_m[second], row_spare_m[single]])
+        step_m[uav] = nearest_step_m(step_m[uav], normal, inward_m - np.maximum(room_m, 0.0) - spare_m)
     return step_m
 
 

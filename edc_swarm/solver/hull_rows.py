@@ -105,6 +105,76 @@ def _outer_rows(
     return np.where(better[:, None], normal, centre), np.where(better, room_m, centre_room_m)
 
 
+def moving_obstacle_rows(
+    places_m: Floats, stop_m: Floats, r_m: Floats, reach_m: Floats, obstacles: Obstacles
+) -> tuple[Indices, Floats, Floats, Floats, NDArray[np.bool_]]:
+    """Return the rows of UAVs that cannot stop at once: UAV, normal, room and spare; and a mask of those that brake.
+
+    `places_m` (2 or 3, n, 2) are the rests q, the positions p and, with lag, the previous ones, all on one segment.
+
+    ======================  ======================================================================================
+    distance of the segment rows, with w = q + z - p
+    ======================  ======================================================================================
+    at least R              as `obstacle_rows`, where the least of all places counts
+    less than R             w.(p - x) >= 0 for all x of the hull, and the same for the previous position: no part of
+                            the path, nor of a curve that cuts its corner, is nearer to any x than the last step,
+                            which is at R or more from the unheard UAV. If braking does not do so, the UAV brakes
+    p inside the hull       none; the UAV brakes
+    ======================  ======================================================================================
+    """
+    rest_m, starts_m = places_m[0], places_m[1:]
+    frozen = np.zeros(len(rest_m), dtype=bool)
+    if not len(obstacles.radius_m) or not len(rest_m):
+        none = np.empty(0)
+        return np.empty(0, np.int64), np.empty((0, 2)), none, none, frozen
+    on_way, on_axis = closest_points_of_segments(
+        starts_m[-1][:, None], rest_m[:, None], obstacles.a_m[None], obstacles.b_m[None]
+    )
+    apart_m = on_way - on_axis
+    distance_m = length_m(apart_m)
+    room_m = distance_m - obstacles.radius_m - (r_m[:, None] + obstacles.keep_m)
+    start_m = np.min(
+        [length_m(p_m[:, None] - nearest_on_segment(p_m[:, None], obstacles.a_m, obstacles.b_m)) for p_m in starts_m],
+        axis=0,
+    )
+    inside = (start_m <= obstacles.radius_m) | (start_m == 0)
+    frozen = inside.any(axis=1)
+    outer, which = np.nonzero(~inside & (room_m >= 0) & (room_m < reach_m[:, None] + DELTA_M))
+    inner, near = np.nonzero(~inside & (room_m < 0))
+    normal, outer_room_m, outer_spare_m = _moving_outer_rows(
+        places_m[:, outer], stop_m[outer], apart_m[outer, which], r_m[outer], obstacles, which
+    )
+    tangents = [tangent for p_m in starts_m for tangent in _tangent_normals(p_m[inner], obstacles, near)]
+    spare_m = [dot(tangent, (rest_m - starts_m[0])[inner]) for tangent in tangents]
+    for closer_m in spare_m:
+        frozen[inner[closer_m < 0]] = True
+    return (
+        np.concatenate([outer, *[inner] * len(tangents)]),
+        np.concatenate([normal, *tangents]),
+        np.concatenate([outer_room_m, np.zeros(len(tangents) * len(inner))]),
+        np.maximum(np.concatenate([outer_spare_m, *spare_m]), 0.0),
+        frozen,
+    )
+
+
+def _moving_outer_rows(
+    places_m: Floats, stop_m: Floats, apart_m: Floats, r_m: Floats, obstacles: Obstacles, which: Indices
+) -> tuple[Floats, Floats, Floats]:
+    """Return normals (h, 2), room (h,) and spare (h,): the better of two candidates, as `_outer_rows` does."""
+    a_m, b_m = obstacles.a_m[which], obstacles.b_m[which]
+    path_m = np.subtract(*closest_points_of_segments(places_m[1], stop_m, a_m, b_m))
+    length = np.maximum(length_m(np.stack([apart_m, path_m])), 1e-300)[..., None]
+    candidate = np.stack([apart_m, path_m]) / length
+    along_m = dot(candidate[:, None], places_m)
+    beyond_m = np.maximum(dot(candidate, a_m), dot(candidate, b_m))
+    room_m = along_m.min(axis=1) - beyond_m - obstacles.radius_m[which] - (r_m + obstacles.keep_m[which])
+    spare_m = along_m[:, 0] - along_m.min(axis=1)
+    closing_m = np.maximum(-dot(candidate, stop_m - places_m[0]) - spare_m, 0.0)
+    better = (room_m[1] >= 0) & (room_m[1] - closing_m[1] > room_m[0] - closing_m[0] + 1e-9)
+    normal = np.where(better[:, None], candidate[1], candidate[0])
+    return normal, np.where(better, room_m[1], room_m[0]), np.where(better, spare_m[1], spare_m[0])
+
+
 def _tangent_normals(point_m: Floats, obstacles: Obstacles, which: Indices) -> tuple[Floats, Floats]:
     """Return the inward normals (m, 2), (m, 2) of the cone of steps that come no nearer to any point of the hull.
 

@@ -38,9 +38,10 @@ from edc_swarm.geometry import (
     length_m,
     near_pairs,
 )
-from edc_swarm.solver.barrier_rows import Airspace, barrier_rows
-from edc_swarm.solver.hull_rows import Obstacles, obstacle_rows
+from edc_swarm.solver.barrier_rows import Airspace, barrier_rows, moving_barrier_rows
+from edc_swarm.solver.hull_rows import Obstacles, moving_obstacle_rows, obstacle_rows
 from edc_swarm.solver.normals import DELTA_M, fan, towards_wishes
+from edc_swarm.solver.stopping import Momentum
 
 
 @dataclass(frozen=True, slots=True)
@@ -50,7 +51,7 @@ class Problem:
     Attributes
     ----------
     position_m, wish_m
-        (n, 2) disc centres now, and preferred waypoints.
+        (n, 2) disc centres now, and preferred waypoints. With momentum: rests, and preferred stopping points.
     u_max_m
         (n,) longest step of each UAV.
     first, second
@@ -64,7 +65,11 @@ class Problem:
     hull_rows
         Number of the first rows that are of hulls.
     frozen
-        (n,) UAVs inside a hull, which must hold.
+        (n,) UAVs inside a hull, which must hold (with momentum: brake).
+    first_spare_m, second_spare_m, row_spare_m
+        (p,), (p,), (h,) distances by which a UAV may close in from its rest before it is nearer than on its way there.
+    momentum
+        Motion of the UAVs, None if all can stop at once. Steps are then ways from rest to stopping point.
     """
 
     position_m: Floats
@@ -79,6 +84,10 @@ class Problem:
     row_room_m: Floats
     frozen: NDArray[np.bool_]
     hull_rows: int
+    first_spare_m: Floats | float = 0.0
+    second_spare_m: Floats | float = 0.0
+    row_spare_m: Floats | float = 0.0
+    momentum: Momentum | None = None
 
     @property
     def wish_step_m(self) -> Floats:
@@ -88,13 +97,17 @@ class Problem:
     def closing_m(self, step_m: Floats) -> tuple[Floats, Floats]:
         """Return the distances by which each pair's two UAVs close in along the normal, each >= 0, (p,) and (p,)."""
         return (
-            np.maximum(-dot(self.normal, step_m[self.first]), 0.0),
-            np.maximum(dot(self.normal, step_m[self.second]), 0.0),
+            np.maximum(-dot(self.normal, step_m[self.first]) - self.first_spare_m, 0.0),
+            np.maximum(dot(self.normal, step_m[self.second]) - self.second_spare_m, 0.0),
         )
 
     def row_closing_m(self, step_m: Floats) -> Floats:
         """Return the distance by which the UAV of each hull or barrier closes in, (h,)."""
-        return np.maximum(-dot(self.row_normal, step_m[self.row_uav]), 0.0)
+        return np.maximum(-dot(self.row_normal, step_m[self.row_uav]) - self.row_spare_m, 0.0)
+
+    def flown_m(self, waypoint_m: Floats) -> Floats:
+        """Return the steps (n, 2) that lead to these waypoints, with momentum the ways from rest to stopping point."""
+        return (waypoint_m if self.momentum is None else self.momentum.stops_m(waypoint_m)) - self.position_m
 
 
 def slot_problem(
@@ -134,6 +147,58 @@ def slot_problem(
         row_room_m,
         frozen | at_centre,
         len(hull_uav),
+    )
+
+
+def moving_problem(
+    momentum: Momentum,
+    wish_m: Floats,
+    r_m: Floats,
+    obstacles: Obstacles | None = None,
+    previous_m: Floats | None = None,
+    airspace: Airspace | None = None,
+) -> Problem:
+    """Assemble the QP of one slot for UAVs that cannot stop at once; `wish_m` are waypoints that they can fly to.
+
+    A UAV occupies the segment from its position p (with `previous_m` from its previous centre, on the same line) to its
+    rest q, and with its step the segment from p to its stopping point q + z too. Along one normal n the least of
+    p, q and q + z counts. Hence the UAV closes in by max(-n.z - spare, 0), where spare = n.q - min(n.p, n.q), and all
+    rows are linear in z.
+    """
+    rest_m, stop_m, reach_m = momentum.rest_m, momentum.stops_m(wish_m), momentum.reach_m
+    starts_m = (momentum.position_m,) if previous_m is None else (momentum.position_m, previous_m)
+    first, second, gap_m = _segment_pairs(starts_m[-1], rest_m, r_m, reach_m)
+    sum_m = r_m[first] + r_m[second] + DELTA_M
+    near = length_m(gap_m) < sum_m + reach_m[first] + reach_m[second]
+    first, second, gap_m = first[near], second[near], gap_m[near]
+    path_m = np.subtract(
+        *closest_points_of_segments(
+            momentum.position_m[first], stop_m[first], momentum.position_m[second], stop_m[second]
+        )
+    )
+    places_m = np.stack([rest_m, *starts_m])
+    normal, room_m, spare_m = _moving_normals(places_m, stop_m - rest_m, r_m, first, second, gap_m, path_m)
+    obstacles, airspace = obstacles or Obstacles.none(), airspace or Airspace.unbounded()
+    hull_uav, *hull_rows, frozen = moving_obstacle_rows(places_m, stop_m, r_m, reach_m, obstacles)
+    uav, *rows, at_centre = moving_barrier_rows(places_m, stop_m, r_m, reach_m, airspace)
+    row_normal, row_room_m, row_spare_m = (np.concatenate(both) for both in zip(hull_rows, rows, strict=True))
+    return Problem(
+        rest_m,
+        stop_m,
+        reach_m,
+        first,
+        second,
+        normal,
+        room_m,
+        np.concatenate([hull_uav, uav]),
+        row_normal,
+        row_room_m,
+        frozen | at_centre,
+        len(hull_uav),
+        spare_m[0],
+        spare_m[1],
+        row_spare_m,
+        momentum,
     )
 
 
@@ -202,3 +267,34 @@ def _least_room_m(normal: Floats, previous_m: Floats, position_m: Floats, first:
     nearest = np.minimum(dot(normal, previous_m[first][None]), dot(normal, position_m[first][None]))
     farthest = np.maximum(dot(normal, previous_m[second][None]), dot(normal, position_m[second][None]))
     return np.asarray(nearest - farthest)
+
+
+def _moving_normals(
+    places_m: Floats, step_m: Floats, r_m: Floats, first: Indices, second: Indices, apart_m: Floats, path_m: Floats
+) -> tuple[Floats, Floats, tuple[Floats, Floats]]:
+    """Return normal (p, 2), room, and the spare of both UAVs, each (p,), of the best candidate of each pair.
+
+    `places_m` (2 or 3, n, 2) are the rests, the positions and with lag the previous ones. The candidates are those of
+    `_normals`, with the vector between the two closest points of the declared paths, `path_m` (p, 2).
+    """
+    distance_m = length_m(apart_m)
+    sum_m = r_m[first] + r_m[second]
+    centre = np.where(distance_m[:, None] > 0, apart_m / np.where(distance_m > 0, distance_m, 1.0)[:, None], [1.0, 0.0])
+    ratio = (sum_m + DELTA_M) / np.maximum(distance_m, sum_m + DELTA_M)
+    angle = by_libm(math.acos, np.minimum(ratio, 1.0)) * (1 - 1e-9)
+    least_m = length_m(path_m)[:, None]
+    path = np.where(least_m > DELTA_M, path_m / np.maximum(least_m, DELTA_M), centre)
+    towards = towards_wishes(apart_m, step_m[first], step_m[second], centre)
+    candidate = np.concatenate([fan(centre, angle), towards[None], path[None]])
+    nearest_m = dot(candidate[:, None], places_m[:, first])
+    farthest_m = dot(candidate[:, None], places_m[:, second])
+    room_m = nearest_m.min(axis=1) - farthest_m.max(axis=1) - sum_m
+    spare_m = nearest_m[:, 0] - nearest_m.min(axis=1), farthest_m.max(axis=1) - farthest_m[:, 0]
+    closing_m = np.maximum(-dot(candidate, step_m[first][None]) - spare_m[0], 0.0) + np.maximum(
+        dot(candidate, step_m[second][None]) - spare_m[1], 0.0
+    )
+    left_m = np.where(room_m >= 0, room_m - closing_m, -np.inf)
+    left_m[0] += 1e-9
+    best = np.argmax(left_m, axis=0)
+    pick = np.arange(len(first))
+    return candidate[best, pick], room_m[best, pick], (spare_m[0][best, pick], spare_m[1][best, pick])

@@ -101,8 +101,10 @@ def active_program(problem: Problem, uav_id: Indices) -> Program:
     step_m = np.where(problem.frozen[:, None], 0.0, problem.wish_step_m)
     length = length_m(step_m)
     gap_m = np.maximum(problem.room_m - DELTA_M, 0.0)
-    pair, kind = _corners(length[problem.first], length[problem.second], gap_m)
-    row_gap_m = np.maximum(problem.row_room_m - DELTA_M, 0.0)
+    first_m, second_m = gap_m + problem.first_spare_m, gap_m + problem.second_spare_m
+    bounds_m = np.stack([first_m, second_m, first_m + problem.second_spare_m])
+    pair, kind = _corners(length[problem.first], length[problem.second], bounds_m)
+    row_gap_m = np.maximum(problem.row_room_m - DELTA_M, 0.0) + problem.row_spare_m
     hull = np.flatnonzero(length[problem.row_uav] > row_gap_m)
     # A row of one UAV has no coefficient of the other, which holds.
     uav, matrix = _matrix(problem, pair, kind, hull)
@@ -111,15 +113,18 @@ def active_program(problem: Problem, uav_id: Indices) -> Program:
         uav,
         step_m[uav],
         matrix,
-        np.concatenate([gap_m[pair], row_gap_m[hull]]),
+        np.concatenate([bounds_m[kind, pair], row_gap_m[hull]]),
         np.concatenate([pair_key, np.full(len(hull), -1)]),
     )
 
 
-def _corners(first_m: Floats, second_m: Floats, gap_m: Floats) -> tuple[Indices, Indices]:
-    """Return the pairs' rows that steps of these lengths (p,) can break: the pair of each, and which UAVs move."""
-    single = [np.flatnonzero(reach_m > gap_m) for reach_m in (first_m, second_m)]
-    both = np.flatnonzero((first_m + second_m > gap_m) & (first_m > 0) & (second_m > 0))
+def _corners(first_m: Floats, second_m: Floats, bounds_m: Floats) -> tuple[Indices, Indices]:
+    """Return the pairs' rows that steps of these lengths (p,) can break: the pair of each, and which UAVs move.
+
+    `bounds_m` (3, p) are the bounds of the rows "the first moves", "the second moves" and "both move".
+    """
+    single = [np.flatnonzero(first_m > bounds_m[_FIRST]), np.flatnonzero(second_m > bounds_m[_SECOND])]
+    both = np.flatnonzero((first_m + second_m > bounds_m[_BOTH]) & (first_m > 0) & (second_m > 0))
     kinds = np.repeat([_FIRST, _SECOND, _BOTH], [len(single[0]), len(single[1]), len(both)])
     return np.concatenate([*single, both]), kinds
 

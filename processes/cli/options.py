@@ -20,6 +20,7 @@ from edc_swarm.mission.configuration import AREA_M2, Mission
 from edc_swarm.mission.declarations import declarations, option_names
 from edc_swarm.mission.faults import parse_faults
 from edc_swarm.mission.link import Link
+from edc_swarm.mission.reference import TABLES
 from edc_swarm.mission.roster import complete_mission
 from edc_swarm.mission.validation import load_mission, with_options
 from edc_swarm.planner.registry import check_planner
@@ -32,6 +33,8 @@ FIELDS = option_names(Mission)
 """Name of the option that sets each field of the mission, for fields that have one."""
 LINK_FIELDS = option_names(Link)
 """Name of the option that sets each field of every link of the mission, for fields that have one."""
+TABLE_FIELDS = {key: option_names(kind) for key, kind in TABLES.items()}
+"""Names of the options that set fields of the mission's tables, by table and field."""
 
 
 @contextmanager
@@ -85,9 +88,16 @@ def _attribute(option: str) -> str:
 
 
 _FieldOptions: Any = make_dataclass(
-    "_FieldOptions", [*_options_of(Mission), *_options_of(Link, " For every link.")], frozen=True, kw_only=True
+    "_FieldOptions",
+    [
+        *_options_of(Mission),
+        *(option for kind in TABLES.values() for option in _options_of(kind)),
+        *_options_of(Link, " For every link."),
+    ],
+    frozen=True,
+    kw_only=True,
 )
-"""One attribute for each field of a mission or a link that declares an option."""
+"""One attribute for each field of a mission, a table of it or a link that declares an option."""
 
 
 @Parameter(name="*")
@@ -141,20 +151,28 @@ class MissionOptions(_FieldOptions):  # type: ignore[misc]  # The declarations d
 
     def _options(self) -> dict[str, str]:
         """Return the given options by the field that they set; `link.loss` is a field of every link."""
-        fields = {**FIELDS, **{f"link.{name}": option for name, option in LINK_FIELDS.items()}}
+        tables = {"link": LINK_FIELDS, **TABLE_FIELDS}
+        inner = {f"{key}.{name}": option for key, names in tables.items() for name, option in names.items()}
+        fields = {**FIELDS, **inner}
         return {name: f"--{option}" for name, option in fields.items() if self._value(option) not in (None, [])}
 
     def _given(self, base: Mission) -> dict[str, Any]:
-        given = {name: value for name, option in FIELDS.items() if (value := self._value(option)) is not None}
+        given = self._stated(FIELDS)
         if "area_m2" in given:
             given = {"area_x_m": 0.0, "area_y_m": 0.0, **given}
         elif "area_x_m" in given or "area_y_m" in given:
             given["area_m2"] = AREA_M2
         given["fault"] = [*base.fault, *given["fault"]]
-        stated = {name: value for name, option in LINK_FIELDS.items() if (value := self._value(option)) is not None}
-        if stated:
+        for key, names in TABLE_FIELDS.items():
+            if stated := self._stated(names):
+                given[key] = {**to_builtins(getattr(base, key)), **stated}
+        if stated := self._stated(LINK_FIELDS):
             given["link"] = [stated, *({**rule, **stated} for rule in to_builtins(base.link))]
         return given
+
+    def _stated(self, options: Mapping[str, str]) -> dict[str, Any]:
+        """Return the values that the user has given, by field."""
+        return {name: value for name, option in options.items() if (value := self._value(option)) is not None}
 
     def _value(self, option: str) -> Any:
         return getattr(self, _attribute(option))

@@ -13,10 +13,9 @@ import zenoh
 
 from edc_swarm.errors import SwarmError
 from edc_swarm.mission.configuration import Mission
-from edc_swarm.protocol.events import EventKind
 from processes.bus.subscriptions import Heard, Token
 from processes.host import fork_source
-from processes.host.ending import CLOSE_TIMEOUT_S, SILENT, begin_end, how_ended
+from processes.host.ending import CLOSE_TIMEOUT_S, begin_end
 from processes.host.pool import FORK_SOURCE
 from processes.host.run_report import RunReport, report_on
 from processes.host.run_setup import Bus, Protection, RunSetup, View
@@ -28,6 +27,7 @@ from processes.operator.takeover import new_mission_id
 from processes.runtime.children import ChildExited, ChildReady, PartEndedError
 from processes.runtime.loop import LOOK_EVERY_S, Interrupted, Loop
 from processes.runtime.output import Output
+from processes.services.ground_station import NAME as GROUND
 from processes.services.recorder import CANNOT_WRITE
 from processes.services.recorder import NAME as RECORDER
 from processes.services.visualiser import NAME as VIZ
@@ -122,11 +122,11 @@ class Launcher:
                 self._watch.take_uav_exit(news)
 
     def _take_exit(self, name: str, status: int) -> None:
-        """Take in the end of a child: the mission goes on without a visualiser, and ends without any other."""
+        """Take in the end of a child: the mission goes on without a viewer, and ends without any other."""
         deaths, output = self._state.deaths, self._setup.output
         if self._parts.take_exit(name) or self._loop.ending or name in deaths.expected:
             return
-        if name == VIZ:
+        if name in {VIZ, GROUND}:
             deaths.take(name, status)
         elif name == RECORDER and status == CANNOT_WRITE:
             self._loop.failure = output.cannot_write(output.tail(RECORDER, 1))
@@ -134,9 +134,7 @@ class Launcher:
             deaths.take(name, status)  # No recorder is left: end in order, and keep the messages recorded so far.
             self._loop.interrupted = True
         else:
-            if self._state.operator is not None:
-                self._state.operator.publish_event(EventKind.EXITED, f"{name} {how_ended(status)}")
-            self._loop.failure = PartEndedError(f"the {name} {how_ended(status)}: {output.tail(name) or SILENT}")
+            self._state.fail(name, name, status)
 
     # --- end ---------------------------------------------------------------------------------
 
@@ -156,7 +154,7 @@ class Launcher:
         """
         self._state.publish_end("interrupted" if self._loop.interrupted else "failed")
         remote = set(self._setup.elsewhere) & operator.alive
-        publishers = {*self._parts.pool.living, *remote, *self._state.visualiser}
+        publishers = {*self._parts.pool.living, *remote, *self._state.viewers}
         self._loop.wait_quietly(lambda: operator.seen.closed >= publishers, CLOSE_TIMEOUT_S)
         operator.close()
         self._await_recorder()

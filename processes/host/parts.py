@@ -17,6 +17,8 @@ from processes.host.security import OPEN, secure
 from processes.runtime.children import Child
 from processes.runtime.loop import Loop
 from processes.runtime.run_facts import run_facts
+from processes.services.ground_station import NAME as GROUND
+from processes.services.ground_station import GroundSettings
 from processes.services.recorder import NAME as RECORDER
 from processes.services.recorder import RecorderSettings
 from processes.services.visualiser import NAME as VIZ
@@ -92,12 +94,15 @@ class Parts:
         self._spawn(ROUTER, "processes.services.router", [self.endpoint, str(os.getpid()), *access])
 
     def start_observers(self) -> None:
-        """Start the recorder and, if the run has a view, the visualiser."""
+        """Start the recorder and, if the run has them, the visualiser and the bridge to a ground station."""
         recorder = msgspec.json.encode(self.recorder_settings(os.getpid()))
         self._spawn(RECORDER, "processes.services.recorder", [], recorder)
         if self._setup.view.viz:
             viz = msgspec.json.encode(self.viz_settings(os.getpid()))
             self._spawn(VIZ, "processes.services.visualiser", [], viz)
+        if self._setup.view.ground is not None:
+            ground = msgspec.json.encode(self._ground_settings(*self._setup.view.ground))
+            self._spawn(GROUND, "processes.services.ground_station", [], ground)
 
     def start_uavs(self) -> None:
         """Create the state files of the UAVs of this host, and fork their processes."""
@@ -133,6 +138,17 @@ class Parts:
             certs=self.security.certs,
             parent=parent,
             clock_ahead_ns=self._setup.clock.ahead_ns if parent else None,
+        )
+
+    def _ground_settings(self, host: str, port: int) -> GroundSettings:
+        return GroundSettings(
+            endpoint=connect_endpoint(self.endpoint),
+            mission=self._setup.mission.name,
+            host=host,
+            port=port,
+            certs=self.security.certs,
+            parent=os.getpid(),
+            clock_ahead_ns=self._setup.clock.ahead_ns,
         )
 
     def _uav_settings(self, uav: str) -> UavSettings:
@@ -181,7 +197,7 @@ class Parts:
 
     def end(self) -> None:
         """End the processes of this host; afterwards none is left."""
-        for name in (VIZ, RECORDER, ROUTER):
+        for name in (VIZ, GROUND, RECORDER, ROUTER):
             if name in self.children:
                 self.children[name].end(CLOSE_TIMEOUT_S)
         end_fork_source(self.pool, self.children.get(FORK_SOURCE))

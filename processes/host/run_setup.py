@@ -15,10 +15,21 @@ from processes.runtime.output import Output
 
 @dataclass(frozen=True, slots=True)
 class View:
-    """Flag for a view in the recording, and the port of the live view on this host (0: no live view)."""
+    """Views of the mission.
+
+    Attributes
+    ----------
+    viz
+        True for a view in the recording.
+    live_port
+        Port of the live view on this host; 0: no live view.
+    ground
+        Host and port of a ground station, None without one.
+    """
 
     viz: bool = True
     live_port: int = 0
+    ground: tuple[str, int] | None = None
 
 
 @dataclass(frozen=True, slots=True)

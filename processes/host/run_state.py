@@ -6,11 +6,13 @@ from dataclasses import dataclass
 
 from edc_swarm.protocol.completion import MissionMonitor
 from edc_swarm.protocol.events import EventKind
-from processes.host.ending import Deaths
+from processes.host.ending import SILENT, Deaths, how_ended
 from processes.host.parts import Parts
 from processes.host.run_setup import RunSetup
 from processes.operator.bus_client import Operator
+from processes.runtime.children import PartEndedError
 from processes.runtime.loop import Loop
+from processes.services.ground_station import NAME as GROUND
 from processes.services.visualiser import NAME as VIZ
 
 
@@ -64,15 +66,22 @@ class RunState:
         return self.operator.monitor if self.operator is not None else None
 
     @property
-    def visualiser(self) -> set[str]:
-        """Name of the visualiser while it is alive, else empty."""
-        return {VIZ} & (self.bus.alive if self.setup.bus is not None else self.parts.children.keys())
+    def viewers(self) -> set[str]:
+        """Names of the living parts that show the mission: the visualiser, the bridge to a ground station."""
+        return {VIZ, GROUND} & (self.bus.alive if self.setup.bus is not None else self.parts.children.keys())
 
     def report_exit(self, text: str, log: str = "") -> None:
         """Note the end of a process with the end of its log, and publish it."""
         self.notes.append("\n".join(filter(None, [text, log])))
         if self.operator is not None:
             self.operator.publish_event(EventKind.EXITED, text)
+
+    def fail(self, who: str, name: str, status: int) -> None:
+        """Let the run fail because the process `name` has ended; the first of several ends is the cause."""
+        if self.operator is not None:
+            self.operator.publish_event(EventKind.EXITED, f"{name} {how_ended(status)}")
+        said = self.setup.output.tail(name, 1) or SILENT
+        self.loop.failure = self.loop.failure or PartEndedError(f"the {who} {how_ended(status)}: {said}")
 
     def publish_end(self, why: str) -> None:
         """Publish the end of the mission, once."""

@@ -82,6 +82,7 @@ class RunStart:
         try:
             return open_client(endpoint, own, timeout_ms=OPEN_TIMEOUT_MS, observer=True)
         except zenoh.ZError:
+            self._loop.pump(0.0)  # The router may have died meanwhile, which is then the reason.
             router = unreachable_router(endpoint)
             if self._setup.listen is None:
                 raise SwarmError(f"cannot reach {router}: is the loopback interface of this host up?") from None
@@ -97,8 +98,8 @@ class RunStart:
         setup = self._setup
         if setup.takeover is not None and setup.takeover.mission is not None:
             return {RECORDER}
-        viz = {VIZ} if setup.bus is not None and setup.view.viz else self._state.visualiser
-        return {*setup.roster, RECORDER, *viz}
+        viewers = {VIZ} if setup.bus is not None and setup.view.viz else self._state.viewers
+        return {*setup.roster, RECORDER, *viewers}
 
     def _missing(self) -> str:
         """Return in words the parts that have yet to connect; an id may be claimed before its UAV connects."""

@@ -93,11 +93,17 @@ class MissionWatch:
             self.bus.monitor.revive(uav)
 
     def take_uav_exit(self, news: fork_source.Exited) -> None:
-        """Take in the end of a UAV process; the pool starts it again if a fault asked for that."""
+        """Take in the end of a UAV process; the pool starts it again if a fault asked for that.
+
+        Before the mission no fault asks for a death, and the start waits for every UAV: such an end fails the run.
+        """
         monitor = self._state.monitor
+        if monitor is None and not self._state.loop.ending:
+            self._state.fail(f"UAV process {news.uav}", news.uav, news.status)
+        else:
+            self._state.deaths.take(news.uav, news.status)
         if monitor is not None and not self._will_restart(news.uav):
             monitor.end(news.uav)
-        self._state.deaths.take(news.uav, news.status)
         self._revive(news.uav, self._parts.pool.take(news))
 
     # --- what the fault injector needs -------------------------------------------------------

@@ -52,7 +52,7 @@ class Output:
         try:
             path.parent.mkdir(parents=True, exist_ok=True)
             self.salvaged = salvage_parts(path.parent)
-            os.close(os.open(self.part, os.O_RDWR | (0 if begun else os.O_CREAT | os.O_EXCL), 0o644))
+            self._lock = _claimed(self.part, os.O_RDWR | (0 if begun else os.O_CREAT | os.O_EXCL))
             shutil.rmtree(self.logs, ignore_errors=True)
             self.state.mkdir(parents=True, exist_ok=True)
         except FileExistsError:
@@ -70,6 +70,7 @@ class Output:
         _remove_empty_logs(self.logs)
         if self.part.exists() and self.part.stat().st_size == 0:
             self.part.unlink()
+        os.close(self._lock)
 
     def log(self, name: str) -> Path:
         """Return the path of the log file of the process `name`."""
@@ -170,7 +171,7 @@ def unwritten(option: str, path: Path, error: OSError) -> InputError:
 def salvage_parts(folder: Path) -> list[Path]:
     """Recover the parts that killed runs left in `folder`; keep the originals as NAME.mcap.part.torn.
 
-    A locked part belongs to a run in progress; it stays untouched.
+    A locked part belongs to a run in progress, which may still be starting; it stays untouched.
     """
     return [found for part in sorted(folder.glob(f"*{SUFFIX}{PART}")) if (found := _salvage(part)) is not None]
 
@@ -184,6 +185,8 @@ def recovered_name(part: Path) -> Path:
 def held_for_writing(part: Path, *, keep: bool = False) -> Iterator[BinaryIO]:
     """Open `part` and lock it, so that no other run recovers it. The caller renames it before the lock ends.
 
+    The run that claimed `part` holds the same lock, shared, so the part is safe even if one of the two has died.
+
     Raises
     ------
     InputError
@@ -193,7 +196,7 @@ def held_for_writing(part: Path, *, keep: bool = False) -> Iterator[BinaryIO]:
     """
     try:
         with part.open("r+b") as stream:
-            fcntl.flock(stream, fcntl.LOCK_EX)
+            fcntl.flock(stream, fcntl.LOCK_SH)
             yield stream
     except OSError as error:
         if keep:
@@ -204,7 +207,7 @@ def held_for_writing(part: Path, *, keep: bool = False) -> Iterator[BinaryIO]:
 
 @contextmanager
 def locked_for_reading(part: Path) -> Iterator[None]:
-    """Lock `part`, so that no recorder writes it meanwhile.
+    """Lock `part`, so that no run begins to write it meanwhile.
 
     Raises
     ------
@@ -213,7 +216,7 @@ def locked_for_reading(part: Path) -> Iterator[None]:
     """
     try:
         with open_regular(part) as held:
-            fcntl.flock(held, fcntl.LOCK_SH | fcntl.LOCK_NB)
+            fcntl.flock(held, fcntl.LOCK_EX | fcntl.LOCK_NB)
             yield
     except BlockingIOError:
         raise RecordingError(part, "is being written by a run in progress") from None
@@ -249,11 +252,24 @@ def write_recovered(part: Path, whole: Path) -> list[str]:
         return recover(part, stream)
 
 
+def _claimed(part: Path, flags: int) -> int:
+    """Open `part` and lock it, and return its descriptor: until it is closed, no other run recovers the part."""
+    while True:
+        descriptor = os.open(part, flags, 0o644)
+        fcntl.flock(descriptor, fcntl.LOCK_SH)
+        # Between the two calls another run may have taken the new file for one that a killed run has left.
+        with suppress(FileNotFoundError):
+            if os.fstat(descriptor).st_ino == part.stat().st_ino:
+                return descriptor
+        os.close(descriptor)
+
+
 def _salvage(part: Path) -> Path | None:
     whole = recovered_name(part)
     try:
         with locked_for_reading(part):
-            if part.stat().st_size == 0 and time.time() - part.stat().st_mtime < 60:
+            if part.stat().st_size == 0:
+                part.unlink()
                 return None
             if not whole.exists():
                 with suppress(SwarmError):

@@ -23,7 +23,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from typing import Any
 
-from edc_swarm.mission.roles import JOIN, LIVE, OPERATOR, RECORDER, VISUALISER
+from edc_swarm.mission.roles import GROUND, JOIN, LIVE, OPERATOR, RECORDER, VISUALISER
 from edc_swarm.protocol.keys import ALL_ALIVE, PREFIX, Keys
 from processes.bus.abort_notice import NOTICE_KEY
 from processes.bus.operator_presence import GAVE_UP
@@ -45,7 +45,7 @@ def access_control(mission: str, uavs: Sequence[str]) -> dict[str, Any]:
     for name, own in [*((uav, _of_uav(keys, uav)) for uav in uavs), *_of_roles(keys).items()]:
         rules += own
         policies.append({"subjects": [name], "rules": [rule["id"] for rule in own]})
-    names = [*uavs, OPERATOR, RECORDER, VISUALISER, JOIN]
+    names = [*uavs, OPERATOR, RECORDER, VISUALISER, GROUND, JOIN]
     return {
         "enabled": True,
         "default_permission": "deny",
@@ -104,6 +104,13 @@ def _of_roles(keys: Keys) -> dict[str, list[Rule]]:
             *_answers(VISUALISER, [keys.again(VISUALISER, "*")]),
             _lives(VISUALISER, keys),
             *_sees_the_living(VISUALISER, OPERATORS_ALIVE, GAVE_UP),
+        ],
+        GROUND: [
+            _says(GROUND, [keys.event(GROUND)]),
+            *_hears(GROUND, [keys.mission, keys.all_fixes, keys.event("*")]),
+            *_asks(GROUND, [keys.mission]),
+            *_answers(GROUND, [keys.again(GROUND, "*")]),
+            _lives(GROUND, keys),
         ],
         JOIN: [
             *_hears(JOIN, [keys.event(OPERATOR)]),

@@ -5,12 +5,11 @@ Hosts kill and freeze processes from outside; links, clocks, GPS receivers and s
 
 from __future__ import annotations
 
-from edc_swarm.agent.node import GpsChanged, NodeEvent, Tick
+from edc_swarm.agent.node import Disturbed, NodeEvent, Tick
 from edc_swarm.emulation.links import LinkEmulator
 from edc_swarm.emulation.machine import MACHINE_FAULTS
 from edc_swarm.mission.configuration import Mission
-from edc_swarm.mission.faults import ProcessFault, SlowSolver, read_fault
-from edc_swarm.mission.field_types import GpsModel
+from edc_swarm.mission.faults import ProcessFault, SlowSolver, VehicleFault, read_fault
 from processes.runtime.clock import MissionClock
 from processes.uav.planner_loader import SlowPlanner
 
@@ -45,9 +44,9 @@ class LocalFaults:
         self._clock.set_off(offset_ns, drift_ppm)
         self._events.append(Tick())
 
-    def set_gps_model(self, model: GpsModel) -> None:
-        """Let the GPS receiver err by `model`."""
-        self._events.append(GpsChanged(model))
+    def disturb(self, fault: VehicleFault) -> None:
+        """Let the GPS receiver err otherwise, a gust hit the vehicle, or its motors weaken."""
+        self._events.append(Disturbed(fault))
 
     def slow_down(self, fault: SlowSolver) -> None:
         """Let every plan take longer while `fault` lasts."""

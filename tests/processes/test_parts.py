@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import fcntl
+import os
 import socket
 import time
 from pathlib import Path
@@ -10,11 +11,12 @@ from pathlib import Path
 import msgspec
 import pytest
 
-from edc_swarm.agent.node import GpsChanged, Tick
+from edc_swarm.agent.node import Disturbed, Tick
 from edc_swarm.agent.vehicle import Airframe, Promise
 from edc_swarm.emulation.links import DelayError, LinkEmulator, cut_pair
 from edc_swarm.errors import InputError, MessageError
 from edc_swarm.mission.configuration import Mission
+from edc_swarm.mission.faults import ChangeGps
 from edc_swarm.mission.link import Link
 from edc_swarm.mission.roster import complete_mission
 from edc_swarm.planner.interface import Plan, PlanRequest
@@ -267,7 +269,7 @@ def test_faults_about_others_and_nonsense_change_nothing() -> None:
     faults = LocalFaults(MISSION, "u001", LinkEmulator(MISSION, "u001"), MissionClock())
     assert faults.apply("gps u002 white @1s") == []
     assert faults.apply("nonsense") == []
-    assert faults.apply("gps u001 white @1s") == [GpsChanged("white")]
+    assert faults.apply("gps u001 white @1s") == [Disturbed(ChangeGps("u001", "white", at_s=1.0))]
     assert faults.apply("clock u001 offset 5 @1s") == [Tick()]
 
 
@@ -327,6 +329,18 @@ def test_a_part_that_is_being_written_is_left_alone(tmp_path: Path) -> None:
         assert part.exists()
     assert salvage_parts(tmp_path) == []
     assert (tmp_path / "live.mcap.part.torn").exists()
+
+
+def test_a_run_that_starts_slowly_keeps_its_part(tmp_path: Path) -> None:
+    """Another run in the same folder takes an empty part for a killed run's only if nobody holds it."""
+    part = tmp_path / "slow.mcap.part"
+    with Output(tmp_path / "slow.mcap", force=False):
+        os.utime(part, (0, 0))
+        assert salvage_parts(tmp_path) == []
+        assert part.exists()
+    part.touch()
+    assert salvage_parts(tmp_path) == []
+    assert list(tmp_path.iterdir()) == []
 
 
 def test_two_runs_cannot_claim_one_name(tmp_path: Path) -> None:

@@ -9,8 +9,8 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from edc_swarm.agent.node import (
+    Disturbed,
     Effect,
-    GpsChanged,
     NodeEvent,
     PeerGone,
     Persist,
@@ -21,6 +21,7 @@ from edc_swarm.agent.node import (
     UavNode,
 )
 from edc_swarm.agent.vehicle import Promise, first_airframe, first_promise
+from edc_swarm.mission.faults import ChangeGps
 from edc_swarm.mission.field_types import Criterion
 from edc_swarm.protocol.codec import decode, encode
 from edc_swarm.protocol.keys import Keys
@@ -67,7 +68,12 @@ events: st.SearchStrategy[NodeEvent] = st.one_of(
     st.builds(Received, reports),
     st.builds(Received, others),
     st.builds(PeerGone, uavs),
-    st.builds(GpsChanged, st.sampled_from(["none", "bias", "white", "gauss-markov"])),
+    st.builds(
+        Disturbed,
+        st.builds(
+            ChangeGps, target=st.just("a"), model=st.sampled_from(["none", "bias", "white", "gauss-markov", "outage"])
+        ),
+    ),
     st.just(PlannerReady(North())),
 )
 times = st.one_of(st.floats(0, 14), st.floats(-5, 100)).map(lambda slot: EPOCH_NS + round(slot * SLOT_NS))

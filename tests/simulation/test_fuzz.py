@@ -24,6 +24,8 @@ ONCE_BROKEN = {
     "406": "a vehicle that lags counted in the slot after it had landed",
     "705": "a process that was killed in its first step of all: nothing told who had ended it",
     "1017": "a landing that counted from a command which a newer grant had discarded",
+    "999": "three UAVs in a tight fence that blocked each other for ever",
+    "1762": "UAVs beside a fence that blocked each other for ever",
 }
 MISSIONS = msgspec.json.decode(Path(__file__).with_name("once_broken.json").read_bytes())
 """The missions themselves, since a seed gives another one when the generator changes."""

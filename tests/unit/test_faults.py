@@ -127,7 +127,7 @@ def test_every_verb_is_read(text: str, fault: Fault) -> None:
         "clock u1 offset 3 @3 for 2",
         "gps u1 @3",
         "gps u1 perfect @3",
-        "gps u1 none @3 for 3",
+        "gps u1 none @3 for x",
         "slow u1 @3",
         "slow u1 -3 @3",
         "slow u1 1e300 @3",

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import math
 import re
 import zipfile
 from io import BytesIO
@@ -11,6 +12,9 @@ from typing import Any
 
 import pytest
 
+from edc_swarm.geodesy import to_wgs84
+from edc_swarm.mission.roster import complete_mission
+from edc_swarm.mission.validation import load_mission
 from processes.cli.main import main
 from tests.unit.test_formats_read import (
     AREA,
@@ -208,20 +212,24 @@ BAD: list[tuple[str, str | bytes, str]] = [
     (
         "a.geojson",
         collection(feature("LineString", [[8.544, 47.398], [8.546, 47.398]]), feature("Polygon", [RING])),
-        "a.geojson: feature 1, point 2: the disc of r = 5 m must be outside exclusion zone 'zone 1'",
+        "a.geojson: feature 1, point 2: target of u001: must be outside exclusion zone zone 1 with its whole disc",
     ),
     (
         "a.geojson",
         collection(feature("LineString", [[8.546, 47.398], [8.549, 47.398]]), feature("Polygon", [RING], name="fence")),
-        "a.geojson: feature 1, point 2: the centre of the disc must be inside inclusion zone 'fence'",
+        "a.geojson: feature 1, point 2: target of u001: must be inside inclusion zone fence with its centre, not 150.",
     ),
     # Discs that overlap.
     (
         "a.csv",
         "uav,x,y\na,0,0\na,0,50\nb,8,0\nb,50,50\n",
-        "line 4: start of b is 8.00 m from that of a: must be at least 10 m, the sum of their radii (--r 4 fits",
+        "line 2: start of a: must be at least 10 m from the start of b, not 8.000 m (--r 4 fits all starts)",
     ),
-    ("a.csv", "uav,x,y\na,0,0\na,50,50\nb,20,0\nb,50,50\n", "target of b is 0.00 m from that of a"),
+    (
+        "a.csv",
+        "uav,x,y\na,0,0\na,50,50\nb,20,0\nb,50,50\n",
+        "line 3: target of a: must be at least 10 m from the target of b, not 0.000 m (no --r fits)",
+    ),
     ("a.csv", "uav,x,y,r_m\na,0,0,-1\n", "line 2 to line 2: r_m = -1: must be above 0"),
     ("a.geojson", collection(*[feature("LineString", [[8, 47], [8.1, 47]], uav="a")] * 2), "uav = 'a': must be an id"),
     # MAPF.
@@ -282,7 +290,7 @@ def test_starts_at_one_home_are_refused_with_the_remedy(capsys: pytest.CaptureFi
         for name, lon in (("a", 8.545), ("b", 8.546))
     ]
     line = refusal(capsys, *files)
-    assert "start of u002 is 0.00 m from that of u001" in line
+    assert "start of u001: must be at least 10 m from the start of u002, not 0.000 m" in line
     assert "no --r fits, --start first begins at way points" in line
     assert main(["import", "a.plan", "b.plan", "--start", "first", "-o", "m.toml"]) == 0
 
@@ -319,6 +327,41 @@ def test_files_that_are_none(capsys: pytest.CaptureFixture[str]) -> None:
     Path("a.csv").write_text("x,y\n0,0\n")
     assert main(["import", "a.csv", "a.csv"]) == 2
     assert "a.csv: must be given once" in capsys.readouterr().err
+
+
+def test_no_mission_is_written_that_sim_refuses(capsys: pytest.CaptureFixture[str]) -> None:
+    """A point on the edge of a fence, a way that zones close, a battery too small for one step, two fences apart."""
+    points = [[8.545, 47.398], [8.546, 47.398]]
+    ring = feature("Polygon", [RING], kind="inclusion")
+    line = refusal(capsys, ("a.json", collection(feature("LineString", points), ring)))
+    assert (
+        "a.json: feature 1, point 1: start of u001: must be inside inclusion zone zone 1 with its centre, not " in line
+    )
+    wall = feature("Polygon", [[[8.5455, 47], [8.5456, 47], [8.5456, 48], [8.5455, 48], [8.5455, 47]]], kind="no-fly")
+    points[0][0] += 0.0001
+    line = refusal(capsys, ("a.json", collection(feature("LineString", points), ring, wall)))
+    assert "a.json: feature 1, point 2: target of u001: must be reachable from its start" in line
+    assert "closed by zones" in line
+    assert "roster[0].energy_j" in refusal(capsys, ("a.csv", "x,y\n0,0\n9000,0\n"), options="--speed-max 900 --r 500")
+    apart = [{"circle": {"center": [lat, 8.545], "radius": 40}, "inclusion": True} for lat in (47.39, 47.40)]
+    line = refusal(capsys, ("a.plan", plan(fence={"circles": apart})))
+    assert "a.plan: cannot be flown: uavs = 1: must be few enough for area_m2 = 10000, its zones and r_m = 5" in line
+
+
+@pytest.mark.parametrize(("inclusion", "uavs"), [(True, 3), (False, 10)])
+def test_a_fence_alone_is_a_mission_that_flies(capsys: pytest.CaptureFixture[str], inclusion: bool, uavs: int) -> None:
+    """The area is where the fence is, or round the stay-out zone; a small one gets as many UAVs as fit."""
+    circle = {"circle": {"center": HOME, "radius": 12}, "inclusion": inclusion}
+    Path("a.plan").write_text(plan(fence={"circles": [circle]}))
+    assert main(["import", "a.plan", "-o", "m.toml"]) == 0
+    assert f"no file holds a route: the mission draws its UAVs ({uavs})" in capsys.readouterr().out
+    mission = complete_mission(load_mission("m.toml"))
+    assert len(mission.roster) == mission.uavs == uavs
+    (x_m, y_m), radius_m = mission.zone[0].centre, mission.zone[0].radius_m
+    away_m = [math.hypot(entry.start_x_m - x_m, entry.start_y_m - y_m) for entry in mission.roster]
+    assert all(away < radius_m if inclusion else away > radius_m + mission.r_m for away in away_m)
+    lat_deg, lon_deg = to_wgs84(x_m, y_m, mission.origin_lat_deg, mission.origin_lon_deg)
+    assert (lat_deg, lon_deg) == (pytest.approx(HOME[0], abs=2e-8), pytest.approx(HOME[1], abs=2e-8))
 
 
 def test_an_existing_mission_is_not_overwritten(capsys: pytest.CaptureFixture[str]) -> None:

@@ -229,9 +229,13 @@ def test_fence_and_rally_items_of_a_way_point_file() -> None:
     found = imported(("fence.waypoints", f"QGC WPL 110\n0 1 0 16 0 0 0 0 47.39 8.54 0 1\n{corners}\n{more}\n"))
     polygon, circle = found.mission["zone"]
     assert (polygon["kind"], len(polygon["polygon"])) == ("exclusion", 3)
-    assert (circle["kind"], circle["radius_m"], circle["centre"]) == ("inclusion", 80.0, [0.0, 0.0])
+    assert (circle["kind"], circle["radius_m"], circle["centre"]) == (
+        "inclusion",
+        80.0,
+        pytest.approx([80.0, 80.0], abs=0.01),
+    )
     assert {"rally point", "return point of the fence"} <= set(found.notes["fence.waypoints"])
-    assert found.remarks[-1] == "no file holds a route: the mission draws its UAVs at random in its area"
+    assert found.remarks[-1] == "no file holds a route: the mission draws its UAVs (10) at random in its area"
 
 
 def test_local_frames_are_read_as_they_are() -> None:

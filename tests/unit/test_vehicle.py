@@ -12,6 +12,7 @@ import pytest
 from edc_swarm.agent.vehicle import Promise, Situation, Vehicle, first_airframe, first_promise, refusal
 from edc_swarm.emulation.energy import propulsion_power_w
 from edc_swarm.mission.configuration import Mission
+from edc_swarm.mission.faults import ChangeGps
 from tests.builders import command, entry
 
 COMMAND = command("a", 7, (0.1, 0.2), (3.1, 4.2), head="h", term=3)
@@ -72,12 +73,13 @@ def test_the_promise_says_where_the_disc_is() -> None:
 def test_a_step() -> None:
     """Disc and truth move by the same vector, and the waypoint is the very target."""
     flying = vehicle()
-    x0_m, y0_m, *_ = flying.truth_m
+    x0_m, y0_m = flying.flown.to_m
     assert math.hypot(x0_m - 1.0, y0_m - 2.0) <= 4.75
     step = msgspec.structs.replace(COMMAND, start_x_m=1.0, start_y_m=2.0, target_x_m=3.3, target_y_m=2.1)
     flying.begin_slot(1, step)
     assert (flying.from_m, flying.waypoint_m) == ((1.0, 2.0), (3.3, 2.1))
-    assert flying.truth_m == pytest.approx((x0_m, y0_m, x0_m + 2.3, y0_m + 0.1))
+    assert flying.flown.from_m == pytest.approx((x0_m, y0_m))
+    assert flying.flown.to_m == pytest.approx((x0_m + 2.3, y0_m + 0.1))
     flying.begin_slot(1, None)
     assert (flying.from_m, flying.waypoint_m) == ((3.3, 2.1), (3.3, 2.1))
     assert flying.airframe.x_m == 3.3
@@ -117,6 +119,6 @@ def test_arrived(x_m: float, arrived: bool) -> None:
 def test_another_gps_model_moves_nothing() -> None:
     """A GPS fault changes reports, neither the disc nor the truth."""
     flying = vehicle()
-    before = (flying.truth_m, flying.waypoint_m)
-    flying.use_gps_model("white")
-    assert (flying.truth_m, flying.waypoint_m) == before
+    before = (flying.flown, flying.waypoint_m)
+    flying.disturb(ChangeGps("a", "white"))
+    assert (flying.flown, flying.waypoint_m) == before

@@ -427,8 +427,17 @@ def test_the_largest_mission_fits_into_one_message() -> None:
     """Most UAVs, most zones and most corners, each number with as many digits as it can have."""
     digits = -9_999_999.123456789
     entry: dict[str, Any] = {"start_x_m": digits, "start_y_m": digits, "target_x_m": digits, "target_y_m": digits}
+    own: dict[str, Any] = dict.fromkeys(("r_m", "v_max_mps"), math.e)
     roster = [
-        RosterEntry(uav=f"{i:032d}", **entry, r_m=math.e, body_m=math.e / 10, energy_j=98765.4321012345)
+        RosterEntry(
+            uav=f"{i:032d}",
+            **entry,
+            **own,
+            body_m=math.e / 10,
+            gps_m=math.e / 2,
+            vehicle="hummingbird",
+            energy_j=98765.4321012345,
+        )
         for i in range(MAX_UAVS)
     ]
     corners = [(digits, digits)] * (MAX_ALL_CORNERS // MAX_ZONES)

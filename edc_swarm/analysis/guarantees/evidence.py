@@ -31,6 +31,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from edc_swarm.analysis.tracks import Tracks, tracks_of
+from edc_swarm.analysis.true_paths import TruePaths, true_paths
 from edc_swarm.foreign_text import listed
 from edc_swarm.protocol.messages import PLANNED, Command, Fix, MissionMessage, Report, Truth, roster_index
 from edc_swarm.recording.ends import Ends, ends_of
@@ -82,6 +83,11 @@ class Evidence:
     plans: list[Report]
     gaps: list[Gap]
     ends: Ends
+
+    @cached_property
+    def paths(self) -> TruePaths | None:
+        """True paths of the vehicles with inertia; None if there are none."""
+        return true_paths(self.recording, self.tracks.slots)
 
     def time_s(self, slot: int, share: float = 0.0) -> float:
         """Return the mission time at a share of a slot."""

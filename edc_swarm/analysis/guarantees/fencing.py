@@ -10,6 +10,7 @@ import numpy as np
 from edc_swarm.analysis.guarantees.evidence import Evidence
 from edc_swarm.analysis.guarantees.verdict import GuaranteeResult, Violation, not_judged, verdict
 from edc_swarm.analysis.tracks import TRUTH_TOLERANCE_M, Step
+from edc_swarm.analysis.true_paths import have_inertia
 from edc_swarm.mission.configuration import NS_PER_S
 from edc_swarm.mission.failsafe import failsafe_of
 from edc_swarm.protocol.messages import Command, Fix
@@ -181,11 +182,12 @@ def _unknown(evidence: Evidence, fix: Fix) -> tuple[str, str]:
 
 
 def _astray(evidence: Evidence) -> Iterator[Violation]:
-    """Yield a violation for each executed step whose true motion differs from that of the disc."""
+    """Yield a violation for each executed step that truly moved otherwise than the disc, without inertia."""
     tracks = evidence.tracks
     moved_m = np.diff(tracks.centre_m, axis=0)
     apart_m = np.hypot(*np.moveaxis(tracks.true_to_m - tracks.true_from_m - moved_m, 2, 0))
-    for slot, k in np.argwhere((apart_m > TRUTH_TOLERANCE_M) & tracks.executed & ~tracks.lost).tolist():
+    exact = tracks.executed & ~tracks.lost & ~have_inertia(evidence.mission)
+    for slot, k in np.argwhere((apart_m > TRUTH_TOLERANCE_M) & exact).tolist():
         uav, off_m = tracks.uavs[k], float(apart_m[slot, k])
         text = f"{uav} truly moved otherwise than its disc, by {off_m:.3g} m"
         yield Violation("truth-differs", text, slot, [uav], value_m=off_m)

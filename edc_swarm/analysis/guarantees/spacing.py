@@ -3,14 +3,19 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
+from dataclasses import replace
 
 import numpy as np
 from numpy.typing import NDArray
 
 from edc_swarm.analysis.guarantees.evidence import Evidence
+from edc_swarm.analysis.guarantees.inside import strayed
 from edc_swarm.analysis.guarantees.verdict import GuaranteeResult, Violation, verdict
 from edc_swarm.analysis.separation import Encounters, closest_moment, encounters, swept_encounters
-from edc_swarm.geometry import BODY_TOLERANCE_M, DISC_TOLERANCE_M
+from edc_swarm.analysis.true_paths import have_inertia, parts_of
+from edc_swarm.geometry import BODY_TOLERANCE_M, DISC_TOLERANCE_M, length_m
+from edc_swarm.mission.braking import changes_m
+from edc_swarm.solver.stopping import braking_m
 
 Floats = NDArray[np.float64]
 
@@ -21,7 +26,7 @@ UNEVEN_PLANNER = "edc"
 def check_separation(evidence: Evidence) -> GuaranteeResult:
     """Return the verdict on G3. Dead UAVs count too, at their last place, until the failsafe has made them land."""
     overlaps = _overlaps(evidence)
-    found = [*overlaps, *_touching(evidence), *_outside(evidence)]
+    found = [*overlaps, *_touching(evidence), *_outside(evidence), *strayed(evidence)]
     if evidence.mission.planner == UNEVEN_PLANNER:
         known = {tuple(violation.uavs) for violation in overlaps}
         found += [v for v in _uneven(evidence) if tuple(v.uavs) not in known]
@@ -37,15 +42,21 @@ def _overlaps(evidence: Evidence) -> list[Violation]:
 
 def _touching(evidence: Evidence) -> list[Violation]:
     """Return the pairs whose bodies touch."""
-    ends_m = evidence.tracks.bodies_m
+    ends_m, parts = evidence.tracks.bodies_m, 1
+    if evidence.paths is not None:
+        ends_m, parts = evidence.paths.moves_m(*ends_m), parts_of(evidence.mission)
     body_m = np.array([entry.body_m for entry in evidence.mission.roster])
     met = encounters(*ends_m, body_m, -BODY_TOLERANCE_M)
-    return [_timed(evidence, "true-collision", "bodies meet by", met, pair, ends_m) for pair in _by_pair(met)]
+    return [_timed(evidence, "true-collision", "bodies meet by", met, pair, ends_m, parts) for pair in _by_pair(met)]
 
 
 def _uneven(evidence: Evidence) -> Iterator[Violation]:
-    """Yield the pairs that would overlap if one lagged within the slot (with `lag_slots`: by one slot)."""
+    """Yield the pairs that would overlap if one lagged within the slot (with `lag_slots`: by one slot), or braked.
+
+    A UAV that cannot stop at once may brake after any step, so its way goes on to where it would rest.
+    """
     from_m, to_m = evidence.tracks.seen_m
+    to_m = _stops_m(evidence, from_m, to_m)
     radius_m, count = _radius_m(evidence), len(evidence.index)
     if evidence.mission.lag_slots:
         from_m, to_m = (
@@ -59,6 +70,17 @@ def _uneven(evidence: Evidence) -> Iterator[Violation]:
         yield _violation(evidence, "uneven", "swept ways come too close by", met, rows, None)
 
 
+def _stops_m(evidence: Evidence, from_m: Floats, to_m: Floats) -> Floats:
+    """Return (S, K, 2) points at which the UAVs rest that brake after the steps."""
+    changes = changes_m(evidence.mission)
+    if changes is None:
+        return to_m
+    step_m = to_m - from_m
+    length = length_m(step_m)
+    share = braking_m(length, np.broadcast_to(changes, length.shape)) / np.where(length > 0, length, 1.0)
+    return np.asarray(to_m + share[..., None] * step_m)
+
+
 def _one_slot_late(points_m: Floats, grounded: NDArray[np.bool_]) -> Floats:
     """Return the rows shifted by one slot: row t is the old row t - 1, and row 0 stays.
 
@@ -68,11 +90,11 @@ def _one_slot_late(points_m: Floats, grounded: NDArray[np.bool_]) -> Floats:
 
 
 def _outside(evidence: Evidence) -> Iterator[Violation]:
-    """Yield a violation for each UAV whose body is not wholly inside its tracked disc."""
-    tracks = evidence.tracks
+    """Yield a violation for each UAV without inertia whose body is not wholly inside its tracked disc."""
+    tracks, moves_exactly = evidence.tracks, ~have_inertia(evidence.mission)
     offset_m = np.hypot(*np.moveaxis(tracks.true_to_m - tracks.centre_m[1:], 2, 0))
     body_m = np.array([entry.body_m for entry in evidence.mission.roster])
-    excess_m = np.where(tracks.lost, np.nan, offset_m) - (_radius_m(evidence) - body_m)
+    excess_m = np.where(~tracks.lost & moves_exactly, offset_m, np.nan) - (_radius_m(evidence) - body_m)
     for k in np.flatnonzero((excess_m > BODY_TOLERANCE_M).any(axis=0)).tolist():
         slot = int(np.argmax(excess_m[:, k] > BODY_TOLERANCE_M))
         uav, off_m = tracks.uavs[k], float(np.nanmax(excess_m[:, k]))
@@ -98,12 +120,14 @@ def _timed(
     met: Encounters,
     rows: NDArray[np.int64],
     ends_m: tuple[Floats, Floats],
+    parts: int = 1,
 ) -> Violation:
-    """Return a violation of a pair, at the instant of its closest approach in its first slot."""
+    """Return a violation of a pair, at its closest approach in its first slot, of whose `parts` `met` has one each."""
     row = rows[0]
-    slot = int(met.slot[row])
-    share = closest_moment(*ends_m, slot, int(met.first[row]), int(met.second[row]))
-    return _violation(evidence, kind, words, met, rows, evidence.time_s(slot, share))
+    part = int(met.slot[row])
+    share = closest_moment(*ends_m, part, int(met.first[row]), int(met.second[row]))
+    met = replace(met, slot=met.slot // parts)
+    return _violation(evidence, kind, words, met, rows, evidence.time_s(0, (part + share) / parts))
 
 
 def _violation(

@@ -9,6 +9,7 @@ from typing import Annotated, Literal
 
 from cyclopts import Parameter
 
+from edc_swarm.emulation.energy import check_batteries
 from edc_swarm.errors import FormatError, InputError
 from edc_swarm.files import open_regular
 from edc_swarm.foreign_text import shown
@@ -89,6 +90,7 @@ def import_files(
     options = Options(start, polygons, cell, agents, list_unknown, mixed_altitudes)
     sources = read_files(_bytes_of(files), options)
     imported = assemble(sources, Settings(_name(out), _origin(origin), r, speed_max, slot, start == "home"))
+    check_batteries(imported.flown)
     names = [str(file) for file in files]
     with new_file(out) as stream:
         stream.write(mission_text(imported, names).encode())

@@ -18,18 +18,25 @@ from edc_swarm.analysis.replanning import replan
 from edc_swarm.errors import InputError, RecordingError
 from edc_swarm.experiments.resimulation import loads_foreign_code
 from edc_swarm.foreign_text import MAX_LINE, shown
+from edc_swarm.ground_station.frames import Request
+from edc_swarm.ground_station.view import GroundView, check_systems
 from edc_swarm.mission.configuration import NS_PER_S
 from edc_swarm.planner.registry import make_planner, warm_up
 from edc_swarm.protocol.keys import PREFIX, Keys
+from edc_swarm.protocol.messages import Message
 from edc_swarm.recording.mcap_file import McapFile
 from edc_swarm.recording.reader import read_recording
 from processes.bus.address import free_endpoint, listening_endpoint, parse_endpoint, unreachable_router
 from processes.bus.session import open_client, open_router
 from processes.runtime.console import FAILED, NOT_JUDGED, note, print_json
+from processes.runtime.inbox import Inbox
 from processes.runtime.run_facts import made_otherwise
+from processes.services.mavlink_link import MavlinkLink, ground_address
 
 CONNECT_TIMEOUT_MS = 5000
 MAX_DIFFERENCES_SHOWN = 10
+ANSWER_EVERY_S = 0.05
+"""Longest time in which a replay looks for no request of a ground station."""
 
 
 @Parameter(name="*")
@@ -52,6 +59,8 @@ class ReplayOptions:
     load_planner
         With --verify: import and run the planner that the recording names, a user's too. Only for recordings that you
         trust.
+    mavlink
+        Publish nothing; show every UAV to the ground station at this address, udp:HOST:PORT.
     json
         Print the result as JSON alone on standard output.
     """
@@ -62,6 +71,7 @@ class ReplayOptions:
     wait: float = 0.0
     verify: bool = False
     load_planner: bool = False
+    mavlink: str | None = None
     json: bool = False
 
 
@@ -73,6 +83,8 @@ def replay(
     if options.verify:
         return _verify(recording, as_json=options.json, load_planner=options.load_planner)
     _check(options)
+    if options.mavlink is not None:
+        return _show(recording, ground_address(options.mavlink), options)
     messages = _messages(recording)
     with closing(_session(options)) as session:
         if threading.Event().wait(options.wait):
@@ -147,6 +159,32 @@ def _timed(messages: list[tuple[str, int, bytes]], speed: float) -> Iterator[tup
     start_s, first_ns = time.monotonic(), messages[0][1]
     for key, log_ns, payload in messages:
         yield key, start_s + (log_ns - first_ns) / NS_PER_S / speed, payload
+
+
+def _show(path: Path, address: tuple[str, int], options: ReplayOptions) -> int:
+    """Show a recording to a ground station, at the recorded times."""
+    recording = read_recording(path)
+    check_systems(len(recording.mission.roster))
+    view, link = GroundView(), MavlinkLink(*address)
+    inbox: Inbox[Request] = Inbox()
+    link.listen(inbox.put)
+    view.hear(recording.mission, recording.mission.epoch_ns)
+    said: list[Message] = sorted([*recording.fixes, *recording.events], key=lambda message: message.sent_ns)
+    first_ns = said[0].sent_ns if said else 0
+    start_s = time.monotonic()
+    with closing(link):
+        for message in said:
+            due_s = start_s + (message.sent_ns - first_ns) / NS_PER_S / options.speed
+            while (left_s := due_s - time.monotonic()) > 0:
+                for request in inbox.wait(min(left_s, ANSWER_EVERY_S)):
+                    link.send(view.answer(request))
+                link.send(view.advance(time.monotonic_ns()))
+            link.send(view.hear(message, time.monotonic_ns()))
+    if options.json:
+        print_json({"messages": len(said), "denied": dict(view.denied)})
+    else:
+        print(f"{len(said)} messages")
+    return 0
 
 
 def _verify(path: Path, *, as_json: bool, load_planner: bool) -> int:

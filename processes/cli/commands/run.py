@@ -11,6 +11,7 @@ from cyclopts import Parameter
 
 from edc_swarm.emulation.links import have_range
 from edc_swarm.errors import InputError
+from edc_swarm.ground_station.view import check_systems
 from edc_swarm.mission.configuration import Mission
 from edc_swarm.mission.fault_help import fault_help
 from edc_swarm.mission.faults import parse_faults
@@ -32,6 +33,7 @@ from processes.runtime.console import FAILED, note
 from processes.runtime.limits import make_room
 from processes.runtime.output import Output, default_output, timestamp
 from processes.services.live import live_port
+from processes.services.mavlink_link import ground_address
 from processes.services.orders import await_found
 
 Overload = Literal["refuse", "fly", "stretch"]
@@ -48,6 +50,7 @@ def run(
     operate: str | None = None,
     secure: bool = False,
     certs: Path | None = None,
+    mavlink: str | None = None,
     overload: Overload = "refuse",
 ) -> int:
     """Fly a mission: a process for every UAV, a router, a recorder.
@@ -67,6 +70,8 @@ def run(
     certs
         Folder with the certificates, made by `edc-swarm certs` (new ones for this run alone). Needed with
         --secure --remote and --secure --operate.
+    mavlink
+        Show every UAV to the ground station at this address, udp:HOST:PORT, which may only look on.
     overload
         What to do if a short measurement says that this machine carries fewer UAVs: refuse, fly all the same, or
         stretch the slot (refuse).
@@ -85,9 +90,10 @@ def run(
         listen = listening_endpoint(listen, "tcp" if protection is None else "tls")
     if live and options.no_viz:
         raise InputError("--live", live, "absent where --no-viz is given")
-    alone = {"--listen": listen, "--live": live, "--remote": remote}
+    alone = {"--listen": listen, "--live": live, "--remote": remote, "--mavlink": mavlink}
+    ground = _ground(mavlink, mission) if mavlink is not None else None
     bus = _meet(operate, mission, alone, protection) if operate is not None else None
-    view = View(viz=not options.no_viz, live_port=live_port() if live else 0)
+    view = View(viz=not options.no_viz, live_port=live_port() if live else 0, ground=ground)
     if live:
         note(f"live: open the Foxglove WebSocket connection ws://localhost:{view.live_port}")
     with _output(mission, options, bus) as output:
@@ -139,6 +145,12 @@ def _meet(address: str, mission: Mission, alone: Mapping[str, object], protectio
     if takeover is not None and takeover.mission is not None:
         MissionClock().check_epoch(takeover.mission)
     return Bus(address, session, takeover)
+
+
+def _ground(mavlink: str, mission: Mission) -> tuple[str, int]:
+    """Return host and port of the ground station; refuse a mission with more UAVs than it can tell apart."""
+    check_systems(len(mission.roster))
+    return ground_address(mavlink)
 
 
 def _output(mission: Mission, options: MissionOptions, bus: Bus | None) -> Output:

@@ -1,0 +1,150 @@
+"""How UAVs fly: table `[vehicle]` of a mission, and the named parameter sets."""
+
+from __future__ import annotations
+
+import math
+from typing import Annotated, Literal
+
+from msgspec import Meta, Struct
+
+from edc_swarm.mission.field_types import NonNegative, Option
+
+VehicleName = Literal["ideal", "multirotor", "arducopter", "hummingbird", "crazyflie", "m100"]
+OwnVehicle = Literal["", VehicleName]
+IDEAL = "ideal"
+GRAVITY_MPS2 = 9.81
+Tilt = Annotated[float, Meta(ge=0, le=80)]
+Rate = Annotated[float, Meta(ge=0, le=50)]
+
+
+class VehicleModel(Struct, frozen=True, kw_only=True):
+    """The vehicle of all UAVs that name none of their own: exact motion, or a multirotor with inertia.
+
+    A field that is 0 has the value of the parameter set that `model` names (docs/vehicles.md).
+
+    Source: the parameter set.
+    """
+
+    model: Annotated[VehicleName, Option("vehicle")] = "ideal"
+    """Model of the vehicle: `ideal`, or a multirotor by the name of its parameter set.
+
+    `ideal` moves exactly along its step at constant speed, as in the paper. A multirotor flies a smooth curve
+    between its waypoints with limited acceleration, an actuator that lags, drag, and a controller that steers by the
+    measured position. `multirotor` has the figures of `arducopter`.
+
+    Source: the paper, section II, for `ideal`.
+    """
+    a_max_mps2: Annotated[float, Meta(ge=0, le=100)] = 0.0
+    """Largest acceleration of the planned motion.
+
+    Consecutive steps differ by at most this times `dt_s` squared. It is less than what `tilt_deg` allows, since the
+    controller and the wind need the rest; if they need more, it is lowered to what they leave.
+    """
+    tilt_deg: Tilt = 0.0
+    """Largest tilt, which limits the horizontal acceleration to g tan(tilt)."""
+    lag_s: NonNegative = 0.0
+    """Time constant with which the acceleration follows the command: motors and attitude. At most a slot."""
+    drag_per_s: NonNegative = 0.0
+    """Drag: deceleration in m/s² for each m/s of air speed."""
+    position_gain_per_s: Rate = 0.0
+    """Gain of the position controller: speed towards the reference for each metre of deviation."""
+    velocity_gain_per_s: Rate = 0.0
+    """Gain of the velocity controller: acceleration for each m/s of deviation."""
+    correction_mps: NonNegative = 0.0
+    """Largest speed with which the filter moves the estimated position towards the GPS fix.
+
+    Between fixes the estimate follows the inertial prediction. Source: this project.
+    """
+    drift_mps: NonNegative = 0.0
+    """Largest drift of the estimated position without GPS, in metres for each second of an outage."""
+    tracking_m: NonNegative = 0.0
+    """Tracking bound: largest distance of the vehicle from its reference without a GPS error.
+
+    Default: 0, which stands for the bound computed from the fields above (docs/vehicles.md).
+    """
+
+    @property
+    def is_ideal(self) -> bool:
+        """True if the vehicle moves exactly as commanded."""
+        return self.model == IDEAL
+
+    @property
+    def limit_mps2(self) -> float:
+        """Largest horizontal acceleration that the largest tilt allows at constant height, g tan(tilt)."""
+        return GRAVITY_MPS2 * math.tan(math.radians(self.tilt_deg))
+
+
+ARDUCOPTER = VehicleModel(
+    model="arducopter",
+    a_max_mps2=2.5,
+    tilt_deg=30.0,
+    lag_s=0.15,
+    drag_per_s=0.1,
+    position_gain_per_s=1.0,
+    velocity_gain_per_s=2.0,
+    correction_mps=0.3,
+    drift_mps=0.2,
+)
+"""ArduCopter 4.6 with its defaults.
+
+WPNAV_ACCEL 250 cm/s², ANGLE_MAX 30°, ATC_INPUT_TC 0.15 s, PSC_POSXY_P 1, PSC_VELXY_P 2. Linear drag as in M. Kamel
+and others, "Model Predictive Control for Trajectory Tracking of Unmanned Aerial Vehicles Using Robot Operating System",
+2017. Filter and drift are this project's: the drift is that of the first seconds without GPS.
+"""
+HUMMINGBIRD = VehicleModel(
+    model="hummingbird",
+    a_max_mps2=5.0,
+    tilt_deg=60.0,
+    lag_s=0.09,
+    drag_per_s=0.45,
+    position_gain_per_s=1.6,
+    velocity_gain_per_s=4.0,
+    correction_mps=0.3,
+    drift_mps=0.2,
+)
+"""AscTec Hummingbird as in RotorPy (S. Folk, J. Paulos, V. Kumar, arXiv 2306.04485, 2023).
+
+Mass 0.5 kg; four rotors at 469 rad/s in hover with a rotor drag of 1.19e-4 kg: 0.45 per second. Attitude gains 544 and
+46.6 are two poles at 23 per second: 0.09 s. Position gains 6.5 and 4: 1.6 and 4 in cascade. Its rotors lift ten times
+its weight, so the tilt is this project's limit.
+"""
+CRAZYFLIE = VehicleModel(
+    model="crazyflie",
+    a_max_mps2=2.0,
+    tilt_deg=30.0,
+    lag_s=0.15,
+    drag_per_s=0.25,
+    position_gain_per_s=1.6,
+    velocity_gain_per_s=4.0,
+    correction_mps=0.3,
+    drift_mps=0.2,
+)
+"""Bitcraze Crazyflie 2.0 as in RotorPy, by J. Förster, "System Identification of the Crazyflie 2.0 Nano
+Quadrocopter", ETH Zurich, 2015.
+
+Mass 0.03 kg; four rotors at 1788 rad/s in hover with a rotor drag of 1.03e-6 kg: 0.25 per second. Motors 0.07 s and
+attitude 0.08 s: 0.15 s.
+"""
+M100 = VehicleModel(
+    model="m100",
+    a_max_mps2=3.0,
+    tilt_deg=35.0,
+    lag_s=0.2,
+    drag_per_s=0.1,
+    position_gain_per_s=1.0,
+    velocity_gain_per_s=2.0,
+    correction_mps=0.3,
+    drift_mps=0.2,
+)
+"""DJI Matrice 100: largest tilt 35° (data sheet); attitude identified by I. Sa and others, arXiv 1701.08623, 2017.
+
+The attitude is simplified to one lag of 0.2 s. Drag and gains are those of `arducopter`.
+"""
+SETS: dict[str, VehicleModel] = {
+    "multirotor": ARDUCOPTER,
+    "arducopter": ARDUCOPTER,
+    "hummingbird": HUMMINGBIRD,
+    "crazyflie": CRAZYFLIE,
+    "m100": M100,
+}
+"""Parameter sets by the name that `model` has."""
