@@ -19,12 +19,18 @@ fix                 a quorum of fixes carries one higher grant            grant 
 fix, peer gone      I am the next standby, a quorum suspects              claim the next term
 peer gone           it is the head                                        suspect (a hint, never proof)
 slot begins         no message of the head for `lease_slots` slots        suspect
-slot begins         suspicion for another lease, a quorum suspects        grant the best candidate
+slot begins         suspicion for another lease, I am on duty by the      claim a term above all heard
+                    rota, a quorum suspects, better candidates had a slot
+                    each
 ==================  ====================================================  ============================
 
 A *quorum of suspicions* before any move (pre-vote) has two effects: one lossy link or one restarted UAV
 disturbs nobody, and a minority never raises its term. A standby delays its claim by a lease for each better
 standby that lives, and by a whole slot if the head may be back: a head survives an outage of the network.
+
+*Few listen.* The rows "fix" are those of UAVs that hear all fixes (`Election.listens`): the head, its standbys, and
+without a head the UAVs on duty (`agent/rota.py`). All others learn of a new term by the claim, which its claimant
+repeats with its fixes until it has a quorum, and by the reports of the head.
 """
 
 from __future__ import annotations
@@ -33,14 +39,15 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 from edc_swarm.agent.knowledge import Grant, Knowledge
-from edc_swarm.agent.succession import HANDOVER_SLOTS, Candidates
+from edc_swarm.agent.rota import WINDOW_SLOTS, Rota
+from edc_swarm.agent.succession import ACTING_SLOTS, HANDOVER_SLOTS, Candidates
 from edc_swarm.mission.configuration import Mission
 from edc_swarm.protocol.messages import NO_ONE, Fix, Report
 
 
 @dataclass(frozen=True, slots=True)
 class TermClaim:
-    """A standby's claim to lead `term`, with the UAVs that suspect the old head."""
+    """A standby's or candidate's claim to lead `term`, with the UAVs that suspect the old head."""
 
     term: int
     suspecting: tuple[str, ...]
@@ -68,15 +75,18 @@ class Lease:
 
 @dataclass(slots=True)
 class ClaimTiming:
-    """Facts that delay a standby's claim.
+    """Facts that delay a claim.
 
-    `since` is the slot in which a quorum of suspicions began, None without one. `head_gone` is true if the head has
-    left the bus; `cut_off` is true if this UAV heard no quorum when the slot began.
+    `since` is the slot in which a quorum of suspicions began, None without one; `duty_since` the one in which this UAV
+    saw one on duty. `head_gone` is true if the head has left the bus; `cut_off` is true if this UAV heard no quorum
+    when the slot began. `vain_slots` counts the slots without a head in which it heard one.
     """
 
     since: int | None = None
+    duty_since: int | None = None
     head_gone: bool = False
     cut_off: bool = False
+    vain_slots: int = 0
 
 
 class Election:
@@ -102,6 +112,8 @@ class Election:
         self._voter = voter
         self._knowledge = knowledge
         self.candidates = Candidates(mission)
+        self._rota = Rota(mission)
+        self._patience_slots = mission.lease_slots * (mission.standbys + 2)
         self.term, self.head = grant
         self.slot = -1
         self.standbys: tuple[str, ...] = ()
@@ -109,6 +121,7 @@ class Election:
         self._lease = Lease(mission.lease_slots)
         self._timing = ClaimTiming()
         self._granted_slot = 0
+        self._acts = False
         self._successor: tuple[int, Grant] | None = None
 
     @property
@@ -128,8 +141,15 @@ class Election:
 
     @property
     def listens(self) -> bool:
-        """True if this UAV needs all fixes: it leads, is a standby, or suspects its head."""
-        return self.leads or self._uav in self.standbys or self.suspects
+        """True if this UAV needs all fixes: it leads, is a standby, or is on duty without a head.
+
+        A head or standby that hears a quorum of fixes and yet has no head for `lease_slots` (`standbys` + 2) slots has
+        had its chance, and listens only on duty. So at most `CANDIDATES` UAVs listen then, however large the swarm is.
+        """
+        in_office = self.leads or self._uav in self.standbys
+        if in_office and self._timing.vain_slots <= self._patience_slots:
+            return True
+        return self.suspects and self._voter and self._uav in self._rota.on_duty(self.slot)
 
     def begin_slot(self, slot: int) -> None:
         """Let time pass; the fix of this slot then carries the result.
@@ -144,8 +164,9 @@ class Election:
             self._adopt(self._successor[1])
         if slot > self._lease.until:
             self._lease.suspect(slot)
-        if self.suspects and self._fallback_due():
-            self._grant_best_candidate()
+            self.claim = None
+        self._timing.vain_slots += self.suspects and not self._timing.cut_off
+        self._claim_on_duty()
 
     def hear_fix(self, fix: Fix) -> None:
         """Process another UAV's fix, which the knowledge holds already."""
@@ -182,21 +203,24 @@ class Election:
         self._claim_if_next()
 
     def planned(self) -> None:
-        """Renew the own lease: a head with a quorum leads."""
+        """Renew the own lease: a head with a quorum leads, and its claim has done its work."""
         self._renew()
+        self.claim = None
 
     def pick_successor(self, heard: Sequence[Fix], everyone_heard: bool) -> Grant | None:
         """Return the grant that the head's next report asks for, or None if the head stays.
 
-        It hands over only if every UAV is heard and the last change of the grant is `HANDOVER_SLOTS` slots ago; see
-        `Candidates.successor`.
+        It hands over only if every UAV is heard and the last change of the grant is `HANDOVER_SLOTS` slots ago;
+        `ACTING_SLOTS` if it came into office by the rota, not by the mission's criterion. See `Candidates.successor`.
         """
-        may_hand_over = everyone_heard and self.slot - self._granted_slot >= HANDOVER_SLOTS
+        office_slots = ACTING_SLOTS if self._acts else HANDOVER_SLOTS
+        may_hand_over = everyone_heard and self.slot - self._granted_slot >= office_slots
         newest = list(self._knowledge.recent(self.slot - 2))
         return self.candidates.successor((self.term, self._uav), heard, newest, may_hand_over)
 
     def _renew(self) -> None:
         self._lease.renew(self.slot)
+        self._timing.vain_slots = 0
         self.candidates.note_lead()
 
     def _adopt(self, grant: Grant) -> None:
@@ -206,10 +230,12 @@ class Election:
         self.term, self.head = grant
         self.standbys = tuple(uav for uav in self.standbys if uav != self.head)
         self._successor = None
+        self.claim = None
+        self._acts = False
         self._granted_slot = self.slot
         self._lease.renew(self.slot)
         self._lease.since = self.slot
-        self._timing.since, self._timing.head_gone = None, False
+        self._timing = ClaimTiming(cut_off=self._timing.cut_off)
         self.candidates.led = False
 
     def _hear_successor(self, report: Report) -> None:
@@ -222,15 +248,17 @@ class Election:
     def _claim_if_next(self) -> None:
         if not (self._voter and self.suspects and self._uav in self.standbys):
             return
-        suspecting = (self._uav, *self._knowledge.suspecting(self.slot - 1, self.term, self._uav))
-        if len(suspecting) < self._quorum:
+        if 1 + self._knowledge.count_suspecting(self.slot - 1, self.term, self._uav) < self._quorum:
             self._timing.since = None
             return
         since = self._timing.since = self.slot if self._timing.since is None else self._timing.since
         if not self._earlier_standby_lives(since) and not self._head_may_be_back(since):
-            term = self.term + 1
-            self._adopt((term, self._uav))
-            self.claim = TermClaim(term, suspecting)
+            self._claim(self.term + 1, self._knowledge.suspecting(self.slot - 1, self.term, self._uav))
+
+    def _claim(self, term: int, suspecting: Sequence[str]) -> None:
+        """Grant oneself `term`, and say which others suspect the old head."""
+        self._adopt((term, self._uav))
+        self.claim = TermClaim(term, (self._uav, *suspecting))
 
     def _head_may_be_back(self, since_slot: int) -> bool:
         """Return True if the standby leaves this slot to the head, which may gather its quorum again.
@@ -251,9 +279,9 @@ class Election:
             return False
         return any(self._knowledge.last_slot(uav) >= self.slot - 1 for uav in self.standbys[:rank])
 
-    def _fallback_due(self) -> bool:
-        """Return True if this UAV has waited long enough for a claim: a lease, or at the start until all are heard."""
-        if not self._voter:
+    def _duty_due(self) -> bool:
+        """Return True if this UAV may claim on duty: after a lease, or at the start as soon as all are heard."""
+        if not (self._voter and self.suspects and self._uav in self._rota.on_duty(self.slot)):
             return False
         waited = self.slot - self._lease.since
         if self.term == 0 and waited >= 1:
@@ -261,12 +289,25 @@ class Election:
             return everyone or waited >= self._lease.slots
         return waited >= self._lease.slots
 
-    def _grant_best_candidate(self) -> None:
-        """Grant (highest term heard + 1, best candidate), if a quorum suspects; see `Candidates.best`."""
+    def _claim_on_duty(self) -> None:
+        """Claim (highest term heard + 1) if due, a quorum suspects, and each better candidate has had its time.
+
+        The best one has two slots, since it may see the quorum a slot later than the others; each other one has one.
+        """
+        if not self._duty_due():
+            self._timing.duty_since = None
+            return
         since = self.slot - self._lease.slots
         seen = [fix for fix in self._knowledge.recent(since) if fix.suspects or fix.uav == self._uav]
         if len(seen) < self._quorum:
+            self._timing.duty_since = None
             return
         highest = max(self.term, *(fix.term for fix in seen))
         granted = {self.head, *(fix.head for fix in seen if fix.term == highest)}
-        self._adopt((highest + 1, self.candidates.best(seen, granted)))
+        on_duty = self._rota.on_duty(self.slot)
+        turns = self.candidates.in_turn([fix for fix in seen if fix.uav in on_duty], granted)
+        duty_since = self._timing.duty_since = self.slot if self._timing.duty_since is None else self._timing.duty_since
+        waits = turns.index(self._uav) if self._uav in turns else WINDOW_SLOTS
+        if self.slot - duty_since >= waits + (waits > 0):
+            self._claim(highest + 1, [fix.uav for fix in seen if fix.uav != self._uav])
+            self._acts = True

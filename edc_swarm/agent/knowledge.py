@@ -16,12 +16,14 @@ import math
 from collections import Counter
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
+from typing import TypeVar
 
 from edc_swarm.mission.braking import Point, reach_m, rest_point
 from edc_swarm.mission.roster_entry import RosterEntry
 from edc_swarm.planner.interface import Hull
 from edc_swarm.protocol.messages import Command, Fix, Report
 
+Key = TypeVar("Key")
 Grant = tuple[int, str]
 """(term, head): a UAV's promise to obey one head in one term; (0, "") stands for no promise."""
 
@@ -35,6 +37,7 @@ class Knowledge:
         self.roster = frozenset(self._roster)
         self.newest: dict[str, Fix] = {}
         self._granting: Counter[tuple[int, int, str]] = Counter()
+        self._suspecting: Counter[tuple[int, int]] = Counter()
         self._early: dict[str, Fix] = {}
         self._relayed: dict[str, tuple[int, int, Hull]] = {}
         self._free_from: dict[str, int] = {}
@@ -54,10 +57,9 @@ class Knowledge:
 
     def _count(self, fix: Fix | None, by: int) -> None:
         if fix is not None:
-            key = (fix.slot, fix.term, fix.head)
-            self._granting[key] += by
-            if self._granting[key] <= 0:
-                del self._granting[key]
+            _add(self._granting, (fix.slot, fix.term, fix.head), by)
+            if fix.suspects:
+                _add(self._suspecting, (fix.slot, fix.term), by)
 
     def hear_report(self, report: Report) -> None:
         """Keep the hulls of a report: of the UAVs that its head did not hear, and of the head itself.
@@ -106,6 +108,13 @@ class Knowledge:
         """Return the ids, without `besides`, whose recent fix of at most `term` says that they suspect their head."""
         recent = self.recent(since_slot)
         return [fix.uav for fix in recent if fix.suspects and fix.uav != besides and fix.term <= term]
+
+    def count_suspecting(self, since_slot: int, term: int, besides: str) -> int:
+        """Return the length of `suspecting` without making the list."""
+        own = self.newest.get(besides)
+        own_counts = own is not None and own.suspects and own.slot >= since_slot and own.term <= term
+        counts = self._suspecting.items()
+        return sum(count for (slot, of), count in counts if slot >= since_slot and of <= term) - own_counts
 
     def last_slot(self, uav: str) -> int:
         """Return the slot of the newest fix of `uav`, -1 if there is none."""
@@ -222,6 +231,13 @@ class HullRules:
 def _last_step(fix: Fix) -> tuple[Point, Point]:
     """Return start and end of the step that the UAV flies in the slot of its fix."""
     return (fix.from_x_m, fix.from_y_m), (fix.waypoint_x_m, fix.waypoint_y_m)
+
+
+def _add(counts: Counter[Key], key: Key, by: int) -> None:
+    """Add to a count, and forget one that is 0."""
+    counts[key] += by
+    if counts[key] <= 0:
+        del counts[key]
 
 
 def _grown(hull: Hull, by_m: float) -> Hull:

@@ -7,6 +7,7 @@ import msgspec
 from edc_swarm.agent.election import Election
 from edc_swarm.agent.head import Head
 from edc_swarm.agent.knowledge import Knowledge
+from edc_swarm.agent.rota import Rota
 from edc_swarm.agent.slot_clock import SlotClock
 from edc_swarm.mission.configuration import Mission
 from edc_swarm.planner.interface import Planner
@@ -17,11 +18,8 @@ CLAIM_WAIT_FRACTION = 0.1
 
 
 def startup_candidates(mission: Mission) -> set[str]:
-    """Return the UAVs that may lead first: the best by energy, or all if the criterion is the response time."""
-    if mission.elect == "response-time":
-        return {entry.uav for entry in mission.roster}
-    ranked = sorted(mission.roster, key=lambda entry: -entry.energy_j)
-    return {entry.uav for entry in ranked[: 1 + mission.standbys]}
+    """Return the UAVs that may lead first: those on duty when the mission begins."""
+    return set(Rota(mission).on_duty(0))
 
 
 class Leadership:
@@ -45,7 +43,6 @@ class Leadership:
         self._knowledge = knowledge
         self._election = election
         self._clock = clock
-        self._candidate = election.term == 0 and uav in startup_candidates(mission)
         self._planner_wanted = False
         self._office_ns = 0
         self._problem = ""
@@ -99,7 +96,6 @@ class Leadership:
 
     def wants_planner(self) -> bool:
         """Return True, once, if this UAV may have to lead and has no planner."""
-        may_lead = self._candidate or self._election.leads or self._uav in self._election.standbys
-        wants = may_lead and not self._planner_wanted and self.planner is None
+        wants = self._election.listens and not self._planner_wanted and self.planner is None
         self._planner_wanted = self._planner_wanted or wants
         return wants

@@ -160,6 +160,12 @@ class UavNode:
         out, self._out = self._out, []
         return out
 
+    def wishes(self) -> list[Effect]:
+        """Return the effects by which this UAV prepares for its first slot: what it listens to, and a planner."""
+        self._tell_wishes()
+        out, self._out = self._out, []
+        return out
+
     def _do_due(self, now_ns: int) -> None:
         planner = self._leadership.planner
         if planner is not None and self._leadership.plan_due(self.slot, now_ns):
@@ -273,7 +279,7 @@ class UavNode:
             self._say(now_ns, with_truth=False)
 
     def _say(self, now_ns: int, *, with_truth: bool) -> None:
-        """Persist the promise, then publish the truth if asked, the fix, and the claim if there is one.
+        """Persist the promise, then publish the truth if asked, the fix, and the claim that has no quorum yet.
 
         After a change of the grant the UAV first discards the pending commands, and takes office if it leads.
         """
@@ -287,9 +293,8 @@ class UavNode:
         made = self._outgoing.fix(self.slot, self._vehicle, self._flight, self._election)
         self._knowledge.hear_fix(self._publish(made), self.slot)
         self._said = (self.grant, self._election.suspects)
-        claim, self._election.claim = self._election.claim, None
-        if claim is not None:
-            self._publish(self._outgoing.claim(self.slot, claim))
+        if self._election.claim is not None:
+            self._publish(self._outgoing.claim(self.slot, self._election.claim))
 
     # --- the head ----------------------------------------------------------------------------
 

@@ -12,6 +12,8 @@ from edc_swarm.protocol.messages import Fix
 
 HANDOVER_SLOTS = 20
 """Least number of slots between two planned handovers."""
+ACTING_SLOTS = 3
+"""Least number of slots for which a head by the rota leads: the standbys that it names can load the planner."""
 
 
 class Criterion(Protocol):
@@ -52,8 +54,8 @@ class Candidates:
         voters = [fix for fix in among if fix.voter]
         return [fix.uav for fix in sorted(voters, key=lambda fix: (fix.suspects, self._key(fix), self._order[fix.uav]))]
 
-    def best(self, among: Sequence[Fix], granted: Collection[str]) -> str:
-        """Return the best candidate; `granted` are the heads of the newest term.
+    def in_turn(self, among: Sequence[Fix], granted: Collection[str]) -> list[str]:
+        """Return the ids in the order in which they may claim; `granted` are the heads of the newest term.
 
         A head that was granted and never led (it cannot hear or cannot plan) is a candidate again after all
         others. All heads of the newest term count as such, not only the own one: so the UAVs agree again after a
@@ -61,10 +63,7 @@ class Candidates:
         """
         if not self.led:
             self.failed.update(granted)
-        fresh = [fix for fix in among if fix.uav not in self.failed]
-        if not fresh:
-            self.failed.clear()
-        return self.ranked(fresh or among)[0]
+        return sorted(self.ranked(among), key=lambda uav: uav in self.failed)
 
     def successor(self, head: Grant, heard: Sequence[Fix], newest: Sequence[Fix], may_hand_over: bool) -> Grant | None:
         """Return the grant that the head's next report asks for, or None if the head stays.

@@ -34,6 +34,7 @@ class Admission:
     def __init__(self, mission: MissionMessage) -> None:
         self._mission = mission
         self._roster = {entry.uav: entry for entry in mission.roster}
+        self._ids = frozenset(self._roster)
         self._last_slot = mission.max_slots + SLACK_SLOTS
         self._last_term = TERMS_PER_SLOT * (mission.max_slots + SLACK_SLOTS)
 
@@ -105,12 +106,12 @@ class Admission:
     def _of_report(self, report: Report) -> Iterator[str]:
         yield from self._of_sender(report.head, report.slot, report.sent_ns)
         yield from self._of_terms(report.term, report.next_term)
-        for uavs in (report.heard, report.unheard, report.grants, report.standby, report.hull_uav, report.landed):
+        for uavs in report.id_lists:
             yield from self._unknown(uavs)
             if len(set(uavs)) < len(uavs):
                 yield "a UAV is named twice"
         yield from self._unknown({report.successor} - {NO_ONE})
-        if report.status != "no-quorum" and not report.is_backed(self._roster.keys(), self._mission.quorum):
+        if report.status != "no-quorum" and not report.is_backed(self._ids, self._mission.quorum):
             yield "a plan or claim without a quorum"
         if len({len(report.hull_uav), *map(len, report.hull_columns)}) > 1:
             yield "its lists of hulls differ in length"
@@ -122,6 +123,6 @@ class Admission:
             yield str(error)
 
     def _unknown(self, uavs: Collection[str]) -> Iterator[str]:
-        for uav in uavs:
-            if uav not in self._roster:
+        if not self._ids.issuperset(uavs):
+            for uav in sorted(set(uavs) - self._ids):
                 yield f"no UAV {uav} in the roster"

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from functools import lru_cache
 from typing import Any, get_args
 
 import msgspec
@@ -11,7 +12,7 @@ from edc_swarm.errors import MessageError, MissionError
 from edc_swarm.mission.faults import parse_faults
 from edc_swarm.mission.validation import check_links, validate_mission
 from edc_swarm.protocol.keys import PREFIX, Keys, kind_of
-from edc_swarm.protocol.messages import Message, MissionMessage
+from edc_swarm.protocol.messages import Message, MissionMessage, Report
 
 MAX_MESSAGE_BYTES = 1 << 20
 MISPLACED = "sender or receiver is not the one in the key"
@@ -19,6 +20,7 @@ MISPLACED = "sender or receiver is not the one in the key"
 _DECODERS: dict[type[Struct], msgspec.json.Decoder[Any]] = {
     kind: msgspec.json.Decoder(kind) for kind in get_args(Message)
 }
+_keys = lru_cache(maxsize=64)(Keys)
 _ENCODER = msgspec.json.Encoder()
 
 
@@ -45,6 +47,8 @@ def decode(key: str, payload: bytes) -> Message:
         message: Message = _DECODERS[kind].decode(payload)
     except (msgspec.DecodeError, UnicodeDecodeError, RecursionError) as error:
         raise MessageError(key, str(error)) from None
+    if isinstance(message, Report) and not message.has_ids:
+        raise MessageError(key, "a text that is no id of a UAV")
     _check_key(key, message)
     if isinstance(message, MissionMessage):
         _check_mission(key, message)
@@ -55,7 +59,7 @@ def _check_key(key: str, message: Message) -> None:
     parts = key.split("/")
     if parts[0] != PREFIX:
         return
-    if Keys(parts[1]).of(message) != key:
+    if _keys(parts[1]).of(message) != key:
         raise MessageError(key, MISPLACED)
     if isinstance(message, MissionMessage) and message.name != parts[1]:
         raise MessageError(key, "another mission's")

@@ -30,6 +30,7 @@ class EventKind(StrEnum):
     LINK_DELAYS = "link-delays"
     MALFORMED = "malformed"
     GROUND_DENIED = "ground-denied"
+    RECORDER_BEHIND = "recorder-behind"
     RECORDER_DROPPED = "recorder-dropped"
     RECORDING_FAILED = "recording-failed"
 
@@ -66,6 +67,7 @@ EVENT_FORMS: dict[EventKind, EventForm] = {
     EventKind.GROUND_DENIED: EventForm(
         "bridge to a ground station", "the requests so far that would have steered a UAV, by kind", warning=True
     ),
+    EventKind.RECORDER_BEHIND: EventForm("recorder", "by how many seconds and messages it is behind", warning=True),
     EventKind.RECORDER_DROPPED: EventForm("recorder", "the number of messages that it could not write", warning=True),
     EventKind.RECORDING_FAILED: EventForm("recorder", "the error that ended the file"),
 }

@@ -7,7 +7,9 @@ readers ignore unknown fields. `seq` counts from 0 without gaps per publisher `i
 
 from __future__ import annotations
 
+import re
 from collections.abc import Set
+from itertools import chain
 from typing import Annotated, Literal, get_args
 
 from msgspec import UNSET, Meta, Struct, UnsetType
@@ -40,6 +42,9 @@ HeadId = Annotated[str, Meta(pattern=r"^[A-Za-z0-9_-]{0,32}$(?!\n)")]
 Latitude = Annotated[float, Meta(ge=-90, le=90)]
 Longitude = Annotated[float, Meta(ge=-180, le=180)]
 UavIds = Annotated[list[UavId], Meta(max_length=MAX_UAVS)]
+ReportedIds = Annotated[list[Annotated[str, Meta(min_length=1, max_length=32)]], Meta(max_length=MAX_UAVS)]
+"""Ids of UAVs in a report, whose characters the codec checks at once (`Report.has_ids`): a pattern for each id took
+a third of the time that a UAV needs for a slot of a mission with 200 UAVs."""
 Claimants = Annotated[tuple[Annotated[str, Meta(pattern=r"^([0-9a-f]{16})?$(?!\n)")], ...], Meta(max_length=MAX_UAVS)]
 Coordinates = Annotated[list[Metres], Meta(max_length=MAX_UAVS)]
 Radii = Annotated[list[NonNegative], Meta(max_length=MAX_UAVS)]
@@ -163,9 +168,9 @@ class Report(Struct, frozen=True, kw_only=True, gc=False):
     term: Term
     planner: Annotated[str, Meta(max_length=200)] = ""
     status: Status
-    heard: UavIds = []
-    unheard: UavIds = []
-    grants: UavIds = []
+    heard: ReportedIds = []
+    unheard: ReportedIds = []
+    grants: ReportedIds = []
     quorum: Annotated[int, Meta(ge=0, le=MAX_UAVS)]
     plan_ms: NonNegative = 0.0
     guidance_ms: NonNegative = 0.0
@@ -173,16 +178,16 @@ class Report(Struct, frozen=True, kw_only=True, gc=False):
     solve_ms: NonNegative = 0.0
     iterations: Count = 0
     min_gap_m: Quantity = 0.0
-    standby: UavIds = []
+    standby: ReportedIds = []
     successor: HeadId = NO_ONE
     next_term: Term = 0
-    hull_uav: UavIds = []
+    hull_uav: ReportedIds = []
     hull_ax_m: Coordinates = []
     hull_ay_m: Coordinates = []
     hull_bx_m: Coordinates = []
     hull_by_m: Coordinates = []
     hull_r_m: Radii = []
-    landed: UavIds = []
+    landed: ReportedIds = []
 
     @property
     def has_quorum(self) -> bool:
@@ -200,6 +205,19 @@ class Report(Struct, frozen=True, kw_only=True, gc=False):
         `roster` and `quorum` are the mission's: no receiver believes the quorum that a report states.
         """
         return self.quorum == quorum and self.head in self.grants and len(roster & set(self.grants)) >= quorum
+
+    @property
+    def id_lists(self) -> tuple[list[str], ...]:
+        """The lists of UAVs."""
+        return (self.heard, self.unheard, self.grants, self.standby, self.hull_uav, self.landed)
+
+    @property
+    def has_ids(self) -> bool:
+        """True if the lists of UAVs have no characters that no id has."""
+        return _id_characters("".join(chain(*self.id_lists))) is not None
+
+
+_id_characters = re.compile(r"[A-Za-z0-9_-]*").fullmatch
 
 
 class Event(Struct, frozen=True, kw_only=True, gc=False):

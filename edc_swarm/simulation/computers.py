@@ -207,7 +207,8 @@ class Computer:
             )
         )
         self._world.network.monitor.revive(self.uav)
-        self.step(Tick())
+        self._carry_out(self.process, self.process.node.wishes())
+        self._schedule.at(self._schedule.now_ns, partial(self.step, Tick()))
 
     def kill(self, for_s: float = math.inf) -> None:
         """End the process, and start one again after `for_s` seconds of mission time."""

@@ -65,12 +65,19 @@ class UavSubscriptions:
         self._fixes: zenoh.Subscriber[None] | None = None
         for key in (keys.mission, keys.commands_to(uav), keys.all_reports, keys.event(OPERATOR), keys.goal("*", uav)):
             self._subscribe(key)
-        session.liveliness().declare_subscriber(keys.all_alive, hand_over(self._take_token), history=True)
+        self._tokens: zenoh.Subscriber[None] | None = None
+        self._watched = ""
+        self._hears_truths = False
 
     @property
     def hears_fixes(self) -> bool:
         """True if the UAV subscribes to the fixes of all UAVs."""
         return self._fixes is not None
+
+    @property
+    def hears_swarm(self) -> bool:
+        """True if messages of all UAVs come in: fixes, or truths for the emulated radio."""
+        return self._fixes is not None or self._hears_truths
 
     def ask_for_mission(self) -> None:
         """Query the messages that a late joiner has missed: the mission, and the faults in force."""
@@ -85,9 +92,25 @@ class UavSubscriptions:
             self._fixes.undeclare()
             self._fixes = None
 
+    def watch(self, head: str) -> bool:
+        """Watch the liveliness tokens of all UAVs if this one hears all fixes, else of its head; return True if new.
+
+        If everybody watched everybody, a swarm of K would deliver K^2 tokens at its start.
+        """
+        key = self._keys.all_alive if self.hears_fixes else self._keys.alive(head, "*") if head else ""
+        if key == self._watched:
+            return False
+        self._watched = key
+        if self._tokens is not None:
+            self._tokens.undeclare()
+        liveliness, take = self._session.liveliness(), hand_over(self._take_token)
+        self._tokens = liveliness.declare_subscriber(key, take, history=True) if key else None
+        return True
+
     def listen_to_truths(self) -> None:
         """Subscribe to the true positions of all UAVs: for the emulated radio, never for the agent."""
         self._subscribe(self._keys.all_truths)
+        self._hears_truths = True
 
     def _subscribe(self, key: str) -> zenoh.Subscriber[None]:
         handler = hand_over(self._take_sample)

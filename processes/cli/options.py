@@ -5,7 +5,7 @@ from __future__ import annotations
 import re
 from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
-from dataclasses import dataclass, field, make_dataclass
+from dataclasses import dataclass, field, make_dataclass, replace
 from pathlib import Path
 from typing import Annotated, Any, get_origin, get_type_hints
 
@@ -157,6 +157,11 @@ class MissionOptions(_FieldOptions):  # type: ignore[misc]  # The declarations d
         for said in check_zones(mission):
             note(f"warning: {said}")
         return mission
+
+    def with_slot(self, slot_s: float) -> MissionOptions:
+        """Return the same options with another length of a slot."""
+        fields: dict[str, Any] = {_attribute(FIELDS["dt_s"]): slot_s}
+        return replace(self, **fields)
 
     def _options(self) -> dict[str, str]:
         """Return the given options by the field that they set; `link.loss` is a field of every link."""

@@ -163,10 +163,29 @@ class Launcher:
         publishers = {*self._parts.pool.living, *remote, *self._state.viewers}
         self._loop.wait_quietly(lambda: operator.seen.closed >= publishers, CLOSE_TIMEOUT_S)
         operator.close()
-        timeout_s = CLOSE_TIMEOUT_S if self._loop.interrupted or self._loop.failure else RECORDER_TIMEOUT_S
-        self._loop.wait_quietly(self._is_recorded, timeout_s, LOOK_EVERY_S)
+        self._await_recorder()
         if self._setup.bus is None:
             operator.disconnect()
+
+    def _await_recorder(self) -> None:
+        """Let the recorder finish; after a failure or Ctrl-C only as long as its file still grows.
+
+        An overloaded recorder has a backlog at the end of a run. With a fixed time of 1.2 s for it, the launcher killed
+        recorders that were behind and said that they had died.
+        """
+        hurried = self._loop.interrupted or self._loop.failure is not None
+        end_s = time.monotonic() + RECORDER_TIMEOUT_S
+        while not self._is_recorded() and time.monotonic() < end_s:
+            written_bytes = self._written_bytes()
+            self._loop.wait_quietly(
+                self._is_recorded, CLOSE_TIMEOUT_S if hurried else end_s - time.monotonic(), LOOK_EVERY_S
+            )
+            if hurried and self._written_bytes() == written_bytes:
+                return
+
+    def _written_bytes(self) -> int:
+        part = self._setup.output.part
+        return part.stat().st_size if part.exists() else 0
 
     def _is_recorded(self) -> bool:
         """Return True if the recorder has finished."""

@@ -42,6 +42,10 @@ class Inbox(Generic[Item]):
         """Add one of the few items that must not be lost, such as the order to stop."""
         self._queue.put((item, 0))
 
+    def __len__(self) -> int:
+        """Return the number of items that wait."""
+        return self._queue.qsize()
+
     def wait(self, timeout_s: float | None, settle_s: float = 0.0) -> list[Item]:
         """Wait for the next items and return at most `BATCH` of them, none if the time is over.
 

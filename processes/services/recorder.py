@@ -14,7 +14,7 @@ import os
 import signal
 import sys
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
@@ -25,6 +25,7 @@ import zenoh
 from msgspec import Struct
 
 from edc_swarm.errors import InputError, SwarmError
+from edc_swarm.mission.configuration import NS_PER_S
 from edc_swarm.mission.roles import OPERATOR, RECORDER
 from edc_swarm.protocol import retransmission
 from edc_swarm.protocol.codec import MAX_MESSAGE_BYTES, encode
@@ -44,6 +45,7 @@ from processes.runtime.console import complain
 from processes.runtime.inbox import SETTLE_S, Inbox
 from processes.runtime.output import held_for_writing
 from processes.runtime.parent import die_with_parent
+from processes.services.backlog import Backlog
 from processes.services.orders import orders, outlast_operator
 from processes.services.recording_file import Received, RecordingFile
 
@@ -114,6 +116,7 @@ class Recorder:
         self._inbox: Inbox[Item] = Inbox(QUEUE_LIMIT)
         self._events = EventSource(NAME, self._clock)
         self._reported = _Losses(0, 0)
+        self._backlog = Backlog()
         self._gate = Gate(partial(self.tell, EventKind.MALFORMED))
         self._holes = Holes(settings.mission, self.file.known)
         self._end_s = self._stop_s = math.inf
@@ -135,7 +138,9 @@ class Recorder:
         """Write until the operator has closed and retransmissions have arrived or timed out, or until `stop`."""
         next_flush_s = time.monotonic() + FLUSH_S
         while not self._is_done():
-            for item in self._inbox.wait(self._patience_s(next_flush_s), SETTLE_S):
+            items = self._inbox.wait(self._patience_s(next_flush_s), SETTLE_S)
+            self._note_backlog(items)
+            for item in items:
                 self._process(item)
             self._ask()
             if self._is_stopped():
@@ -151,7 +156,7 @@ class Recorder:
         return self._end_s < math.inf and (not self._holes.outstanding or time.monotonic() >= self._end_s)
 
     def _patience_s(self, next_flush_s: float) -> float:
-        next_ask_s = self._holes.next_s
+        next_ask_s = None if self._backlog.is_behind else self._holes.next_s
         due_s = min(next_flush_s, self._end_s, self._stop_s, next_ask_s if next_ask_s is not None else math.inf)
         return due_s - time.monotonic()
 
@@ -210,7 +215,17 @@ class Recorder:
 
     # --- retransmission of lost messages -----------------------------------------------------
 
+    def _note_backlog(self, items: Sequence[Item]) -> None:
+        """Note how old the oldest message is that waited, and tell if the recorder is further behind than before."""
+        came_ns = next((item.time_ns for item in items if isinstance(item, Received)), None)
+        age_s = (self._clock.now_ns() - came_ns) / NS_PER_S if came_ns is not None else 0.0
+        if (detail := self._backlog.note(age_s, len(self._inbox))) is not None:
+            self.tell(EventKind.RECORDER_BEHIND, detail)
+
     def _ask(self) -> None:
+        """Request lost messages; a recorder that is behind waits with that until it has caught up."""
+        if self._backlog.is_behind:
+            return
         for publisher, ask in self._holes.due(time.monotonic()):
             take = partial(self._take_reply, publisher)
             query_in_background(self._session, self._keys.again(*publisher), retransmission.encode(ask), take)

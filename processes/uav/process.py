@@ -53,7 +53,7 @@ from processes.runtime.clock import MissionClock
 from processes.runtime.inbox import Inbox
 from processes.uav.local_faults import LocalFaults
 from processes.uav.planner_loader import SlowPlanner, load_planner
-from processes.uav.publisher import TRUTH_DELAY_S, Publisher
+from processes.uav.publisher import TRUTH_DELAY_S, TRUTH_PATIENCE_S, Publisher
 from processes.uav.response_time import measured_response_ms
 from processes.uav.state import UavState
 
@@ -131,14 +131,14 @@ class UavProcess:
     def _wait(self) -> list[Item]:
         timeout_s = min(self._timeout_s(), RETRY_S if self._outbox.holds_back else IDLE_S)
         if self._publisher.delays_truth:
-            timeout_s = min(timeout_s, TRUTH_DELAY_S)
+            timeout_s = min(timeout_s, TRUTH_DELAY_S if self._subscriptions.hears_swarm else TRUTH_PATIENCE_S)
         if self._outbox.is_asked and timeout_s > SPARE_S:
             self._outbox.answer()
             timeout_s = 0.0
         start_s = time.monotonic()
         items = self._inbox.wait(timeout_s, min(self._settle_s, max(timeout_s, 0.0)))
         self._outbox.note_delay(time.monotonic() - start_s - timeout_s)
-        if not items:
+        if not items or not self._subscriptions.hears_swarm:
             self._publisher.send_truth()
         return items
 
@@ -217,6 +217,7 @@ class UavProcess:
         if have_range(mission):
             self._subscriptions.listen_to_truths()
         self._flight = Flight(mission, node, postbox, LocalFaults(mission, entry.uav, postbox.links, self._clock))
+        self._carry_out(node.wishes())
 
     def _obey(self, event: Event) -> None:
         """Carry out the operator's event: end, or apply a fault."""
@@ -286,6 +287,8 @@ class UavProcess:
                 case Land():
                     self._leaving = True
         self._outbox.flush()
+        if self._flight is not None and self._subscriptions.watch(self._flight.node.grant[1]):
+            self._peers = Peers()
 
     def _comes_too_late(self, airframe: Airframe) -> bool:
         """Return True if the vehicle has begun to land and so does not accept the step to be written."""

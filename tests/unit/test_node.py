@@ -22,7 +22,7 @@ from edc_swarm.agent.node import (
     UavNode,
     WantPlanner,
 )
-from edc_swarm.agent.vehicle import Airframe, Promise
+from edc_swarm.agent.vehicle import Airframe, Promise, first_promise
 from edc_swarm.geodesy import to_wgs84
 from edc_swarm.protocol.messages import Command, Event, Fix, Message, Report, Truth
 from tests import builders
@@ -352,15 +352,16 @@ def test_no_fix_waits_for_a_solver() -> None:
 
 
 def test_wishes() -> None:
-    """A UAV that suspects, or is a standby, listens to all fixes; others do not; a standby wants a planner."""
+    """A UAV on duty without a head, or a standby, listens to all fixes and wants a planner, once; others do not."""
+    assert node("c", promise=first_promise(ROSTER[2])).wishes() == [Listen(True), WantPlanner()]
     uav = node("c")
     first = uav.step(Tick(), at(5))
     assert Listen(True) in first
-    assert WantPlanner() not in first
+    assert WantPlanner() in first
     assert Listen(False) in uav.step(Received(report(5)), at(5.3))
     named = uav.step(Received(report(5, standby=["c"])), at(5.4))
     assert Listen(True) in named
-    assert WantPlanner() in named
+    assert WantPlanner() not in named
 
 
 def test_a_token_that_vanishes_is_a_hint() -> None:

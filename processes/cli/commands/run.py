@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from functools import partial
 from pathlib import Path
-from typing import Annotated
+from typing import Annotated, Literal
 
 from cyclopts import Parameter
 
@@ -22,6 +22,7 @@ from processes.bus.session import try_client
 from processes.cli.conclusion import conclude
 from processes.cli.options import MISSION_HELP, MissionOptions
 from processes.cli.whole_number import WholeNumber
+from processes.host.capacity import check_capacity, stretched_slot_s
 from processes.host.launcher import Launcher
 from processes.host.run_report import RunReport
 from processes.host.run_setup import Bus, Protection, View
@@ -34,6 +35,8 @@ from processes.runtime.output import Output, default_output, timestamp
 from processes.services.live import live_port
 from processes.services.mavlink_link import ground_address
 from processes.services.orders import await_found
+
+Overload = Literal["refuse", "fly", "stretch"]
 
 
 def run(
@@ -48,6 +51,7 @@ def run(
     secure: bool = False,
     certs: Path | None = None,
     mavlink: str | None = None,
+    overload: Overload = "refuse",
 ) -> int:
     """Fly a mission: a process for every UAV, a router, a recorder.
 
@@ -68,12 +72,15 @@ def run(
         --secure --remote and --secure --operate.
     mavlink
         Show every UAV to the ground station at this address, udp:HOST:PORT, which may only look on.
+    overload
+        What to do if a short measurement says that this machine carries fewer UAVs: refuse, fly all the same, or
+        stretch the slot (refuse).
     """
     options = options or MissionOptions()
     if options.fault_help:
         print(fault_help(), end="")
         return 0
-    mission = options.mission(mission_file)
+    mission = _carried(options, mission_file, overload) if not (remote or operate) else options.mission(mission_file)
     if not 0 <= remote <= len(mission.roster):
         raise InputError("--remote", remote, f"from 0 to the number of UAVs, {len(mission.roster)}")
     make_room(len(mission.roster))
@@ -108,6 +115,17 @@ def run(
     status = conclude(output.path, as_json=options.json, last_slot=report.last_slot) if report.flew else FAILED
     launcher.leave()
     return FAILED if report.failed or report.interrupted else status
+
+
+def _carried(options: MissionOptions, file: Path | None, overload: Overload) -> Mission:
+    """Return the mission if this machine carries it, or as `overload` says."""
+    mission = options.mission(file)
+    if overload == "refuse":
+        check_capacity(mission, "--uavs")
+    elif overload == "stretch" and (slot_s := stretched_slot_s(mission)) > mission.dt_s:
+        note(f"the slot is stretched from {mission.dt_s:g} to {slot_s:g} s, which this machine carries")
+        return options.with_slot(slot_s).mission(file)
+    return mission
 
 
 def _meet(address: str, mission: Mission, alone: Mapping[str, object], protection: Protection | None) -> Bus:
