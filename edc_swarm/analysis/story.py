@@ -12,7 +12,7 @@ from edc_swarm.recording.model import Recording
 from edc_swarm.story.happening import STATES, Happening, grouped
 from edc_swarm.story.teller import Storyteller
 
-MAX_SLOTS = 1_000_000
+MAX_STORY_SLOTS = 1_000_000
 """Most slots of a story."""
 
 
@@ -57,7 +57,7 @@ def story_of(recording: Recording) -> Story:
 def slots_of(recording: Recording) -> int:
     """Return the number of slots of a story, at least one: as many as the tracks have."""
     last = max((fix.slot for fix in recording.fixes), default=0)
-    return min(MAX_SLOTS, 1 + max(last, max((truth.slot for truth in recording.truths), default=0)))
+    return min(MAX_STORY_SLOTS, 1 + max(last, max((truth.slot for truth in recording.truths), default=0)))
 
 
 def _messages(recording: Recording, slots: int) -> Iterable[tuple[int, Message]]:

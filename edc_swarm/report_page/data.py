@@ -27,7 +27,7 @@ from edc_swarm.story.happening import STATES, Level
 MAX_ANIMATED = 1_000_000
 """Most UAV-slots that are animated; the animation of a longer mission skips slots evenly."""
 MAX_FAULT_MARKS = 200
-MAX_TOLD = 3000
+MAX_SHOWN_HAPPENINGS = 3000
 """Most happenings that the page lists."""
 ACTIVE_SHARE = 0.8
 """Plots begin with the span in which UAVs move if that is a smaller share of the mission."""
@@ -244,8 +244,8 @@ def _told(story: Story, mission: MissionMessage) -> list[Told]:
     """Return the happenings that the page lists: all of them, or the ones of weight if there are too many."""
     index = {entry.uav: k for k, entry in enumerate(mission.roster)}
     chosen = story.happenings
-    if len(chosen) > MAX_TOLD:
-        chosen = [happening for happening in chosen if happening.level != "detail"][:MAX_TOLD]
+    if len(chosen) > MAX_SHOWN_HAPPENINGS:
+        chosen = [happening for happening in chosen if happening.level != "detail"][:MAX_SHOWN_HAPPENINGS]
     return [
         Told(
             round(each.time_s, 3),

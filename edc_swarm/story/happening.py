@@ -52,7 +52,7 @@ State = Literal[
 """State of a UAV in a slot."""
 STATES: tuple[State, ...] = get_args(State)
 
-MAX_NAMES = 6
+NAMES_TOLD = 6
 """Most UAVs that one line names."""
 
 
@@ -89,8 +89,8 @@ class Happening(Struct, kw_only=True):
     @property
     def who(self) -> str:
         """The UAVs in words, the first ones by name."""
-        more = f" and {len(self.uavs) - MAX_NAMES} more" if len(self.uavs) > MAX_NAMES else ""
-        return ", ".join(self.uavs[:MAX_NAMES]) + more
+        more = f" and {len(self.uavs) - NAMES_TOLD} more" if len(self.uavs) > NAMES_TOLD else ""
+        return ", ".join(self.uavs[:NAMES_TOLD]) + more
 
     @property
     def words(self) -> str:

@@ -10,7 +10,7 @@ from edc_swarm.mission.field_types import Point
 from edc_swarm.protocol.messages import Report
 from edc_swarm.story.happening import Reason
 
-BUFFER_M = 0.1
+TOUCH_M = 0.1
 """A planner keeps a little more than the sum of two radii."""
 
 
@@ -68,7 +68,7 @@ def why_no_step(here_m: Point, aim_m: Point, r_m: float, reach_m: float, places:
     for gap_m, place in near:
         if not place.reach_m and place.gap_m(aim_m, r_m) < 0:
             return Why("covered", f"its target is covered by {place.uav}'s {place.what}", place.uav, gap_m <= 2 * r_m)
-    close = [place for gap_m, place in near if gap_m <= reach_m + place.reach_m + BUFFER_M]
+    close = [place for gap_m, place in near if gap_m <= reach_m + place.reach_m + TOUCH_M]
     for place in close:
         if not place.reach_m and place.is_ahead(here_m, aim_m):
             return Why("blocked", f"blocked by {place.uav}'s {place.what}", place.uav)

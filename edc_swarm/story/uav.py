@@ -12,7 +12,7 @@ from edc_swarm.protocol.messages import Command, Fix, Report
 from edc_swarm.story.happening import Happening, Kind, State
 from edc_swarm.story.places import Why
 
-SILENT_SLOTS = 2
+UNHEARD_SLOTS = 2
 """Slots in a row without a fix after which a UAV counts as silent."""
 NEVER_SLOTS = 6
 """The same for a UAV of which no fix has come yet."""
@@ -94,7 +94,7 @@ class Uav:
     def is_silent(self) -> bool:
         """Count a slot without a fix; return True in the slot in which it is silent for long enough to say so."""
         self.silent_slots += 1
-        return self.silent_slots == (SILENT_SLOTS if self.fix is not None else NEVER_SLOTS)
+        return self.silent_slots == (UNHEARD_SLOTS if self.fix is not None else NEVER_SLOTS)
 
     def is_cut_off(self, plan: Report | None) -> bool:
         """Count a plan without the fix that it sent; return True while that goes on for long enough to say so."""

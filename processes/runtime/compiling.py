@@ -3,9 +3,6 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Callable, Iterator
-from contextlib import contextmanager
-from typing import Any
 
 from rich.console import Console
 
@@ -15,34 +12,6 @@ from processes.runtime.voice import Voice
 FUNCTIONS = 66
 """Number of compilations of a first start, near enough for a user."""
 TELL_EVERY_S = 10.0
-
-
-@contextmanager
-def counted(planner: str, tell: Callable[[int], None]) -> Iterator[None]:
-    """Call `tell` with the number of functions compiled so far, whenever one more is, while the planner warms up."""
-    if planner != "edc":
-        yield
-        return
-    from numba.core import event  # noqa: PLC0415  (planners of users need no numba)
-
-    numba_event: Any = event  # It has no types.
-
-    class Counter(numba_event.Listener):  # type: ignore[misc]
-        done = 0
-
-        def on_start(self, _: object) -> None:
-            tell(self.done)
-
-        def on_end(self, _: object) -> None:
-            self.done += 1
-            tell(self.done)
-
-    listener = Counter()
-    numba_event.register("numba:compile", listener)
-    try:
-        yield
-    finally:
-        numba_event.unregister("numba:compile", listener)
 
 
 class CompilingNote:

@@ -4,11 +4,12 @@ from __future__ import annotations
 
 import threading
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from typing import Any
 
 from edc_swarm.mission.configuration import Mission
 from edc_swarm.planner.interface import Plan, Planner, PlanRequest
-from processes.runtime.compiling import counted
 
 _warm_for: set[str] = set()
 """Planners that this process, or the process that forked it, has imported and warmed up."""
@@ -23,7 +24,7 @@ def warm_planner(mission: Mission, tell: Callable[[int], None] = lambda _: None)
         return
     from edc_swarm.planner.registry import warm_up  # noqa: PLC0415  (imports numpy: only a possible head needs it)
 
-    with counted(mission.planner, tell):
+    with _counted(mission.planner, tell):
         warm_up(mission)
     _warm_for.add(mission.planner)
 
@@ -65,3 +66,31 @@ class SlowPlanner:
         if self._by_s and time.monotonic() < self._until_s:
             time.sleep(self._by_s)
         return plan
+
+
+@contextmanager
+def _counted(planner: str, tell: Callable[[int], None]) -> Iterator[None]:
+    """Call `tell` with the number of functions compiled so far, whenever one more is, while the planner warms up."""
+    if planner != "edc":
+        yield
+        return
+    from numba.core import event  # noqa: PLC0415  (planners of users need no numba)
+
+    numba_event: Any = event  # It has no types.
+
+    class Counter(numba_event.Listener):  # type: ignore[misc]
+        done = 0
+
+        def on_start(self, _: object) -> None:
+            tell(self.done)
+
+        def on_end(self, _: object) -> None:
+            self.done += 1
+            tell(self.done)
+
+    listener = Counter()
+    numba_event.register("numba:compile", listener)
+    try:
+        yield
+    finally:
+        numba_event.unregister("numba:compile", listener)

@@ -39,7 +39,7 @@ AS_BEFORE = [
             "link": [{"loss": 0.3}],
             "fault": ["partition halves @6s for 5"],
         },
-        "721d4aeea762733069aebe04f68b0738",
+        "9fd47c4940a852ac30ccc568ad344cfe",
     ),
 ]
 """Missions of ideal vehicles, and a digest of their commands by the version before there were others."""

@@ -428,7 +428,7 @@ ANY = None
 """An option that takes whatever is said: a flag, a folder, a text that is used later."""
 BAD_VALUES: dict[str, dict[str, str | None]] = {
     "run": {"listen": "x", "remote": "99", "operate": "x", "certs": "x", "live": ANY, "secure": ANY,
-            "mavlink": "x"},
+            "mavlink": "x", "overload": "x"},
     "join": {"uavs": "0", "state": "/proc/x", "certs": ANY},  # With certificates, the address is wrong first.
     "certs": {"uavs": "0", "out": "/proc/x", "host": "a b", "days": "0", "force": ANY, "json": ANY},
     "fuzz": {"runs": "0", "seed": "-1", "jobs": "0", "keep": "x", "json": ANY},
@@ -443,6 +443,8 @@ BAD_VALUES: dict[str, dict[str, str | None]] = {
     "recover": {"out": "x", "force": ANY, "json": ANY},
     "visualise": {"out": "x", "force": ANY},
     "report": {"out": "x", "force": ANY},
+    "events": {"json": ANY, "verbose": ANY},
+    "faults": {},
     "metrics": {"json": ANY, "plots": "/proc/x", "metric": "x"},
     "check": {"load-planner": ANY, "json": ANY},
     "import": {  # The file is wrong before its origin is.
@@ -452,7 +454,7 @@ BAD_VALUES: dict[str, dict[str, str | None]] = {
     "export": {"format": "x", "out": ANY, "force": ANY},
     "sim": {
         "uavs": "0", "area": "0", "area-x": "-1", "area-y": "-1", "fence": "x", "failsafe": "x", "land-after": "-1",
-        "vehicle": "x", "wind-mps": "-1", "gust-mps": "-1",
+        "quiet": ANY, "verbose": ANY, "vehicle": "x", "wind-mps": "-1", "gust-mps": "-1",
         "gps-error": "-1", "gps-model": "x", "seed": "-1", "slot": "0", "speed-max": "0",
         "planner": "x", "minimise": "x", "elect": "x", "fault": "x", "fault-help": ANY, "delay-ms": "-1",
         "jitter-ms": "-1", "loss": "1.5", "time-scale": "0", "max-slots": "-1", "out": "x", "no-viz": ANY, "json": ANY,
