@@ -1,9 +1,9 @@
 """The number of UAVs that this machine carries, from a short measurement before take-off.
 
 The measurement times the Python work of one UAV in a slot: begin, encode, decode a command and a report of a swarm of
-the same size. `WHOLE` is the ratio of all the processor time of a run per UAV and slot (router, recorder, head, Zenoh,
-wake-ups) to that work, from runs of 40 to 100 UAVs on two cores; it holds to a quarter either way, which is enough to
-tell a swarm that fits from one that does not.
+the same size. `WHOLE` stands for the ratio of all the processor time of a run per UAV and slot (router, recorder, head,
+Zenoh, wake-ups) to that work. It is an estimate, and the measurement does not see what else the machine does; so the
+number tells a swarm that fits from one that does not only roughly.
 """
 
 from __future__ import annotations

@@ -170,8 +170,7 @@ class Launcher:
     def _await_recorder(self) -> None:
         """Let the recorder finish; after a failure or Ctrl-C only as long as its file still grows.
 
-        An overloaded recorder has a backlog at the end of a run. With a fixed time of 1.2 s for it, the launcher killed
-        recorders that were behind and said that they had died.
+        An overloaded recorder has a backlog at the end of a run; one that is killed meanwhile would seem to have died.
         """
         hurried = self._loop.interrupted or self._loop.failure is not None
         end_s = time.monotonic() + RECORDER_TIMEOUT_S

@@ -45,7 +45,6 @@ def test_one_head_per_term_and_first_commands_by_slot_three(default_flight: Ende
     overloaded = default_flight.json["ticks_late_pct"] > 1
     assert min(flown) <= 3 or overloaded
     assert "connected" in default_flight.stderr
-    assert "first commands flown in slot" in default_flight.stderr
 
 
 def test_summary_is_what_metrics_says(default_flight: Ended, capsys: pytest.CaptureFixture[str]) -> None:

@@ -21,7 +21,7 @@ from processes.services.access_rules import access_control
 from processes.services.router import RouterAccess
 
 UAVS = ["u001", "u002"]
-ANSWERING = [*UAVS, "operator", "viz"]
+ANSWERING = [*UAVS, "operator", "viz", "ground"]
 """Publishers, which answer requests for retransmission."""
 
 
@@ -57,6 +57,11 @@ ROLES_MAY = {
     "recorder answers": "m/mission m/orders/recorder",
     "recorder lives": "m/alive/recorder/*",
     "recorder watches": FINDS_THE_MISSION,
+    "ground says": "m/event/ground",
+    "ground hears": "m/mission m/uav/*/fix m/event/*",
+    "ground asks": "m/mission",
+    "ground answers": "m/again/ground/*",
+    "ground lives": "m/alive/ground/*",
     "viz says": "m/event/viz m/viz/**",
     "viz hears": "m/mission m/uav/** m/head/** m/event/*",
     "viz asks": "m/mission m/event/operator m/orders/viz m/orders/live",

@@ -29,12 +29,12 @@ Said = TypeVar("Said", Fix, Event)
 
 
 class Bench:
-    """A mission of three of which only the last UAV flies; the test plays the others and the operator."""
+    """A mission, by default of three, of which only the last UAV flies; the test plays the others and the operator."""
 
-    def __init__(self, endpoint: str, folder: Path) -> None:
-        mission = complete_mission(Mission(name="bench", uavs=3, standbys=0, time_scale=2))
-        ranked = sorted(mission.roster, key=lambda entry: -entry.energy_j)
-        self.first, self.second, self.last = (entry.uav for entry in ranked)
+    def __init__(self, endpoint: str, folder: Path, uavs: int = 3) -> None:
+        mission = complete_mission(Mission(name="bench", uavs=uavs, standbys=0, time_scale=2))
+        self.ranked = [entry.uav for entry in sorted(mission.roster, key=lambda entry: -entry.energy_j)]
+        self.first, self.second, self.last = self.ranked[0], self.ranked[1], self.ranked[-1]
         self.mission = mission_message(mission, MissionClock().now_ns())
         self.keys = Keys(self.mission.name)
         self.inbox: Inbox[tuple[str, bytes]] = Inbox()
@@ -91,8 +91,9 @@ class Bench:
     def report(self, **fields: object) -> Report:
         """Return a report of the first UAV as head, with a quorum."""
         newest = self.heard[-1].slot
-        grants = [self.first, self.second]
-        return Report(head=self.first, slot=newest, term=1, status="planned", grants=grants, quorum=2, **fields)  # type: ignore[arg-type]
+        quorum = self.mission.quorum
+        grants = self.ranked[:quorum]
+        return Report(head=self.first, slot=newest, term=1, status="planned", grants=grants, quorum=quorum, **fields)  # type: ignore[arg-type]
 
     def ask_again(self, *spans: Span) -> list[Answer]:
         """Request a retransmission from the UAV, as the recorder does."""
@@ -109,9 +110,9 @@ class Bench:
 
 
 @pytest.fixture
-def bench(endpoint: str, tmp_path: Path) -> Iterator[Bench]:
-    """Start one UAV on a bus of its own."""
-    made = Bench(endpoint, tmp_path)
+def bench(request: pytest.FixtureRequest, endpoint: str, tmp_path: Path) -> Iterator[Bench]:
+    """Start one UAV on a bus of its own; the parameter is the size of the swarm."""
+    made = Bench(endpoint, tmp_path, getattr(request, "param", 3))
     yield made
     made.process.kill()
     made.process.communicate()
@@ -133,8 +134,9 @@ def test_what_has_not_arrived_is_said_again_also_after_the_last_word(bench: Benc
     assert closed.instance == fixes[0].instance
 
 
+@pytest.mark.parametrize("bench", [8], indirect=True)
 def test_imports_numpy_only_when_it_is_a_standby(bench: Bench) -> None:
-    """A UAV alone in its container stays small until it may have to lead."""
+    """A UAV alone in its container stays small until it may have to lead, as the first four by charge may at once."""
     bench.begin()
     bench.say(bench.report())
     bench.await_heard(Fix, 5)
