@@ -6,7 +6,9 @@ from typing import Any
 
 import pytest
 
+from edc_swarm.agent.head import Head
 from edc_swarm.analysis.guarantees.check import check
+from edc_swarm.analysis.guarantees.progress import PROGRESS
 from edc_swarm.analysis.metrics import Metrics, compute_metrics
 from edc_swarm.analysis.tables import metric_rows
 from edc_swarm.mission.failsafe import failsafe_of
@@ -23,8 +25,8 @@ LAND = {"failsafe": "land", "land_after_s": 4.0, "landing_s": 2.0}
 HOLD = {"failsafe": "hold"}
 
 
-def flown(fields: dict[str, Any]) -> tuple[MissionMessage, Recording, SimulationEnd, Metrics]:
-    """Simulate a mission, in which no guarantee may break."""
+def simulated(fields: dict[str, Any]) -> tuple[MissionMessage, Recording, SimulationEnd, Metrics]:
+    """Simulate a mission."""
     message = mission_message(complete_mission(mission_from_dict(fields)))
     said: list[Message] = []
     simulation = Simulation(
@@ -32,9 +34,15 @@ def flown(fields: dict[str, Any]) -> tuple[MissionMessage, Recording, Simulation
     )
     end = simulation.run()
     recording = Recording.from_messages(said)
+    return message, recording, end, compute_metrics(recording)
+
+
+def flown(fields: dict[str, Any]) -> tuple[MissionMessage, Recording, SimulationEnd, Metrics]:
+    """Simulate a mission, in which no guarantee may break."""
+    message, recording, end, metrics = simulated(fields)
     assert [str(found) for result in check(recording) for found in result.violations] == []
     assert all(result.judged for result in check(recording)), [result.notes for result in check(recording)]
-    return message, recording, end, compute_metrics(recording)
+    return message, recording, end, metrics
 
 
 def covered(**failsafe: Any) -> dict[str, Any]:
@@ -105,6 +113,15 @@ def test_a_process_that_comes_back_after_the_landing(fault: str) -> None:
     assert [landing.uav for landing in found.landed] == ["u003"]
     assert end.stepped_slot["u003"] <= 7
     assert max(fix.slot for fix in recording.fixes if fix.uav == "u003") < 14
+
+
+def test_a_swarm_that_lands_without_a_fault_breaks_progress(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Nobody leads although all hear each other. That landed UAVs cover the targets of others excuses nobody."""
+    monkeypatch.setattr(Head, "has_quorum", lambda *_: False)
+    _, recording, _, found = simulated({"seed": 3, "uavs": 6, "area_m2": 6000.0, **LAND})
+    assert len(found.landed) == 6
+    (result,) = [result for result in check(recording) if result.guarantee == PROGRESS]
+    assert len(result.violations) == 6
 
 
 def test_a_swarm_without_any_head_lands_as_a_whole() -> None:

@@ -15,7 +15,8 @@ time.
 
 With the failsafe a UAV that no longer flies keeps nobody away once it has left the airspace. A UAV that has landed need
 not arrive, if a fault can be the cause: its last accepted step is before the last fault was over, or links lose
-messages for good. Any other landing is a swarm's failure to command a UAV that it could hear, and breaks G7.
+messages for good. Any other landing is a swarm's failure to command a UAV that it could hear: it breaks G7, and is no
+excuse for others.
 """
 
 from __future__ import annotations
@@ -60,11 +61,12 @@ def check_progress(evidence: Evidence) -> GuaranteeResult:
     inside = np.array([uav in prospect.side for uav in tracks.uavs])
     drained, living = _drained(evidence), living_at_end(evidence.recording, tracks)
     bound = inside & living
-    due = bound | (inside & ((drained >= 0) | _landed_unasked(evidence, _settled_slot(evidence, faults), prospect)))
+    settled = _settled_slot(evidence, faults)
+    unasked = inside & _landed_unasked(evidence, settled, prospect)
+    due = bound | unasked | (inside & (drained >= 0))
     if due.sum() < mission.quorum:
         where = "" if inside.all() else " on the larger side of a partition that never heals"
         return not_applicable(*_G7, f"{due.sum()} UAVs live at the end{where}, {mission.quorum} are a quorum")
-    settled = _settled_slot(evidence, faults)
     if mission.goals == "lifelong":
         return _lifelong(evidence, voyages, prospect, settled, bound)
     excuses = _excuses(evidence, voyages, _away(evidence, voyages, due), bound)
@@ -74,6 +76,9 @@ def check_progress(evidence: Evidence) -> GuaranteeResult:
     excuses |= _landed_by_fault(evidence, _away(evidence, voyages, ~due & ~living))
     begun = max((voyage.since_slot for voyage in voyages.each), default=0)
     lasting = due & ((drained < 0) | (drained >= max(settled, begun) + prospect.limit_slots))
+    if (final := _away(evidence, voyages, unasked)) and not prospect.obstacle:
+        # Who has landed never flies again, so no later slot can mend it.
+        return verdict(*_G7, [_missing(evidence, voyages, k) for k in final])
     return _judged(evidence, voyages, prospect, max(settled, begun), excuses, due, lasting)
 
 
@@ -158,7 +163,9 @@ def _idle(evidence: Evidence, k: int, begin: int, limit: int) -> Violation:
 def _landed_unasked(evidence: Evidence, settled_slot: int, prospect: Prospect) -> NDArray[np.bool_]:
     """Return (K,) flags of the UAVs that say that they have landed although no fault kept commands from them."""
     found = landings(evidence.recording, evidence.tracks)
-    unasked = [landing.uav for landing in found if landing.told and landing.stepped_slot >= settled_slot]
+    # Without a fault, a UAV that has never stepped counts too.
+    first_slot = settled_slot or -math.inf
+    unasked = [landing.uav for landing in found if landing.told and landing.stepped_slot >= first_slot]
     return np.isin(evidence.tracks.uavs, [] if prospect.lossy else unasked)
 
 
