@@ -1,10 +1,9 @@
 """Faults that a mission asks for: one declaration per verb, which says all that there is to know of it.
 
 A declaration is a class: its fields are the typed values, its docstring is the help text, its decorator says the verb
-and the parts of its text. Parser, canonical text, bounds, error texts and the help (`mission.fault_help`, which
-`edc-swarm faults` prints and `docs/faults.md` is) derive from it. To add a fault, declare it here and write
-the function that carries it out: in `emulation.machine` if a UAV's machine does so, in `simulation.faults` and
-`processes.operator.fault_injector` if it is about whole processes.
+and the parts of its text. Parser, canonical text, bounds, error texts and the help (`edc-swarm faults`, docs/faults.md)
+derive from it. To add a fault, declare it here and write the function that carries it out: in `emulation.machine` if a
+UAV's machine does so, in `simulation.faults` and `processes.operator.fault_injector` if it is about whole processes.
 """
 
 from __future__ import annotations
