@@ -1,4 +1,4 @@
-"""Why UAVs held: the first cause that applies to each UAV-slot without a step, from the recording alone."""
+"""Causes of holds: the first cause that applies to each UAV-slot without a step, from the recording alone."""
 
 from __future__ import annotations
 

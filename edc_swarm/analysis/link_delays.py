@@ -1,4 +1,4 @@
-"""What the emulated links did, as their receivers told at the end of a run (event `link-delays`)."""
+"""The doings of the emulated links, as their receivers told at the end of a run (event `link-delays`)."""
 
 from __future__ import annotations
 

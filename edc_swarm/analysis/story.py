@@ -18,7 +18,7 @@ MAX_STORY_SLOTS = 1_000_000
 
 @dataclass(frozen=True, slots=True)
 class Story:
-    """What happened in a mission.
+    """The story of a mission.
 
     Attributes
     ----------

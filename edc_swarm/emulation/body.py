@@ -79,7 +79,7 @@ class Flown:
 
 
 class Body(Protocol):
-    """What flies."""
+    """A body that flies."""
 
     @property
     def state(self) -> BodyState | None:

@@ -1,4 +1,4 @@
-"""How UAVs fly: table `[vehicle]` of a mission, and the named parameter sets."""
+"""The flight of UAVs: table `[vehicle]` of a mission, and the named parameter sets."""
 
 from __future__ import annotations
 

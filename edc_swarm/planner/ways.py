@@ -136,7 +136,7 @@ def routed(
 
 @dataclass
 class _Budget:
-    """What is left in a slot of the limits on tests of a line of sight."""
+    """The rest, in a slot, of the limits on tests of a line of sight."""
 
     tests: int = TESTS
     legs: int = LEG_TESTS

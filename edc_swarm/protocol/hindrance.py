@@ -1,4 +1,4 @@
-"""Why a UAV cannot get to its target: UAVs that no longer fly, or the hulls where they can be, are in the way.
+"""Reasons why a UAV cannot reach its target: UAVs that no longer fly, or the hulls where they can be, are in the way.
 
 The end of a mission, G7 and the outcome share this rule. A UAV with radius r_m is hindered by places (`Place`):
 
@@ -67,7 +67,7 @@ class Place:
 
 @dataclass(frozen=True, slots=True)
 class Hindrance:
-    """Why a UAV cannot get to its target, and the places that are in the way."""
+    """The reason for which a UAV cannot get to its target, and the places that are in the way."""
 
     kind: Literal["covered", "held", "closed in"]
     by: list[Place]

@@ -1,4 +1,4 @@
-"""What was heard for each slot, until the slot is told."""
+"""The messages heard for each slot, until the slot is told."""
 
 from __future__ import annotations
 

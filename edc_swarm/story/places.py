@@ -1,4 +1,4 @@
-"""Why a UAV that is commanded to stay does not fly: who is where its way leads."""
+"""Reasons why a UAV that is commanded to stay does not fly: who is where its way leads."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ TOUCH_M = 0.1
 
 @dataclass(frozen=True, slots=True)
 class Place:
-    """Where the disc of a UAV is or can be: all points within `radius_m` of the segment a-b.
+    """The place where the disc of a UAV is or can be: all points within `radius_m` of the segment a-b.
 
     `reach_m` is the most that the UAV itself flies in a slot, 0 for one that flies no more.
     """
@@ -41,7 +41,7 @@ class Place:
 
 @dataclass(frozen=True, slots=True)
 class Why:
-    """Why a UAV holds, in words, and the UAV that is in its way."""
+    """The reason for which a UAV holds, in words, and the UAV that is in its way."""
 
     reason: Reason
     detail: str

@@ -82,7 +82,7 @@ class Storyteller:
 
     @property
     def whys(self) -> dict[str, str]:
-        """Why a UAV is kept where it is, in words, for each UAV that something keeps."""
+        """Return why a UAV is kept where it is, in words, for each UAV that something keeps."""
         return {name: uav.span.detail for name, uav in self._fleet.uavs.items() if uav.span is not None}
 
     def hear(self, message: Message) -> None:

@@ -28,7 +28,7 @@ STEP_M = 1e-6
 
 @dataclass(slots=True)
 class Uav:
-    """What is known of one UAV as a slot is told.
+    """The knowledge of one UAV as a slot is told.
 
     Attributes
     ----------

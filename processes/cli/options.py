@@ -135,7 +135,7 @@ class MissionOptions(_FieldOptions):  # type: ignore[misc]  # The declarations d
 
     @property
     def voice(self) -> Voice:
-        """What the command says while it works; with --json nothing, unless --verbose asks for it."""
+        """The amount that the command says while it works; with --json nothing, unless --verbose asks for it."""
         return Voice(quiet=self.quiet or (self.json and not self.verbose), verbose=self.verbose)
 
     def mission(self, file: Path | None) -> Mission:

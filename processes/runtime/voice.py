@@ -1,4 +1,4 @@
-"""How much a command says while it works: a bar on a terminal, elsewhere the running story."""
+"""The amount that a command says while it works: a bar on a terminal, elsewhere the running story."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ from edc_swarm.errors import InputError
 
 @dataclass(frozen=True, slots=True)
 class Voice:
-    """What is said on standard error besides notes and errors.
+    """The words on standard error besides notes and errors.
 
     Without a terminal the story is told, line by line; on one a bar shows the state. `verbose` tells the story on a
     terminal too, with all details. `quiet` says nothing.

@@ -205,7 +205,7 @@ def _away_m(evidence: Evidence, voyages: Voyages, k: int) -> float:
 
 
 def _excuses(evidence: Evidence, voyages: Voyages, away: list[int], bound: NDArray[np.bool_]) -> dict[int, str]:
-    """Why each UAV of `away` need not arrive: where the UAVs that no longer fly are, or may be. "" if it must."""
+    """Return why each of `away` need not arrive: where the UAVs that no longer fly are, or may be. "" if it must."""
     roster, centre_m = evidence.mission.roster, evidence.tracks.centre_m[-1]
     plan = max(evidence.plans, key=lambda report: (report.term, report.slot), default=None)
     there = np.flatnonzero(~bound & ~evidence.tracks.grounded[-1]).tolist()
