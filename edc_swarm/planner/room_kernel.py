@@ -8,8 +8,8 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from edc_swarm.planner.compiler import compiled
-from edc_swarm.planner.guidance_kernel import Floats, Ints
+from edc_swarm.planner.compiler import compiled, inner
+from edc_swarm.planner.guidance_kernel import Floats, Ints, pop, push
 
 NODE_BITS = 10
 """A state has the node of each UAV in so many bits; at most six UAVs fit into 60 bits."""
@@ -18,7 +18,7 @@ GREED = 1.5
 """Factor on the ways that are left: the search is faster, and not quite optimal."""
 
 
-@compiled
+@inner
 def _slot_of(key: Ints, state: int) -> int:
     """Return the place of a state in the hash table, or the empty place where it belongs."""
     mixed = np.uint64(state) * np.uint64(0x9E3779B97F4A7C15)
@@ -28,7 +28,7 @@ def _slot_of(key: Ints, state: int) -> int:
     return int(place)
 
 
-@compiled
+@inner
 def _squared_m(px: float, py: float, ax: float, ay: float, bx: float, by: float) -> float:
     """Return the squared distance of a point from the segment a-b."""
     dx, dy = bx - ax, by - ay
@@ -38,39 +38,6 @@ def _squared_m(px: float, py: float, ax: float, ay: float, bx: float, by: float)
         share = min(max(((px - ax) * dx + (py - ay) * dy) / square, 0.0), 1.0)
     x, y = px - ax - share * dx, py - ay - share * dy
     return x * x + y * y
-
-
-@compiled
-def _push(f: Floats, v: Ints, size: int, cost: float, item: int) -> int:
-    i = size
-    while i > 0:
-        up = (i - 1) // 2
-        if f[up] < cost or (f[up] == cost and v[up] <= item):
-            break
-        f[i], v[i] = f[up], v[up]
-        i = up
-    f[i], v[i] = cost, item
-    return size + 1
-
-
-@compiled
-def _pop(f: Floats, v: Ints, size: int) -> int:
-    size -= 1
-    cost, item = f[size], v[size]
-    i = 0
-    while True:
-        child = 2 * i + 1
-        if child >= size:
-            break
-        right = child + 1
-        if right < size and (f[right] < f[child] or (f[right] == f[child] and v[right] < v[child])):
-            child = right
-        if cost < f[child] or (cost == f[child] and item <= v[child]):
-            break
-        f[i], v[i] = f[child], v[child]
-        i = child
-    f[i], v[i] = cost, item
-    return size
 
 
 @compiled
@@ -94,12 +61,12 @@ def rearrange(  # noqa: PLR0912, PLR0915 (one loop over arrays)
         ahead += left_m[k, start[k]]
     place = _slot_of(key, state)
     key[place], cost[place], parent[place] = state, 0.0, -1
-    size = _push(heap_cost, heap_item, 0, GREED * ahead, place)
+    size = push(heap_cost, heap_item, 0, GREED * ahead, place)
     spent, used = 0, 1
     room = min(len(heap_cost) - 1, (1 << TABLE_BITS) * 3 // 4)
     while size > 0:
         place = heap_item[0]
-        size = _pop(heap_cost, heap_item, size)
+        size = pop(heap_cost, heap_item, size)
         if closed[place]:
             continue
         closed[place] = True
@@ -161,5 +128,5 @@ def rearrange(  # noqa: PLR0912, PLR0915 (one loop over arrays)
                     return -2, spent
                 cost[there], parent[there] = far, place
                 promised = far + GREED * (ahead - left_m[k, v] + left_m[k, w])
-                size = _push(heap_cost, heap_item, size, promised, there)
+                size = push(heap_cost, heap_item, size, promised, there)
     return -1, spent

@@ -74,12 +74,7 @@ def barrier_rows(
     apart_m = apart_m - 16 * np.spacing(largest_m)
     step_m = wish_m[uav] - point_m
     left_m = apart_m - np.maximum(-dot(candidate, step_m), 0.0)
-    least_m = np.maximum(np.minimum(keep_m, apart_m.max(axis=0, initial=-np.inf)), ON_EDGE_M)
-    best = np.argmax(np.where(apart_m >= least_m, left_m, -np.inf), axis=0)
-    pick = np.arange(len(uav))
-    separates = apart_m[best, pick] >= least_m
-    normal = np.where(separates[:, None], candidate[best, pick], side)
-    room_m = np.where(separates, np.maximum(apart_m[best, pick] - keep_m, 0.0), 0.0)
+    _, separates, normal, room_m = _best_rows(candidate, apart_m, left_m, keep_m, side)
     frozen = np.zeros(len(position_m), dtype=bool)
     frozen[uav[~separates & (side == 0).all(axis=1)]] = True
     return uav, normal, room_m, frozen
@@ -120,16 +115,27 @@ def moving_barrier_rows(
     beyond_m = np.maximum(dot(candidate, a_m), dot(candidate, b_m))
     apart_m = along_m.min(axis=1) - beyond_m - 16 * np.spacing(largest_m)
     left_m = apart_m - np.maximum(-dot(candidate, stop_m[uav] - points_m[0]) - spare_m, 0.0)
-    least_m = np.maximum(np.minimum(keep_m, apart_m.max(axis=0, initial=-np.inf)), ON_EDGE_M)
-    best = np.argmax(np.where(apart_m >= least_m, left_m, -np.inf), axis=0)
-    pick = np.arange(len(uav))
-    separates = apart_m[best, pick] >= least_m
-    normal = np.where(separates[:, None], candidate[best, pick], side)
-    room_m = np.where(separates, np.maximum(apart_m[best, pick] - keep_m, 0.0), 0.0)
+    best, separates, normal, room_m = _best_rows(candidate, apart_m, left_m, keep_m, side)
     inwards_m = np.maximum(dot(side, points_m[0] - points_m[1]), 0.0)
     frozen = np.zeros(len(r_m), dtype=bool)
     frozen[uav[~separates & (side == 0).all(axis=1)]] = True
-    return uav, normal, room_m, np.where(separates, spare_m[best, pick], inwards_m), frozen
+    return uav, normal, room_m, np.where(separates, spare_m[best, np.arange(len(uav))], inwards_m), frozen
+
+
+def _best_rows(
+    candidate: Floats, apart_m: Floats, left_m: Floats, keep_m: Floats, side: Floats
+) -> tuple[Indices, NDArray[np.bool_], Floats, Floats]:
+    """Return, for each row, the candidate that leaves most room: its index, a mask, normal and room.
+
+    Candidates (c, m, 2) keep their UAV `apart_m` (c, m) from the barrier and leave `left_m` of that after its step. The
+    mask is False where none separates; then the normal is `side`, without room.
+    """
+    least_m = np.maximum(np.minimum(keep_m, apart_m.max(axis=0, initial=-np.inf)), ON_EDGE_M)
+    best = np.argmax(np.where(apart_m >= least_m, left_m, -np.inf), axis=0)
+    pick = np.arange(len(keep_m))
+    separates = apart_m[best, pick] >= least_m
+    normal = np.where(separates[:, None], candidate[best, pick], side)
+    return best, separates, normal, np.where(separates, np.maximum(apart_m[best, pick] - keep_m, 0.0), 0.0)
 
 
 def _barrier_normals(point_m: Floats, wish_m: Floats, a_m: Floats, b_m: Floats, side: Floats) -> Floats:
