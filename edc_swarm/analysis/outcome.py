@@ -260,9 +260,8 @@ class _Judge:
         gone = np.flatnonzero(~self.living & ~self.tracks.grounded[-1]).tolist()
         away = np.flatnonzero(self.living & ~self.home).tolist()
         places = [place for i in gone for place in places_of(roster[i], point(centre_m[i]), self.plan)]
-        found = hindrances([(self.voyages.each[i].present, point(centre_m[i])) for i in away], places).get(
-            roster[k].uav
-        )
+        flying = [(self.voyages.each[i].present, point(centre_m[i])) for i in away]
+        found = hindrances(flying, places, self.recording.mission.zone).get(roster[k].uav)
         if found is None:
             return None
         if found.kind == "covered":
