@@ -69,7 +69,7 @@ CAUSES: dict[str, Cause] = {"held": "held", "closed in": "closed-in"}
 
 
 class NotHome(Struct, frozen=True):
-    """A UAV that is not at its target, with the reason.
+    """A UAV that is not at its target, or of which the record does not tell that it is, with the reason.
 
     Attributes
     ----------
@@ -89,6 +89,11 @@ class NotHome(Struct, frozen=True):
     slot: int | None = None
     by: str = ""
     away_m: float | None = None
+
+    @property
+    def is_unknown(self) -> bool:
+        """True if the record does not tell whether it is at its target."""
+        return self.cause in {"never-heard", "record-incomplete"}
 
     def __str__(self) -> str:
         """Return one line with the UAV, the reason and the distance to its target."""

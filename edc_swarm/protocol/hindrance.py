@@ -41,7 +41,7 @@ BUFFER_M = 0.02
 """A planner keeps so much more than R, and than D from a barrier: `DELTA_M` of the slot QP."""
 TOUCH_M = 1.5 * BUFFER_M
 """Distance beyond D up to which a UAV touches a barrier."""
-ON_EDGE_M = 1e-6
+BESIDE_EDGE_M = 1e-6
 """Distance from a barrier up to which it is not known on which side of a ring a point is."""
 ROUNDING = 1e-9
 """Rounding, in radians, of a gap of 180 degrees: between a place and a barrier opposite it a UAV may fly."""
@@ -163,7 +163,7 @@ def _touched(position_m: Point, r_m: float, barriers: Barriers) -> list[tuple[fl
     here_m = np.array(position_m)
     towards_m = nearest_on_segment(here_m, barriers.a_m, barriers.b_m) - here_m
     away_m = length_m(towards_m)
-    on_edge = (away_m < ON_EDGE_M)[:, None]
+    on_edge = (away_m < BESIDE_EDGE_M)[:, None]
     touched = away_m < barriers.least_m(np.array([r_m]))[0] + TOUCH_M
     bearing = np.arctan2(*np.where(on_edge, -barriers.side, towards_m)[touched].T[::-1])
     return [(turn, turn) for turn in bearing.tolist()]
@@ -206,7 +206,7 @@ def _closing(
     if ring := _ring(ends_m, a_m, b_m, keep_m):
         return Hindrance("closed in", [places[k] for k in ring])
     away_m = _nearest_m(ends_m, barriers.a_m, barriers.b_m)
-    if not 0 < len(away_m) <= MOST_RING_BARRIERS or away_m.min() < ON_EDGE_M:
+    if not 0 < len(away_m) <= MOST_RING_BARRIERS or away_m.min() < BESIDE_EDGE_M:
         return None
     wall_m = np.minimum(barriers.least_m(np.array([r_m]))[0] + BUFFER_M, 0.9995 * away_m)
     ring = _ring(

@@ -10,6 +10,7 @@ import pytest
 from edc_swarm.geometry import Barriers, point_segment_distance_m
 from edc_swarm.mission.zone import Zone
 from edc_swarm.mission.zones import barriers
+from edc_swarm.planner import edc
 from edc_swarm.protocol.completion import MissionMonitor
 from edc_swarm.protocol.hindrance import BUFFER_M, TOUCH_M, Place, Point, hindrance, hindrances
 from edc_swarm.solver.barrier_rows import Airspace
@@ -51,6 +52,7 @@ def kind(position_m: Point, target_m: Point, places: list[Place]) -> str:
 def test_the_buffer_is_that_of_the_planner() -> None:
     """What the slot QP cannot fly through is no passage."""
     assert BUFFER_M == DELTA_M
+    assert TOUCH_M == edc.TOUCH_M
 
 
 @pytest.mark.parametrize(
@@ -182,9 +184,8 @@ def test_the_newest_hulls_hold() -> None:
 
 # --- zones -------------------------------------------------------------------------------------
 
-FENCE = barriers(
-    [Zone(name="area", kind="inclusion", polygon=[(-50.0, -50.0), (200.0, -50.0), (200.0, 50.0), (-50.0, 50.0)])]
-)
+AREA = Zone(name="area", kind="inclusion", polygon=[(-50.0, -50.0), (200.0, -50.0), (200.0, 50.0), (-50.0, 50.0)])
+FENCE = barriers([AREA])
 
 
 def with_zones(position_m: Point, target_m: Point, places: list[Place], walls: Barriers = FENCE) -> str:
@@ -230,16 +231,9 @@ def test_a_hull_across_a_corridor_closes_in() -> None:
     assert with_zones(HERE, (180.0, 0.0), [across]) == "closed in by a's hull and zones"
     assert with_zones(HERE, (60.0, 0.0), [across]) == ""
     short = hull("a", (90.0, -30.0), (90.0, 24.9), 10.0)
-    assert with_zones(HERE, (180.0, 0.0), [short]) == "", (
-        "20.1 m are left, and a disc whose centre keeps inside needs 20"
-    )
+    assert with_zones(HERE, (180.0, 0.0), [short]) == "", "20.1 m are left, and a centre needs 20"
     block = Zone(name="block", kind="exclusion", polygon=[(30.0, -5.0), (40.0, -5.0), (40.0, 5.0), (30.0, 5.0)])
-    walls = barriers(
-        [
-            Zone(name="area", kind="inclusion", polygon=[(-50.0, -50.0), (200.0, -50.0), (200.0, 50.0), (-50.0, 50.0)]),
-            block,
-        ]
-    )
+    walls = barriers([AREA, block])
     assert with_zones(HERE, (180.0, 0.0), [short], walls) == ""
     assert with_zones(HERE, (60.0, 0.0), [across], walls) == ""
 
