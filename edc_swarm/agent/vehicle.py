@@ -22,7 +22,7 @@ from edc_swarm.agent.knowledge import Grant
 from edc_swarm.emulation.bodies import body_of
 from edc_swarm.emulation.body import BodyState
 from edc_swarm.emulation.energy import step_energy_j
-from edc_swarm.mission.braking import Point, allows, braked, change_of
+from edc_swarm.mission.braking import Point, allows, braked, change_of, rest_point
 from edc_swarm.mission.configuration import Mission
 from edc_swarm.mission.failsafe import LATE_FRACTION, failsafe_of
 from edc_swarm.mission.faults import VehicleFault
@@ -203,8 +203,13 @@ class Vehicle:
 
     @property
     def arrived(self) -> bool:
-        """True if the waypoint is within 0.1 m of the last point of the course, and all others are reached."""
-        return self.course.arrived(self._entry, self.waypoint_m)
+        """True if the UAV rests within 0.1 m of the last point of its course, and all others are reached.
+
+        One with inertia rests at its waypoint if its last step is at most its step change long (a_max `dt_s` as a
+        speed): without a command it then stays. A faster one flies past.
+        """
+        rests = rest_point(self.from_m, self.waypoint_m, self.change_m) == self.waypoint_m
+        return rests and self.course.arrived(self._entry, self.waypoint_m)
 
     def refusal_of(self, goal: Goal) -> str:
         """Return why this UAV cannot fly a goal; "" if it accepts it."""

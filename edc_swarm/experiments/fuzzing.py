@@ -6,6 +6,7 @@ violations. `smallest` drops faults one by one while a violation remains.
 
 from __future__ import annotations
 
+import math
 from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
@@ -15,6 +16,7 @@ from numpy.typing import NDArray
 
 from edc_swarm.analysis.breaches import breaches
 from edc_swarm.analysis.guarantees.check import check
+from edc_swarm.analysis.guarantees.inside import MEMORY_SLOTS
 from edc_swarm.analysis.guarantees.progress import PROGRESS
 from edc_swarm.analysis.voyages import forgotten
 from edc_swarm.experiments.fuzz_scenarios import (
@@ -25,7 +27,9 @@ from edc_swarm.geometry import DISC_TOLERANCE_M, Floats, segment_distance_m
 from edc_swarm.mission.braking import braked, change_of
 from edc_swarm.mission.configuration import Mission
 from edc_swarm.mission.failsafe import failsafe_of
+from edc_swarm.mission.faults import ChangeGps, WeakMotor, parse_faults
 from edc_swarm.mission.roster import complete_mission
+from edc_swarm.mission.vehicle_budget import budget_of, vehicle_of
 from edc_swarm.planner.registry import make_planner
 from edc_swarm.protocol.messages import Message, MissionMessage, mission_message
 from edc_swarm.recording.model import Recording
@@ -34,6 +38,8 @@ from edc_swarm.simulation.simulator import Simulation
 
 CHECKED = ("G1", "G2", "G3", "G4", "G5", "G8")
 """Guarantees that are checked with every planner; `PROGRESS` only with one that completes missions."""
+RESTS_M = 0.05
+"""Distance from the waypoint, beside what wind explains, at which a UAV rests by its own fixes."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -64,7 +70,8 @@ def fly(mission: Mission) -> list[str]:
         return [f"assertion: {error}"]
     motions = with_braking(message, end.motions)
     seen = [*overlaps(message, motions, end.stepped_slot), *trespasses(message, motions)]
-    return [*seen, *_broken(Recording.from_messages(said), _asked(mission))]
+    recording = Recording.from_messages(said)
+    return [*seen, *errors_ignored(recording), *_broken(recording, _asked(mission))]
 
 
 def search(seed: int, kept: Collection[int] | None = None) -> Counterexample | None:
@@ -151,6 +158,30 @@ def trespasses(mission: MissionMessage, motions: Sequence[Motion]) -> list[str]:
             uav, slot = motions[row].uav, motions[row].slot
             said.setdefault((zone.name, uav), f"G8: {uav} breaks {zone.name} by {breach_m[row]:.6f} m in slot {slot}")
     return list(said.values())[:10]
+
+
+def errors_ignored(recording: Recording) -> list[str]:
+    """Return one line for each UAV that knows its true position: its body rests where it is, not where GPS says.
+
+    A controller brings the measured position to the waypoint. With a constant GPS error, only wind keeps the measured
+    position of a UAV that rests from there. Other models of the error, and changes of it, are left out.
+    """
+    mission, said = recording.mission, list[str]()
+    if mission.gps_model != "bias" or any(isinstance(f, ChangeGps | WeakMotor) for f in parse_faults(mission)):
+        return []
+    for entry in mission.roster:
+        fixes = [fix for fix in recording.fixes if fix.uav == entry.uav and fix.voter]
+        budget, waypoint, since = budget_of(mission, entry), None, 0
+        if vehicle_of(mission, entry).is_ideal:
+            continue
+        for fix in fixes:
+            if (at_m := (fix.waypoint_x_m, fix.waypoint_y_m)) != waypoint:
+                waypoint, since = at_m, fix.slot
+            off_m = math.dist((fix.x_m, fix.y_m), at_m)
+            if fix.slot - since >= MEMORY_SLOTS and off_m > budget.gust_m + budget.between_m + RESTS_M:
+                said.append(f"GPS: {entry.uav} rests {off_m:.2f} m from its waypoint by its own fix, slot {fix.slot}")
+                break
+    return said
 
 
 def _take_away(mission: MissionMessage, stepped_slot: Mapping[str, int], *ways_m: Floats) -> None:

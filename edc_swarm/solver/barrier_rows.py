@@ -86,14 +86,11 @@ def moving_barrier_rows(
     """Return the rows of UAVs that cannot stop at once: UAV, normal, room and spare; and a mask as `barrier_rows`.
 
     `places_m` (2 or 3, n, 2) are the rests, the positions and, with lag, the previous ones. The least of all counts, so
-    a curve that cuts the corner of a turn keeps the distance too. A disc that has grown beyond the index, without GPS,
-    makes all barriers candidates.
+    a curve that cuts the corner of a turn keeps the distance too.
     """
+    assert r_m.max(initial=0.0) <= airspace.r_m or not len(airspace.index.which)
     barriers = airspace.barriers
-    if r_m.max(initial=0.0) <= airspace.r_m:
-        uav, which = airspace.index.near(places_m[1])
-    else:
-        uav, which = (pair.ravel() for pair in np.indices((len(r_m), len(barriers.a_m))))
+    uav, which = airspace.index.near(places_m[1])
     keep_m = barriers.radius_m[which] + barriers.keeps_disc[which] * r_m[uav]
     a_m, b_m = barriers.a_m[which], barriers.b_m[which]
     straight_m = np.subtract(*closest_points_of_segments(places_m[-1, uav], places_m[0, uav], a_m, b_m))

@@ -10,6 +10,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import replace
+from functools import cache
 from typing import Any
 
 import msgspec
@@ -22,10 +23,13 @@ from edc_swarm.agent.election import Election
 from edc_swarm.agent.head import Head, Office
 from edc_swarm.agent.knowledge import Knowledge
 from edc_swarm.agent.node import Effect, Persist, UavNode
+from edc_swarm.emulation.multirotor import Multirotor
 from edc_swarm.experiments import fuzzing
 from edc_swarm.experiments.fuzz_scenarios import RECKLESS
 from edc_swarm.geometry import Barriers, Floats, point_segment_distance_m
+from edc_swarm.mission import vehicle_budget
 from edc_swarm.mission.configuration import Mission
+from edc_swarm.mission.control_loop import LoopBounds
 from edc_swarm.mission.roster import complete_mission
 from edc_swarm.mission.routes import Course
 from edc_swarm.mission.validation import mission_from_dict
@@ -405,6 +409,32 @@ def limit_forgotten_over_a_restart(patch: Patch) -> None:
     patch.setattr(UavNode, "_begin_slots", mutant)
 
 
+def controller_steered_by_the_true_position(patch: Patch) -> None:
+    """The controller knows the error of the estimated position, and corrects it."""
+    fly = Multirotor._flight
+
+    def mutant(self: Multirotor, reference: Any, _shift_mps: complex, *rest: Any) -> Any:
+        state, self.state = self.state, msgspec.structs.replace(self.state, error_m=(0.0, 0.0))
+        try:
+            return fly(self, reference, 0j, *rest)
+        finally:
+            self.state = state
+
+    patch.setattr(Multirotor, "_flight", mutant)
+
+
+def gps_change_left_out_of_the_budget(patch: Patch) -> None:
+    """The tracking bound has no part for an error of the estimate that changes."""
+    honest = vehicle_budget.settled_loop
+
+    def mutant(*vehicle: Any) -> LoopBounds:
+        loop = honest(*vehicle)
+        return replace(loop, correction=replace(loop.correction, deviation=0.0))
+
+    patch.setattr(vehicle_budget, "settled_loop", mutant)
+    patch.setattr(vehicle_budget, "_budget", cache(vehicle_budget._budget.__wrapped__))
+
+
 def freezes(seed: int) -> Mission:
     """UAVs that stop just before a tick and go on so early in the slot that the head still hears them."""
     faults = [f"freeze u00{1 + slot % 4} @{slot * 0.5 - 0.01:.3f}s for 0.17s" for slot in range(3, 65)]
@@ -476,6 +506,22 @@ def returns(seed: int) -> Mission:
     return _crowd(seed, faults, uavs=7, standbys=3, **SHORT)
 
 
+def calm(seed: int) -> Mission:
+    """Vehicles with a constant GPS error in calm air; who arrives first rests until the last has arrived."""
+    fields = {"uavs": 4, "area_m2": 6000.0, "gps_model": "bias", "vehicle": {"model": "multirotor"}}
+    return mission_from_dict({**fields, "seed": seed})
+
+
+def outages(seed: int) -> Mission:
+    """Outages of GPS: the estimate is corrected faster than the vehicle follows, and discs have no room to spare."""
+    faults = [f"gps u00{1 + k} outage @{at} for {14 + (seed + k) % 6}" for k in range(8) for at in (3 + k, 45 + k)]
+    model = {"model": "multirotor", "a_max_mps2": 0.5, "position_gain_per_s": 0.3, "drift_mps": 0.5}
+    return mission_from_dict(
+        {"uavs": 8, "area_m2": 40_000.0, "r_m": 4.5, "max_slots": 90, "planner": RECKLESS, "gps_model": "bias"}
+        | {"seed": seed, "fault": faults, "vehicle": {**model, "correction_mps": 1.0}}
+    )
+
+
 def _crowd(seed: int, faults: list[str], uavs: int = 4, standbys: int = 0, **more: Any) -> Mission:
     crowd = {"area_m2": 300.0 * uavs, "planner": RECKLESS, "max_slots": 70, **more}
     return mission_from_dict({**crowd, "uavs": uavs, "standbys": standbys, "seed": seed, "fault": faults})
@@ -501,6 +547,8 @@ AIMED = [
     (hull_dropped_by_the_fix_alone, deaf_candidates, 20),
     (landed_uav_that_flies, returns, 5),
     (limit_forgotten_over_a_restart, returns, 5),
+    (controller_steered_by_the_true_position, calm, 5),
+    (gps_change_left_out_of_the_budget, outages, 5),
 ]
 """Defects that random schedules meet too rarely: found by schedules of one kind, crowded together."""
 

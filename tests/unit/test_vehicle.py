@@ -11,8 +11,10 @@ import pytest
 
 from edc_swarm.agent.vehicle import Promise, Situation, Vehicle, first_airframe, first_promise, refusal
 from edc_swarm.emulation.energy import propulsion_power_w
+from edc_swarm.mission.braking import change_of
 from edc_swarm.mission.configuration import Mission
 from edc_swarm.mission.faults import ChangeGps
+from edc_swarm.mission.vehicle_model import VehicleModel
 from tests.builders import command, entry
 
 COMMAND = command("a", 7, (0.1, 0.2), (3.1, 4.2), head="h", term=3)
@@ -114,6 +116,16 @@ def test_energy() -> None:
 def test_arrived(x_m: float, arrived: bool) -> None:
     """Within a tenth of a metre of the target."""
     assert vehicle(promise=Promise(waypoint_x_m=x_m, waypoint_y_m=2.0)).arrived is arrived
+
+
+@pytest.mark.parametrize(("step", "arrived"), [(0.0, True), (0.99, True), (1.01, False)])
+def test_who_flies_past_has_not_arrived(step: float, arrived: bool) -> None:
+    """With inertia a UAV at its target has arrived if its last step, in step changes, lets it rest there."""
+    mission = Mission(vehicle=VehicleModel(model="multirotor"), lag_slots=1)
+    step_m = step * change_of(mission, ENTRY)
+    passing = Promise(waypoint_x_m=10.0, waypoint_y_m=2.0, from_x_m=10.0 - step_m, from_y_m=2.0, slot=3)
+    assert vehicle(mission, passing).arrived is arrived
+    assert vehicle(promise=passing).arrived
 
 
 def test_another_gps_model_moves_nothing() -> None:
