@@ -213,7 +213,7 @@ const createMap = (page, canvas, theme, layers) => {
       const words = [`${page.uavs[k]}: ${landed(k, i) ? "landed" : recorded(k, i)}`];
       if (why) words.push(why.words.split(": ").slice(1).join(": "));
       words.push(charge === 255 ? "battery unknown" : `battery ${charge} %`);
-      if (page.leader[i] === k) words.push("the head"); else words.push(age === 255 ? "no head has heard it" : age ? `the head's fix of it is ${age} slots old` : "the head has its fix");
+      if (page.leader[i] === k) words.push("the head"); else words.push(!page.terms.length ? "no plan is recorded" : age === 255 ? "no head has heard it" : age ? `the head's fix of it is ${age} slots old` : "the head has its fix");
       return words.join("; ");
     },
   };

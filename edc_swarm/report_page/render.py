@@ -84,9 +84,14 @@ def _labelled(recordings: Sequence[Shown]) -> Iterable[tuple[Shown, str]]:
 
 
 def _headline(each: Shown, label: str) -> str:
-    metrics = each.metrics
-    arrived = f"{metrics.arrived} of {metrics.uavs} UAVs arrived in {metrics.duration_s:g} s"
-    return f"{label + ': ' if label else ''}{arrived}; {headline(each.guarantees)}"
+    return f"{label + ': ' if label else ''}{_arrived(each.metrics)}; {headline(each.guarantees)}"
+
+
+def _arrived(metrics: Metrics) -> str:
+    if metrics.arrived is None or metrics.duration_s is None:
+        return f"The record does not tell how many of {metrics.uavs} UAVs arrived"
+    unknown = f", {len(metrics.unknown)} unknown" if metrics.unknown else ""
+    return f"{metrics.arrived} of {metrics.uavs} UAVs arrived in {metrics.duration_s:g} s{unknown}"
 
 
 def _map(page: Page, label: str) -> str:
