@@ -85,8 +85,10 @@ def _labelled(recordings: Sequence[Shown]) -> Iterable[tuple[Shown, str]]:
 
 def _headline(each: Shown, label: str) -> str:
     metrics = each.metrics
-    arrived = f"{metrics.arrived} of {metrics.uavs} UAVs arrived in {metrics.duration_s:g} s"
-    return f"{label + ': ' if label else ''}{arrived}; {headline(each.guarantees)}"
+    done = f"{metrics.arrived} of {metrics.uavs} UAVs arrived"
+    if metrics.goals_per_minute is not None:
+        done = f"{metrics.uavs} UAVs reached {metrics.goals_reached} goals"
+    return f"{label + ': ' if label else ''}{done} in {metrics.duration_s:g} s; {headline(each.guarantees)}"
 
 
 def _map(page: Page, label: str) -> str:

@@ -18,12 +18,12 @@ SCENE, PLAN, GAP, HEAD, LOG, MAP = "3D!swarm", "Plot!plan", "Plot!gap", "StateTr
 BATTERY, LINKS, PLOTS, BELOW = "Plot!battery", "Plot!links", "Tab!plots", "Tab!below"
 HEIGHTS = {PLOTS: 45, HEAD: 20, BELOW: 35}
 """Panels of the right-hand column with their shares of its height in per cent."""
-TABS = {
+TABS: dict[str, dict[str, tuple[str, ...]]] = {
     PLOTS: {"Flight": (PLAN, GAP), "Batteries and links": (BATTERY, LINKS)},
     BELOW: {"Log": (LOG,), "Map": (MAP,)},
 }
 """Panels that share a place, by the name of their tab."""
-MANY = 30
+MANY_UAVS = 30
 """Number of UAVs above which names, goals and links would hide the swarm; their layers begin switched off."""
 BUSY = frozenset({channels.LABELS, channels.GOALS, channels.LINKS})
 MAP_PX = 220
@@ -125,7 +125,9 @@ def _scene(middle_m: list[float], size_m: float, uavs: int) -> dict[str, Any]:
         "followTf": "map",
         "scene": {"backgroundColor": "#101418", "labelScaleFactor": 1},
         "transforms": {},
-        "topics": {ROOT + name: {"visible": uavs <= MANY or name not in BUSY} for name in channels.SCENES_OF_A_MISSION},
+        "topics": {
+            ROOT + name: {"visible": uavs <= MANY_UAVS or name not in BUSY} for name in channels.SCENES_OF_A_MISSION
+        },
         "layers": {"grid": grid},
     }
 

@@ -29,7 +29,7 @@ from edc_swarm.mission.zone import Zone
 from edc_swarm.protocol.messages import Command, Event, Fix, Message, MissionMessage, Report, Truth
 from edc_swarm.viz.channels import SCENES_OF_A_MISSION, Status, Told, channel_of, topic_of
 from edc_swarm.viz.gaps import gaps
-from edc_swarm.viz.layout import BUSY, MANY, MAP_PX, TILE_MPP, layout
+from edc_swarm.viz.layout import BUSY, MANY_UAVS, MAP_PX, TILE_MPP, layout
 from edc_swarm.viz.scenery import Scenery, Shown, extent_m
 from edc_swarm.viz.shapes import AMBER, GREEN, RED, VERTICES, colour_of, stadium
 from edc_swarm.viz.zones import ears
@@ -450,13 +450,13 @@ def test_the_layout_shows_only_what_there_is(messages: list[Message]) -> None:
     assert set.union(*map(_leaves, [whole["layout"], *tabs])) == set(panels)
 
 
-@pytest.mark.parametrize("uavs", [MANY, MANY + 1])
+@pytest.mark.parametrize("uavs", [MANY_UAVS, MANY_UAVS + 1])
 def test_names_goals_and_links_of_many_uavs_begin_switched_off(uavs: int) -> None:
     """All other layers are on for any number of UAVs."""
     mission = mission_of([[(12.0 * k, 0.0), (12.0 * k, 9.0)] for k in range(uavs)])
     seen = layout(mission)["configById"]["3D!swarm"]["topics"]
     assert {name for name, topic in seen.items() if not topic["visible"]} == (
-        set() if uavs <= MANY else {f"/viz/{name}" for name in BUSY}
+        set() if uavs <= MANY_UAVS else {f"/viz/{name}" for name in BUSY}
     )
 
 

@@ -53,7 +53,7 @@ def sim(
 def _simulate(mission: Mission, output: Output, *, viz: bool, voice: Voice) -> list[Timing]:
     message, timings = mission_message(mission), list[Timing]()
     compiling = CompilingNote(voice)
-    warm_planner(mission, compiling.tell)
+    warm_planner(mission, compiling.tell, helped=True)
     compiling.end()
     code = code_digest(mission.planner, *plug_ins_of(mission))
     facts = {**run_facts("virtual"), **plug_in_facts(mission), CODE: code}
