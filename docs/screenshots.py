@@ -13,7 +13,8 @@ import shutil
 import sys
 import tempfile
 from collections.abc import Iterator
-from contextlib import contextmanager
+from contextlib import contextmanager, redirect_stdout
+from io import StringIO
 from pathlib import Path
 from typing import Any
 
@@ -63,8 +64,9 @@ def picture(opened: Any, page: Path, scheme: str, size_px: tuple[int, int], at_s
 def report(folder: Path) -> Path:
     """Simulate the mission and return its page."""
     recording = folder / "mission.mcap"
-    edc_swarm(["sim", *MISSION, "--out", str(recording), "--no-viz", "--quiet", "--json"])
-    edc_swarm(["report", str(recording)])
+    with redirect_stdout(StringIO()):
+        edc_swarm(["sim", *MISSION, "--out", str(recording), "--no-viz", "--json"])
+        edc_swarm(["report", str(recording)])
     return recording.with_suffix(".html")
 
 
@@ -73,7 +75,7 @@ def main() -> int:
     parser = argparse.ArgumentParser(description=__doc__.split("\n", maxsplit=1)[0] if __doc__ else "")
     parser.add_argument("page", nargs="?", type=Path, help="FILE.html (that of the mission above)")
     parser.add_argument("--out", type=Path, default=Path(__file__).parent / "pictures")
-    parser.add_argument("--size", default="1280x800", help="width and height in pixels")
+    parser.add_argument("--size", default="1280x788", help="width and height in pixels")
     parser.add_argument("--at", type=float, default=AT_S, help="mission time in seconds")
     parser.add_argument("--kind", default="webp", choices=["webp", "png"])
     options = parser.parse_args()

@@ -135,7 +135,7 @@ const createMap = (page, canvas, theme, layers) => {
     const { points, leg } = goalOf(k, timeS), left = points.slice(leg).map((p) => [v.x(p[0]), v.y(p[1])]);
     const [x, y] = left[left.length - 1], here = [v.x(at[0]), v.y(at[1])];
     g.strokeStyle = g.fillStyle = theme.of(k === followed ? "--ink" : "--soft"); g.lineWidth = 1; g.setLineDash([]);
-    g.globalAlpha = k === followed ? 0.9 : 0.35;
+    g.globalAlpha = k === followed ? 0.9 : K >= MANY ? 0.15 : 0.35;
     path(g, isDown ? left : [here, ...left]);
     g.globalAlpha = 0.8;
     left.slice(0, -1).forEach((p, n) => {

@@ -25,6 +25,8 @@ from edc_swarm.viz.shapes import (
     text,
 )
 
+MANY_UAVS = 30
+"""Number of UAVs above which names, goals and links would hide the swarm, and vehicles are plain discs."""
 TRAIL_S = 15.0
 GOAL_RING_M = 0.6
 LATE_SLOTS = 5
@@ -65,8 +67,8 @@ def links(head: Point, others: Iterable[tuple[Point, int]], now_ns: int) -> list
     return [made]
 
 
-def vehicle(uav: Seen, where: Point, now_ns: int) -> SceneEntity:
-    """Return a UAV's body at its true place, with arms and rotors that show when near."""
+def vehicle(uav: Seen, where: Point, now_ns: int, *, plain: bool) -> SceneEntity:
+    """Return a UAV's body at its true place, with arms and rotors, which show when near, unless it is to be `plain`."""
     assert uav.truth is not None
     made, body_m, turned_rad = (
         entity(uav.entry.uav, now_ns),
@@ -74,6 +76,8 @@ def vehicle(uav: Seen, where: Point, now_ns: int) -> SceneEntity:
         heading_rad(uav.truth),
     )
     made.cylinders.append(disc(where, body_m, WHITE, 0.5, z_m=0.05))
+    if plain:
+        return made
     arm_m = (1 - ROTOR) * body_m
     for n in range(4):
         angle = turned_rad + (n + 0.5) * math.pi / 2

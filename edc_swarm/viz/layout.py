@@ -9,6 +9,7 @@ from edc_swarm.geodesy import to_wgs84
 from edc_swarm.protocol.messages import MissionMessage
 from edc_swarm.viz import channels
 from edc_swarm.viz.channels import ROOT
+from edc_swarm.viz.layers import MANY_UAVS
 from edc_swarm.viz.scenery import extent_m
 
 LAYOUT_ATTACHMENT = "foxglove-layout.json"
@@ -23,9 +24,8 @@ TABS: dict[str, dict[str, tuple[str, ...]]] = {
     BELOW: {"Log": (LOG,), "Map": (MAP,)},
 }
 """Panels that share a place, by the name of their tab."""
-MANY_UAVS = 30
-"""Number of UAVs above which names, goals and links would hide the swarm; their layers begin switched off."""
 BUSY = frozenset({channels.LABELS, channels.GOALS, channels.LINKS})
+"""Layers that begin switched off above `MANY_UAVS`."""
 MAP_PX = 220
 """Height of the map panel at these shares, in pixels."""
 TILE_MPP = 156_543.034

@@ -216,8 +216,9 @@ class Scenery:
         return centre[0], centre[1] + 1.06 * uav.entry.r_m + self._label_m / 2
 
     def _vehicles(self, now_ns: int) -> list[SceneEntity]:
+        plain = len(self._uavs) > layers.MANY_UAVS
         return [
-            layers.vehicle(uav, self._between(uav.truth, now_ns), now_ns)
+            layers.vehicle(uav, self._between(uav.truth, now_ns), now_ns, plain=plain)
             for name, uav in self._uavs.items()
             if uav.truth is not None and self._flies(name)
         ]

@@ -29,7 +29,8 @@ from edc_swarm.mission.zone import Zone
 from edc_swarm.protocol.messages import Command, Event, Fix, Message, MissionMessage, Report, Truth
 from edc_swarm.viz.channels import SCENES_OF_A_MISSION, Status, Told, channel_of, topic_of
 from edc_swarm.viz.gaps import gaps
-from edc_swarm.viz.layout import BUSY, MANY_UAVS, MAP_PX, TILE_MPP, layout
+from edc_swarm.viz.layers import MANY_UAVS
+from edc_swarm.viz.layout import BUSY, MAP_PX, TILE_MPP, layout
 from edc_swarm.viz.scenery import Scenery, Shown, extent_m
 from edc_swarm.viz.shapes import AMBER, GREEN, RED, VERTICES, colour_of, stadium
 from edc_swarm.viz.zones import ears
@@ -283,8 +284,8 @@ def test_links_have_the_colour_of_the_age_of_the_fix(messages: list[Message]) ->
     for slot in range(2, 9):
         change(messages, {"slot": slot}, Report, heard=["u0", "u1"])
     colours = []
-    for slot in (2, 3.9, 8.9):
-        (drawn,) = scene(messages, "links", slot)["links"].lines
+    for time in (2.0, 3.9, 8.9):
+        (drawn,) = scene(messages, "links", time)["links"].lines
         colours.append([(each.r, each.g, each.b) for each in drawn.colors[::2]])
         assert (drawn.points[0].x, drawn.points[2].x) == (0.0, 0.0)
     assert colours == [[pytest.approx(GREEN), pytest.approx(old)] for old in (GREEN, AMBER, RED)]
