@@ -227,7 +227,7 @@ const createMap = (page, canvas, theme, layers) => {
       const { points, leg, number } = goalOf(k, t);
       if (number || points.length > 1) words.push(`point ${leg + 1} of ${points.length}${number ? ` of its goal ${number + 1}` : ""}`);
       words.push(charge === 255 ? "battery unknown" : `battery ${charge} %`);
-      if (page.leader[i] === k) words.push("the head"); else words.push(age === 255 ? "no head has heard it" : age ? `the head's fix of it is ${age} slots old` : "the head has its fix");
+      if (page.leader[i] === k) words.push("the head"); else words.push(!page.terms.length ? "no plan is recorded" : age === 255 ? "no head has heard it" : age ? `the head's fix of it is ${age} slots old` : "the head has its fix");
       return words.join("; ");
     },
   };
