@@ -75,7 +75,7 @@ def main() -> int:
     parser = argparse.ArgumentParser(description=__doc__.split("\n", maxsplit=1)[0] if __doc__ else "")
     parser.add_argument("page", nargs="?", type=Path, help="FILE.html (that of the mission above)")
     parser.add_argument("--out", type=Path, default=Path(__file__).parent / "pictures")
-    parser.add_argument("--size", default="1280x788", help="width and height in pixels")
+    parser.add_argument("--size", default="1280x800", help="width and height in pixels")
     parser.add_argument("--at", type=float, default=AT_S, help="mission time in seconds")
     parser.add_argument("--kind", default="webp", choices=["webp", "png"])
     options = parser.parse_args()

@@ -1,4 +1,4 @@
-"""Compilation of the guidance in two shares, so that two processes halve the wait of a first start.
+"""Compilation of the guidance in two shares, which two processes compile side by side at a first start.
 
 Both write their code into the same folder. The share of the search is the larger one: compiled code reaches most
 functions through it.

@@ -65,7 +65,7 @@ def simulate(source: Mission | str | Path | None = None, /, **options: Any) -> F
         warnings.warn(text, stacklevel=2)
     path = Path(mkdtemp(prefix="edc-swarm-")) / "flight.mcap"
     message = mission_message(flown)
-    warm_planner(flown)
+    warm_planner(flown, helped=True)
     with path.open("wb") as stream:
         recorded = RecordedSimulation(message, stream, lambda _: None, viz=False)
         timings = recorded.finish(recorded.simulation.run())
