@@ -51,12 +51,13 @@ def landings(recording: Recording, tracks: Tracks) -> list[Landing]:
     failsafe = failsafe_of(recording.mission)
     if failsafe is None:
         return []
-    told = {event.source for event in recording.events if event.kind == EventKind.LANDED}
+    told = {event.source: event.slot for event in recording.events if event.kind == EventKind.LANDED}
     found = []
     for k, stepped in enumerate(stepped_slots(recording, tracks.executed, tracks.heard).tolist()):
         slot = failsafe.landing_slot(stepped)
         if slot < tracks.slots and not tracks.lost[stepped + 1 :, k].any():
             x_m, y_m = tracks.centre_m[-1, k].tolist()
             uav = tracks.uavs[k]
-            found.append(Landing(uav, stepped, slot, failsafe.free_slot(stepped), x_m, y_m, uav in told))
+            begun = min(slot, told.get(uav, slot))
+            found.append(Landing(uav, stepped, begun, failsafe.free_slot(stepped), x_m, y_m, uav in told))
     return found

@@ -49,6 +49,8 @@ Cause = Literal[
     "process-gone",
     "battery-empty",
     "landed",
+    "strayed",
+    "grounded",
     "memory-lost",
     "never-heard",
     "record-incomplete",
@@ -204,7 +206,9 @@ class _Judge:
         if event.source == uav:
             own: dict[str, tuple[Cause, str]] = {
                 EventKind.BATTERY_EMPTY: ("battery-empty", f"battery empty {since}"),
-                EventKind.LANDED: ("landed", f"landed in slot {event.slot}, cut off ({event.detail})"),
+                EventKind.LANDED: ("landed", f"landed in slot {event.slot} ({event.detail})"),
+                EventKind.STRAYED: ("strayed", f"not under control {since} ({event.detail})"),
+                EventKind.GROUNDED: ("grounded", f"never took off ({event.detail})"),
             }
             return own.get(event.kind)
         if event.source != OPERATOR:

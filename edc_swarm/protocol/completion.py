@@ -94,6 +94,15 @@ class MissionMonitor:
             self._ended.discard(uav)
             self._change()
 
+    def fix_of(self, uav: str) -> Fix | None:
+        """Return the newest fix of a UAV, None if there is none."""
+        return self._newest.get(uav)
+
+    @property
+    def grounded(self) -> set[str]:
+        """Ids of the UAVs that move no more."""
+        return {uav for uav in self._roster if self._grounded(uav)}
+
     @property
     def head(self) -> str:
         """Id of the head, "" if there is none."""
