@@ -63,6 +63,7 @@ def test_latency_experiments(swarm: Make) -> None:
     """Tables, plots and page, where recordings go, and as their owner."""
     grid = "--delays 0,300 --jitters 0 --losses 0 --slots 0.5 --uavs 3 --repeats 1 --max-slots 60 --hold-slots 10"
     flown = swarm(OPTIONS=grid)
+    flown.compose("build", "latency")
     said_by = flown.compose("run", "--rm", "latency")
     assert "2 runs: 0 overlaps of discs" in said_by.stdout
     assert "atplotlib" not in said_by.stdout + said_by.stderr
