@@ -20,7 +20,7 @@ from typing import Any
 
 from edc_swarm.autopilot.checks import failings, objections, texts
 from edc_swarm.autopilot.path import Point, Step, set_point
-from edc_swarm.autopilot.telemetry import COPTER_GUIDED, PX4, PX4_OFFBOARD, Telemetry
+from edc_swarm.autopilot.telemetry import COPTER_GUIDED, PX4_OFFBOARD, Telemetry
 from edc_swarm.mission.configuration import NS_PER_S, Mission
 from edc_swarm.mission.roster_entry import RosterEntry
 from edc_swarm.mission.vehicle_budget import vehicle_of
@@ -85,6 +85,8 @@ class Pilot:
         The stage of the flight.
     step
         The newest step that the UAV has begun; None before the first one.
+    is_down
+        True if the vehicle has strayed, and is on the ground with its motors off.
     """
 
     def __init__(self, mission: Mission, entry: RosterEntry, epoch_ns: int, *, arm: bool, flies: bool = False) -> None:
@@ -99,15 +101,11 @@ class Pilot:
         self._beat_ns = 0
         self._point_ns = 0
         self._land_by_ns = 0
-        self._down = False
+        self.is_down = False
         self.telemetry = Telemetry(mission)
         self.stage = Stage.CONNECTING
         self.step: Step | None = None
         self.news: list[Said] = []
-
-    def hear(self, name: str, fields: Fields, sender: tuple[int, int], now_ns: int) -> None:
-        """Take in a message of the autopilot."""
-        self.telemetry.hear(name, fields, sender, now_ns)
 
     def land(self, now_ns: int) -> None:
         """Land where the vehicle is, unless it strays or has never flown."""
@@ -137,9 +135,6 @@ class Pilot:
         """Return why the vehicle may not be armed."""
         return list(objections(self.telemetry, self._entry, now_ns))
 
-    def _texts(self) -> str:
-        return texts(self.telemetry)
-
     # --- what is due -------------------------------------------------------------------------
 
     def _due(self, now_ns: int) -> Iterator[tuple[str, Fields]]:
@@ -167,18 +162,23 @@ class Pilot:
                 self.stage = Stage.FLYING
         elif self._arm and not self.objections(now_ns):
             self.stage = Stage.READYING
-            self._say("autopilot", f"{seen.name}, home {self._home}, mode {seen.mode}: its checks hold")
+            self._say("autopilot", f"{seen.name}, home {seen.home_text}, mode {seen.mode}: its checks hold")
 
     def _ready(self, now_ns: int) -> Iterator[tuple[str, Fields]]:
         """Yield what brings the autopilot into its mode for set-points; PX4 asks for set-points before that."""
-        yield from self._points(now_ns, before=self._is_px4)
-        yield from self._until(self.telemetry.is_guided, SET_MODE, now_ns, self._guided_mode)
+        yield from self._points(now_ns, before=self.telemetry.is_px4)
+        yield from self._until(
+            self.telemetry.is_guided,
+            SET_MODE,
+            now_ns,
+            (CUSTOM_MODE, PX4_OFFBOARD if self.telemetry.is_px4 else COPTER_GUIDED),
+        )
         if self.telemetry.is_guided:
             self.stage = Stage.ARMING
 
     def _arm_it(self, now_ns: int) -> Iterator[tuple[str, Fields]]:
         seen = self.telemetry
-        yield from self._points(now_ns, before=self._is_px4)
+        yield from self._points(now_ns, before=self.telemetry.is_px4)
         yield from self._until(seen.armed, ARM, now_ns, (1.0,))
         if seen.armed:
             self._say("autopilot", f"armed in {seen.mode}, climbs to {self._vehicle.altitude_m:g} m above its home")
@@ -187,8 +187,11 @@ class Pilot:
     def _climb(self, now_ns: int) -> Iterator[tuple[str, Fields]]:
         """Yield the take-off: a command to ArduPilot; PX4 climbs to the height of the set-points."""
         seen = self.telemetry
-        yield from self._points(now_ns, before=self._is_px4)
-        if not self._is_px4:
+        if not seen.is_guided:
+            self._stray(f"it has left its mode for {seen.mode} in the climb" + texts(seen))
+            return
+        yield from self._points(now_ns, before=self.telemetry.is_px4)
+        if not self.telemetry.is_px4:
             params = (0.0, 0.0, 0.0, math.nan, 0.0, 0.0, self._vehicle.altitude_m)
             yield from self._until(seen.acks.get(TAKE_OFF) == ACCEPTED, TAKE_OFF, now_ns, params)
         if seen.newest is not None and seen.newest.height_m >= REACHED_SHARE * self._vehicle.altitude_m:
@@ -200,6 +203,9 @@ class Pilot:
         if not seen.armed:
             self.stage = Stage.DONE
             self._say("autopilot", "has landed, and its motors are off")
+        elif not seen.is_guided and seen.mode != "LAND":
+            self.stage = Stage.DONE
+            self._say("autopilot", f"does not land: it has gone to {seen.mode}" + texts(seen))
         elif now_ns > self._land_by_ns:
             self.stage = Stage.DONE
             self._say("autopilot", f"has not landed in time: it is in {seen.mode}")
@@ -235,15 +241,6 @@ class Pilot:
         self._point_ns = now_ns - late_ns if late_ns < SET_POINT_NS // 2 else now_ns
         yield "set_position_target_global_int", set_point(self._mission, self._vehicle.altitude_m, step, now_ns)
 
-    @property
-    def is_down(self) -> bool:
-        """True if the vehicle has strayed, and is on the ground with its motors off."""
-        return self._down
-
-    @property
-    def _is_px4(self) -> bool:
-        return self.telemetry.firmware == PX4
-
     def _path_at(self, at_ns: int) -> Point | None:
         """Return the place on the declared path at a time; None before the first step."""
         if self.step is None:
@@ -251,54 +248,29 @@ class Pilot:
         place, *_ = self.step.place((at_ns - self.step.start_ns) / self._mission.slot_ns)
         return place.real, place.imag
 
-    @property
-    def _guided_mode(self) -> tuple[float, ...]:
-        return (CUSTOM_MODE, PX4_OFFBOARD if self._is_px4 else COPTER_GUIDED)
-
-    @property
-    def _home(self) -> str:
-        home = self.telemetry.home
-        return "unknown" if home is None else f"{home[0]:.7f} {home[1]:.7f}, {home[2]:.1f} m above the sea"
-
     # --- the watch ---------------------------------------------------------------------------
 
     def _check(self, now_ns: int) -> None:
         """Ground the UAV, or let it stray, if the autopilot does not do what it is to."""
+        seen = self.telemetry
         if self.stage in {Stage.ARMING, Stage.READYING, Stage.CLIMBING, Stage.CONNECTING} and self._arm:
             if now_ns >= self._epoch_ns and not self._flies:
-                self._ground(self._why_late(now_ns))
-            elif self._flies and now_ns >= self._epoch_ns and self.telemetry.beat_ns:
-                self._check_back()
+                self._ground(_why_late(self.stage, self.telemetry, self.objections(now_ns)))
+            elif self._flies and not (seen.armed and seen.is_guided):
+                armed = "armed" if seen.armed else "disarmed"
+                self._stray(f"its process was away, and it is {armed} in {seen.mode}")
         elif self.stage is Stage.FLYING:
-            why = next(failings(self.telemetry, self._entry, self._path_at, now_ns), None)
+            why = next(failings(seen, self._entry, self._path_at, now_ns), None)
             if why is not None:
-                self.stage = Stage.STRAYING
-                self._say("strayed", why)
+                self._stray(why)
 
-    def _check_back(self) -> None:
-        """Let a UAV stray whose process was started again, if its vehicle is not as it was left."""
-        seen = self.telemetry
-        if not seen.armed or not self.telemetry.is_guided:
-            self.stage = Stage.STRAYING
-            self._say(
-                "strayed", f"its process was away, and it is {'armed' if seen.armed else 'disarmed'} in {seen.mode}"
-            )
-
-    def _why_late(self, now_ns: int) -> str:
-        seen = self.telemetry
-        if self.stage is Stage.CONNECTING:
-            return "; ".join(self.objections(now_ns)) or "its checks took too long"
-        if self.stage is Stage.READYING:
-            return f"it stays in {seen.mode}" + self._texts()
-        if self.stage is Stage.ARMING:
-            result = seen.acks.get(ARM, -1)
-            return f"it does not arm ({RESULTS.get(result, 'no answer')})" + self._texts()
-        height_m = seen.newest.height_m if seen.newest is not None else 0.0
-        return f"it is {height_m:.1f} m high at the beginning of slot 0, in {seen.mode}" + self._texts()
+    def _stray(self, why: str) -> None:
+        self.stage = Stage.STRAYING
+        self._say("strayed", why)
 
     def _ground(self, why: str) -> None:
         self._say("grounded", why)
-        climbing = self.stage is Stage.CLIMBING
+        climbing = self.stage is Stage.CLIMBING and self.telemetry.is_guided
         self.stage = Stage.DONE
         if climbing:
             self.stage, self._land_by_ns = Stage.LANDING, self._epoch_ns + round(self._mission.landing_s * NS_PER_S)
@@ -306,7 +278,7 @@ class Pilot:
     def _look_down(self) -> None:
         """End the stray of a vehicle whose motors are off: it is on the ground for good."""
         if not self.telemetry.armed:
-            self.stage, self._down = Stage.DONE, True
+            self.stage, self.is_down = Stage.DONE, True
             self._say("down", "its motors are off")
 
     def _say(self, kind: str, text: str) -> None:
@@ -330,3 +302,17 @@ def _command(command: int, *params: float) -> Fields:
         "confirmation": 0,
         **{f"param{number}": value for number, value in enumerate(values, 1)},
     }
+
+
+def _why_late(stage: Stage, seen: Telemetry, objections_found: list[str]) -> str:
+    """Return why a vehicle is not in the air at the beginning of slot 0."""
+    match stage:
+        case Stage.CONNECTING:
+            return "; ".join(objections_found) or "its checks took too long"
+        case Stage.READYING:
+            return f"it stays in {seen.mode}" + texts(seen)
+        case Stage.ARMING:
+            return f"it does not arm ({RESULTS.get(seen.acks.get(ARM, -1), 'no answer')})" + texts(seen)
+        case _:
+            height_m = seen.newest.height_m if seen.newest is not None else 0.0
+            return f"it is {height_m:.1f} m high at the beginning of slot 0, in {seen.mode}" + texts(seen)

@@ -92,6 +92,17 @@ class Telemetry:
         return self.track[-1] if self.track else None
 
     @property
+    def is_px4(self) -> bool:
+        """True for PX4."""
+        return self.firmware == PX4
+
+    @property
+    def home_text(self) -> str:
+        """The home in words."""
+        home = self.home
+        return "unknown" if home is None else f"{home[0]:.7f} {home[1]:.7f}, {home[2]:.1f} m above the sea"
+
+    @property
     def is_guided(self) -> bool:
         """True in the mode in which it follows set-points: GUIDED of ArduCopter, OFFBOARD of PX4."""
         if self.firmware == PX4:

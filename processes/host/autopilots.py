@@ -18,7 +18,8 @@ READY_S = 10.0
 """Longest wait until every autopilot has said all that is checked."""
 SETTLED_S = 1.2
 """Time for which no autopilot may raise an objection: a second one at an address sends a heartbeat in it."""
-LOOK_S = 0.1
+LISTEN_S = 0.1
+"""Time between two looks at what the autopilots have said."""
 
 
 def check_ready(mission: Mission, local: Collection[str], *, arm: bool) -> None:
@@ -60,7 +61,7 @@ def _await(pilots: dict[str, Pilot]) -> None:
             since_s = now_s
         elif now_s - since_s >= SETTLED_S:
             return
-        time.sleep(LOOK_S)
+        time.sleep(LISTEN_S)
 
 
 def _objections(pilot: Pilot, link: AutopilotLink) -> list[str]:

@@ -7,7 +7,7 @@ from edc_swarm.protocol.ground_orders import GroundOrder, GroundOrders
 from edc_swarm.protocol.messages import MissionMessage
 from processes.operator.fault_injector import Injector, Processes
 
-MAX_AT_ONCE = 250
+MAX_ORDERS_AT_ONCE = 250
 """Most orders that the operator carries out between two looks at the bus."""
 
 
@@ -30,7 +30,7 @@ class GroundCommands:
         bus = self._processes.bus
         for uav in sorted(bus.monitor.grounded if bus.monitor is not None else ()):
             self._orders.forget(uav)
-        for _ in range(min(len(bus.ordered), MAX_AT_ONCE)):
+        for _ in range(min(len(bus.ordered), MAX_ORDERS_AT_ONCE)):
             self._carry_out(bus.ordered.popleft())
 
     def _carry_out(self, order: GroundOrder) -> None:

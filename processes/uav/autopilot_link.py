@@ -141,7 +141,7 @@ class AutopilotLink:
             self.heard["messages"] += 1
             sender = message.get_srcSystem(), message.get_srcComponent()
             if sender[0] != OWN_SYSTEM:
-                self._pilot.hear(name, message.to_dict(), sender, self._now_ns())
+                self._pilot.telemetry.hear(name, message.to_dict(), sender, self._now_ns())
 
     def _send(self, name: str, fields: Any) -> None:
         target = self._pilot.telemetry.system

@@ -19,7 +19,8 @@ from processes.uav.state import UavState
 
 LANDING_SPARE_S = 12.0
 """Time beyond `landing_s` after which a process no longer waits for the landing of its vehicle."""
-LOOK_S = 0.05
+LOOK_DOWN_S = 0.05
+"""Time between two looks at a landing."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -64,6 +65,6 @@ class AutopilotPart:
         self.link.land()
         end_s = time.monotonic() + (self.mission.landing_s + LANDING_SPARE_S if flew else 0.0)
         while flew and self.pilot.stage is not Stage.DONE and time.monotonic() < end_s:
-            time.sleep(LOOK_S)
+            time.sleep(LOOK_DOWN_S)
         self.link.close()
         yield from news

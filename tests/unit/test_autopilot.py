@@ -53,7 +53,7 @@ class Copter:
             ("BATTERY_STATUS", {"id": 0, "battery_remaining": self.battery}),
             ("HOME_POSITION", {"latitude": lat, "longitude": lon, "altitude": 12_000}),
         ):
-            self.pilot.hear(name, fields, SENDER, now_ns)
+            self.pilot.telemetry.hear(name, fields, SENDER, now_ns)
 
     def obey(self, now_ns: int) -> None:
         """Do at once what the pilot sends."""
@@ -146,7 +146,7 @@ def test_a_second_autopilot_at_the_address_is_not_armed() -> None:
     """Another system that sends heartbeats as an autopilot: nobody knows which one would obey."""
     flown = copter()
     flown.say(80 * S)
-    flown.pilot.hear("HEARTBEAT", flown.beat, (8, 1), 80 * S)
+    flown.pilot.telemetry.hear("HEARTBEAT", flown.beat, (8, 1), 80 * S)
     flown.run(80.1, 90)
     assert "systems [7, 8]" in flown.pilot.objections(90 * S)[0]
     assert flown.commands() == []
@@ -156,8 +156,8 @@ def test_one_that_refuses_to_arm_stays_on_the_ground() -> None:
     """The arming is asked for again and again until slot 0 begins, and then never again."""
     flown = copter()
     flown.arms = False
-    flown.pilot.hear("HEARTBEAT", flown.beat, SENDER, 80 * S)
-    flown.pilot.hear("STATUSTEXT", {"text": "PreArm: Compass not calibrated"}, SENDER, 80 * S)
+    flown.pilot.telemetry.hear("HEARTBEAT", flown.beat, SENDER, 80 * S)
+    flown.pilot.telemetry.hear("STATUSTEXT", {"text": "PreArm: Compass not calibrated"}, SENDER, 80 * S)
     flown.run(80, 103)
     grounded = [said.text for said in flown.pilot.take_news() if said.kind == "grounded"]
     assert grounded == ["it does not arm (no answer): PreArm: Compass not calibrated"]
@@ -190,6 +190,24 @@ def test_what_does_not_follow_strays_and_is_sent_nothing_more(fault: str) -> Non
     assert kinds(flown).count("strayed") == 1
     after = [name for name, _ in flown.sent[-3:]]
     assert set(after) <= {"heartbeat"} or fault == "silence"
+    assert flown.pilot.stage in {Stage.STRAYING, Stage.DONE}
+
+
+@pytest.mark.parametrize("moment", ["climb", "landing"])
+def test_a_pilot_is_never_fought(moment: str) -> None:
+    """Who changes the mode in the climb or in the landing has the vehicle: no command is sent any more."""
+    flown = copter()
+    flown.run(80, 100 if moment == "landing" else 80.05)
+    if moment == "climb":
+        while flown.pilot.stage is not Stage.CLIMBING:
+            flown.run(81, 81.05)
+    else:
+        flown.pilot.land(100 * S)
+        flown.run(100, 101)
+    flown.beat["custom_mode"] = LOITER
+    flown.sent.clear()
+    flown.run(82 if moment == "climb" else 101, 105)
+    assert flown.commands() == []
     assert flown.pilot.stage in {Stage.STRAYING, Stage.DONE}
 
 
