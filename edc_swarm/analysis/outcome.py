@@ -192,7 +192,8 @@ class _Judge:
             return None
         uav, newest = self.tracks.uavs[k], int(self.newest[k])
         for event in reversed(self.recording.events):
-            if event.slot >= newest and (ending := self._ended_by(event, uav)) is not None:
+            is_stray = event.kind == EventKind.STRAYED and event.source == uav
+            if (event.slot >= newest or is_stray) and (ending := self._ended_by(event, uav)) is not None:
                 return self._not_home(k, *ending, event.slot)
         forgot = min((f.slot for f in self.recording.fixes if f.uav == uav and not f.voter), default=None)
         if forgot is not None:

@@ -150,10 +150,7 @@ class Pilot:
             case Stage.FLYING:
                 yield from self._points(now_ns, before=True)
             case Stage.LANDING:
-                yield from self._until(
-                    self.telemetry.mode == "LAND", LAND, now_ns, (0.0, 0.0, 0.0, math.nan, 0.0, 0.0, 0.0)
-                )
-                self._end_landing(now_ns)
+                yield from self._land(now_ns)
 
     def _connect(self, now_ns: int) -> None:
         seen = self.telemetry
@@ -198,7 +195,8 @@ class Pilot:
             self._say("autopilot", f"is in the air, {seen.newest.height_m:.1f} m above its home")
             self.stage = Stage.FLYING
 
-    def _end_landing(self, now_ns: int) -> None:
+    def _land(self, now_ns: int) -> Iterator[tuple[str, Fields]]:
+        """Yield the landing until the vehicle lands; end when its motors are off, or a pilot has it."""
         seen = self.telemetry
         if not seen.armed:
             self.stage = Stage.DONE
@@ -209,6 +207,8 @@ class Pilot:
         elif now_ns > self._land_by_ns:
             self.stage = Stage.DONE
             self._say("autopilot", f"has not landed in time: it is in {seen.mode}")
+        else:
+            yield from self._until(seen.mode == "LAND", LAND, now_ns, (0.0, 0.0, 0.0, math.nan))
 
     def _until(self, done: bool, command: int, now_ns: int, params: tuple[float, ...]) -> Iterator[tuple[str, Fields]]:
         """Yield a command once a second until it has taken effect."""
