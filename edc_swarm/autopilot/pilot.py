@@ -115,6 +115,11 @@ class Pilot:
         elif self.stage in {Stage.CONNECTING, Stage.READYING}:
             self.stage = Stage.DONE
 
+    def due_in_s(self, now_ns: int) -> float:
+        """Return the time until the next set-point is due; infinite while none are sent."""
+        left_ns = self._point_ns + SET_POINT_NS - now_ns
+        return max(0.0, left_ns / NS_PER_S) if left_ns > -SET_POINT_NS else math.inf
+
     def advance(self, now_ns: int) -> list[tuple[str, Fields]]:
         """Return the messages that are due now."""
         out: list[tuple[str, Fields]] = []
@@ -125,8 +130,9 @@ class Pilot:
             out += self._requests(now_ns)
             self._check(now_ns)
             out += self._due(now_ns)
-        elif self.stage is Stage.STRAYING:
-            self._look_down()
+        elif self.stage is Stage.STRAYING and not self.telemetry.armed:
+            self.stage, self.is_down = Stage.DONE, True
+            self._say("down", "its motors are off")
         elif self.stage is Stage.CONNECTING and self._arm and now_ns >= self._epoch_ns and not self._flies:
             self._ground("its autopilot sends no heartbeat")
         return out
@@ -155,7 +161,7 @@ class Pilot:
     def _connect(self, now_ns: int) -> None:
         seen = self.telemetry
         if self._flies:
-            if seen.armed and self.telemetry.is_guided and seen.newest is not None:
+            if seen.armed and seen.is_guided and seen.newest is not None:
                 self.stage = Stage.FLYING
         elif self._arm and not self.objections(now_ns):
             self.stage = Stage.READYING
@@ -164,19 +170,15 @@ class Pilot:
     def _ready(self, now_ns: int) -> Iterator[tuple[str, Fields]]:
         """Yield what brings the autopilot into its mode for set-points; PX4 asks for set-points before that."""
         yield from self._points(now_ns, before=self.telemetry.is_px4)
-        yield from self._until(
-            self.telemetry.is_guided,
-            SET_MODE,
-            now_ns,
-            (CUSTOM_MODE, PX4_OFFBOARD if self.telemetry.is_px4 else COPTER_GUIDED),
-        )
+        mode = PX4_OFFBOARD if self.telemetry.is_px4 else COPTER_GUIDED
+        yield from self._until(self.telemetry.is_guided, SET_MODE, now_ns, (CUSTOM_MODE, mode))
         if self.telemetry.is_guided:
             self.stage = Stage.ARMING
 
     def _arm_it(self, now_ns: int) -> Iterator[tuple[str, Fields]]:
         seen = self.telemetry
         yield from self._points(now_ns, before=self.telemetry.is_px4)
-        yield from self._until(seen.armed, ARM, now_ns, (1.0,))
+        yield from self._until(seen.armed or not seen.is_guided, ARM, now_ns, (1.0,))  # A pilot's mode is a pilot's.
         if seen.armed:
             self._say("autopilot", f"armed in {seen.mode}, climbs to {self._vehicle.altitude_m:g} m above its home")
             self.stage = Stage.CLIMBING
@@ -274,12 +276,6 @@ class Pilot:
         self.stage = Stage.DONE
         if climbing:
             self.stage, self._land_by_ns = Stage.LANDING, self._epoch_ns + round(self._mission.landing_s * NS_PER_S)
-
-    def _look_down(self) -> None:
-        """End the stray of a vehicle whose motors are off: it is on the ground for good."""
-        if not self.telemetry.armed:
-            self.stage, self.is_down = Stage.DONE, True
-            self._say("down", "its motors are off")
 
     def _say(self, kind: str, text: str) -> None:
         self.news.append(Said(kind, text))

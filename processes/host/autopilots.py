@@ -8,7 +8,7 @@ from collections.abc import Collection
 from contextlib import ExitStack
 
 from edc_swarm.autopilot.pilot import Pilot
-from edc_swarm.errors import SwarmError
+from edc_swarm.errors import InputError, SwarmError
 from edc_swarm.mission.autopilots import autopilots
 from edc_swarm.mission.configuration import Mission
 from processes.runtime.console import note
@@ -28,9 +28,11 @@ def check_ready(mission: Mission, local: Collection[str], *, arm: bool) -> None:
     Raises
     ------
     SwarmError
-        One of them is not ready, or the user has not given the permission to arm.
+        One of them is not ready, or the user has not given the permission to arm; or there is nothing to arm.
     """
     addresses = {uav: address for uav, address in autopilots(mission).items() if uav in local}
+    if arm and not autopilots(mission):
+        raise InputError("--arm", arm, "absent in a mission that no autopilot flies")
     if not addresses:
         return
     with ExitStack() as stack:

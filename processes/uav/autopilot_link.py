@@ -20,8 +20,8 @@ from processes.runtime.extras import has_package, install_command
 
 OWN_SYSTEM, OWN_COMPONENT = 255, 190
 """A ground station, which ArduPilot obeys by default (SYSID_MYGCS)."""
-TURN_S = 0.02
-"""Longest wait of the thread."""
+LEAST_TURN_S, MOST_TURN_S = 0.002, 0.05
+"""Shortest and longest wait of the thread."""
 MAX_MESSAGES = 500
 """Most messages that are read in one turn; the rest waits for the next one."""
 DEFAULT_BAUD = 57_600
@@ -115,15 +115,16 @@ class AutopilotLink:
                 self._tell(said)
 
     def _wait(self) -> None:
-        """Wait for bytes or the end of a turn."""
+        """Wait for bytes, or until a set-point is due."""
+        turn_s = min(max(self._pilot.due_in_s(self._now_ns()), LEAST_TURN_S), MOST_TURN_S)
         file = self._connection.fd if isinstance(self._connection.fd, int) else None
         if file is None:
-            time.sleep(TURN_S)
+            time.sleep(turn_s)
             return
         try:
-            select.select([file], [], [], TURN_S)
+            select.select([file], [], [], turn_s)
         except (OSError, ValueError):
-            time.sleep(TURN_S)
+            time.sleep(turn_s)
 
     def _read(self) -> None:
         for _ in range(MAX_MESSAGES):

@@ -18,6 +18,8 @@ from edc_swarm.recording.model import Recording
 from tests.processes.conftest import Fly
 
 pytest.importorskip("mavsdk")
+SUCCESS = "1"
+"""Result of a command in MAVSDK; a command that is denied raises an exception there."""
 CLIENT = Path(__file__).with_name("mavsdk_client.py")
 
 
@@ -112,7 +114,7 @@ def test_commands_go_through_the_operator(start: Fly, grounds: list[Ground]) -> 
     far = ("--uavs", "4", "--seed", "3", "--speed-max", "2", "--mavlink", address)
     flight = start("run", *far, "--mavlink-commands", "--json")
     seen, flown = grounds[0].seen(), flight.end()
-    assert seen["tried"] == dict.fromkeys(["pause", "start", "goto", "land"], "None")
+    assert seen["tried"] == dict.fromkeys(["pause", "start", "goto", "land"], SUCCESS)
     recording = flown.recording
     orders = [json.loads(event.detail) for event in recording.events if event.kind == EventKind.GROUND_COMMAND]
     assert [(order["uav"], order["wish"]) for order in orders] == [

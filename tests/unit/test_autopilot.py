@@ -61,7 +61,11 @@ class Copter:
             self.sent.append((name, dict(fields)))
             match name, fields.get("command"):
                 case "command_long", 176:
-                    self.beat["custom_mode"] = int(fields["param2"])
+                    self.beat["custom_mode"] = int(fields["param2"]) << (16 if self.beat["autopilot"] == 12 else 0)
+                case "set_position_target_global_int", _ if (
+                    self.beat["autopilot"] == 12 and self.beat["base_mode"] == 129
+                ):
+                    self.height_mm = round(1000 * fields["alt"])
                 case "command_long", 400 if self.arms:
                     self.beat["base_mode"] = 129
                 case "command_long", 22:
@@ -108,6 +112,18 @@ def test_it_arms_and_climbs_before_slot_0_and_lands_at_the_end() -> None:
     flown.beat["base_mode"] = 1
     flown.run(102, 103)
     assert flown.pilot.stage is Stage.DONE
+
+
+def test_px4_gets_set_points_before_its_mode_and_climbs_by_them() -> None:
+    """OFFBOARD is refused without a stream of set-points; their height is the take-off."""
+    flown = copter()
+    flown.beat |= {"autopilot": 12}
+    flown.run(80, 100)
+    assert flown.commands() == [176, 400]
+    names = [name if name != "command_long" else f["command"] for name, f in flown.sent]
+    assert names.index("set_position_target_global_int") < names.index(176)
+    assert flown.pilot.stage is Stage.FLYING
+    assert flown.pilot.telemetry.mode == "OFFBOARD"
 
 
 def test_without_permission_nothing_but_requests_is_sent() -> None:

@@ -120,7 +120,7 @@ def test_time_alone_lands_no_stray_but_its_word_does() -> None:
 def test_a_head_that_never_heard_it_grows_the_hull_of_a_report() -> None:
     """The report of slot 6 covers its slot 7; a head that plans slot 10 adds three slots."""
     knowledge = Knowledge(FLOWN.roster)
-    place = builders.hulls({"b": ((50.0, 0.0), (50.0, 0.0), 8.0)})
+    place: dict[str, Any] = builders.hulls({"b": ((50.0, 0.0), (50.0, 0.0), 8.0)})
     knowledge.hear_report(builders.report(6, head="c", grants=["a", "c"], unheard=["b"], strays=["b"], **place))
     assert head(knowledge).hulls(9)["b"].radius_m == pytest.approx(8.0 + 3 * FREE_M)
 
