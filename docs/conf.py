@@ -13,12 +13,13 @@ TOP = Path(__file__).resolve().parents[1]
 project = "edc_swarm"
 author = "The authors of edc_swarm"
 version = release = edc_swarm.__version__
-extensions = ["myst_parser", "sphinx.ext.autodoc", "sphinx.ext.napoleon", "sphinxcontrib.mermaid"]
+extensions = ["myst_nb", "sphinx.ext.autodoc", "sphinx.ext.napoleon", "sphinxcontrib.mermaid"]
 root_doc = "docs/contents"
 include_patterns = ["*.md", "docs/**", "recordings/README.md"]
 myst_heading_anchors = 4
 myst_fence_as_directive = ["mermaid"]
 myst_enable_extensions = ["dollarmath"]
+nb_execution_mode = "off"
 nitpicky = True
 html_theme = "furo"
 html_title = "edc_swarm"

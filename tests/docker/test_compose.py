@@ -114,7 +114,7 @@ def test_a_container_started_again_flies_the_same_uav(swarm: Make) -> None:
     said("docker", "kill", container)
     said("docker", "start", container)
     assert flown.await_end() == 0
-    assert logs(container).count("flying u003 of mission") == 2
+    assert logs(container).count("flies u003 of mission") == 2
     assert len({fix.instance for fix in flown.recording.fixes if fix.uav == "u003"}) == 2
     assert compute_metrics(flown.recording).arrived == 10
 
