@@ -188,7 +188,7 @@ def _warm(source: ForkSource) -> bool:
             mission = msgspec.json.decode(payload, type=Mission)
             if autopilots(mission):
                 load()
-            warm_planner(mission, lambda done: source.send(Compiling(done=done)))
+            warm_planner(mission, lambda done: source.send(Compiling(done=done)), helped=True)
     except SwarmError as error:
         source.send(Failed(reason=str(error)))
         return False
