@@ -38,12 +38,19 @@ class PlannerReady:
 
 @dataclass(frozen=True, slots=True)
 class Disturbed:
-    """A fault of the vehicle: of its GPS or its motors, or a gust."""
+    """A fault of the vehicle: of its GPS or its motors, a gust, or an order to land."""
 
     fault: VehicleFault
 
 
-NodeEvent = Tick | Received | PeerGone | PlannerReady | Disturbed
+@dataclass(frozen=True, slots=True)
+class Strayed:
+    """News that the vehicle no longer follows its commands; `why` in words."""
+
+    why: str
+
+
+NodeEvent = Tick | Received | PeerGone | PlannerReady | Disturbed | Strayed
 
 
 @dataclass(frozen=True, slots=True)

@@ -21,11 +21,17 @@ class Flight:
         The vehicle that flies.
     voter
         False for a UAV that lost its promise: it flies no command.
+
+    Attributes
+    ----------
+    ordered_down
+        True for a UAV that is to land: it flies no command, and lands once it rests.
     """
 
     def __init__(self, vehicle: Vehicle, voter: bool) -> None:
         self._vehicle = vehicle
         self.voter = voter
+        self.ordered_down = False
         self._pending: dict[int, Command] = {}
         self.flown: Command | None = None
         self.held_slots = 0
@@ -46,7 +52,8 @@ class Flight:
         """Fly the pending command of `slot` if it is valid, else brake; the last call was `slots` slots ago."""
         self._vehicle.brake_until(slot)
         command = self._pending.pop(slot, None)
-        if command is not None and refusal(command, self._situation(slot, command, grant, late)) is not None:
+        refused = command is not None and refusal(command, self._situation(slot, command, grant, late)) is not None
+        if refused or self.ordered_down:
             command = None
         self._pending = {later: kept for later, kept in self._pending.items() if later > slot}
         self._vehicle.begin_slot(slots, command)

@@ -6,7 +6,8 @@ Rules kept here (named as in ARCHITECTURE.md):
 - *heard*: the head commands for slot t + 1 only UAVs heard in slot t;
 - *once*: the head makes one plan per (term, slot); a restarted process never plans in a term on its disk;
 - *hull*: the plan keeps clear of every place where an unheard UAV can be; the head remembers hulls per term;
-- *landed*: an unheard UAV that the failsafe has taken out of the airspace has no hull.
+- *landed*: an unheard UAV that the failsafe has taken out of the airspace has no hull;
+- *stray*: the hull of a UAV that does not follow its commands grows by what its vehicle can fly.
 """
 
 from __future__ import annotations
@@ -15,10 +16,13 @@ import math
 from collections.abc import Collection, Sequence
 from dataclasses import dataclass, field
 
+from msgspec import UNSET
+
 from edc_swarm.agent.knowledge import Grant, HullRules, Knowledge
 from edc_swarm.mission.braking import change_of, changes_m
 from edc_swarm.mission.configuration import Mission
 from edc_swarm.mission.failsafe import failsafe_of
+from edc_swarm.mission.vehicle_budget import vehicle_of
 from edc_swarm.planner.interface import Hull, Plan, Planner, PlanRequest
 from edc_swarm.protocol.messages import Command, Fix, Report
 
@@ -73,6 +77,7 @@ class Head:
         )
         self._with_previous = mission.lag_slots > 0 or changes_m(mission) is not None
         self._failsafe = failsafe_of(mission)
+        self._free_m = {entry.uav: vehicle_of(mission, entry).free_mps * mission.dt_s for entry in mission.roster}
         self._roster = {entry.uav: entry for entry in mission.roster}
         self._index = {entry.uav: index for index, entry in enumerate(mission.roster)}
         self.office = Office((0, ""))
@@ -123,18 +128,24 @@ class Head:
         """Return the hull of every UAV not heard in `slot`, in roster order, but of those that have landed."""
         heard = set(self.heard(slot))
         return {
-            uav: self._hull(uav) for uav in self._roster if uav not in heard and not self._has_landed(uav, slot + 1)
+            uav: self._hull(uav, slot)
+            for uav in self._roster
+            if uav not in heard and not self._has_landed(uav, slot + 1)
         }
 
     def _has_landed(self, uav: str, slot: int) -> bool:
         """Return True if the failsafe has taken an unheard UAV out of the airspace before `slot` begins."""
+        if self._knowledge.strays(uav):
+            return self._knowledge.is_on_ground(uav, slot)
         if self._failsafe is None:
             return False
         office = self.office
         stepped_slot = self._knowledge.last_step(uav, office.grant, office.t0, office.sent)
         return self._knowledge.has_landed(uav, slot, self._failsafe.free_slot(stepped_slot))
 
-    def _hull(self, uav: str) -> Hull:
+    def _hull(self, uav: str, slot: int) -> Hull:
+        if self._knowledge.strays(uav):
+            return self._knowledge.stray_hull(uav, slot + 1, self._free_m[uav])
         office = self.office
         return self._knowledge.hull(uav, office.grant, office.t0, office.sent, self._rules)
 
@@ -200,7 +211,7 @@ class Head:
     def _report(self, slot: int, fixes: Sequence[Fix], hulls: dict[str, Hull], plan: Plan) -> Report:
         heard = [fix.uav for fix in fixes]
         unheard = [uav for uav in self._roster if uav not in set(heard)]
-        listed = {**hulls, self._uav: self._hull(self._uav)}
+        listed = {**hulls, self._uav: self._hull(self._uav, slot)}
         return Report(
             head=self._uav,
             slot=slot,
@@ -224,6 +235,7 @@ class Head:
             hull_by_m=[hull.by_m for hull in listed.values()],
             hull_r_m=[hull.radius_m for hull in listed.values()],
             landed=[uav for uav in unheard if uav not in hulls],
+            strays=[uav for uav in hulls if self._knowledge.strays(uav)] or UNSET,
         )
 
 

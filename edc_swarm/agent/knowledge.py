@@ -7,7 +7,9 @@ Rules kept here (named as in ARCHITECTURE.md):
 - *no fix from the future*: a fix of a slot that has not begun here waits until the slot begins;
 - *hull*: all places where an unheard UAV can be, for the head of one term that plans one slot;
 - *landed*: a UAV whose failsafe has taken it out of the airspace has no hull;
-- *lost memory*: the fix of a UAV that lost its promise does not tell its position.
+- *lost memory*: the fix of a UAV that lost its promise does not tell its position;
+- *stray*: a UAV whose vehicle does not follow its commands is unheard, and its hull grows until it says that it is on
+  the ground.
 """
 
 from __future__ import annotations
@@ -17,6 +19,8 @@ from collections import Counter
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from typing import TypeVar
+
+from msgspec import UNSET
 
 from edc_swarm.mission.braking import Point, reach_m, rest_point
 from edc_swarm.mission.roster_entry import RosterEntry
@@ -41,10 +45,12 @@ class Knowledge:
         self._early: dict[str, Fix] = {}
         self._relayed: dict[str, tuple[int, int, Hull]] = {}
         self._free_from: dict[str, int] = {}
+        self._strays: dict[str, tuple[int, Hull]] = {}
 
     def hear_fix(self, fix: Fix, slot: int) -> None:
         """Keep a fix if it is the newest of its UAV; `slot` is the receiver's current slot."""
         if fix.uav not in self._roster or not fix.voter:
+            self._hear_stray(fix)
             return
         table = self._early if fix.slot > slot else self.newest
         known = table.get(fix.uav)
@@ -54,6 +60,32 @@ class Knowledge:
         if table is self.newest:
             self._count(known, -1)
             self._count(fix, 1)
+
+    def _hear_stray(self, fix: Fix) -> None:
+        """Keep where a UAV is by the end of the slot of its fix, if it strays; or that it is on the ground for good."""
+        if fix.uav not in self._roster or fix.stray_m is UNSET:
+            return
+        if fix.on_ground is True:
+            self._free_from.setdefault(fix.uav, fix.slot)
+        self._note_stray(fix.uav, fix.slot, self._place(fix.uav, fix.x_m, fix.y_m, fix.x_m, fix.y_m, fix.stray_m))
+
+    def _note_stray(self, uav: str, slot: int, place: Hull) -> None:
+        known = self._strays.get(uav)
+        if known is None or slot > known[0]:
+            self._strays[uav] = slot, place
+
+    def strays(self, uav: str) -> bool:
+        """Return True if `uav` does not follow its commands."""
+        return uav in self._strays
+
+    def is_on_ground(self, uav: str, slot: int) -> bool:
+        """Return True if a UAV that strays has said that it is on the ground; it may fly for any time before."""
+        return uav in self._free_from and slot >= self._free_from[uav]
+
+    def stray_hull(self, uav: str, slot: int, free_m: float) -> Hull:
+        """Return where a UAV that strays can be at the end of `slot`, if it flies at most `free_m` in a slot."""
+        of_slot, place = self._strays[uav]
+        return _grown(place, free_m * max(0, slot - of_slot))
 
     def _count(self, fix: Fix | None, by: int) -> None:
         if fix is not None:
@@ -69,10 +101,13 @@ class Knowledge:
         for uav in report.landed:
             self._free_from[uav] = min(report.slot + 1, self._free_from.get(uav, report.slot + 1))
         age = report.slot, report.term
+        strays = set() if report.strays is UNSET else set(report.strays) & self.roster
         for uav, *shape in zip(report.hull_uav, *report.hull_columns, strict=False):
             known = self._relayed.get(uav)
             if uav in self._roster and (known is None or age > known[:2]):
                 self._relayed[uav] = (*age, self._place(uav, *shape))
+            if uav in strays:
+                self._note_stray(uav, report.slot + 1, self._place(uav, *shape))
 
     def begin_slot(self, slot: int) -> None:
         """Process the fixes that came too early, now that `slot` has begun."""

@@ -33,6 +33,7 @@ from edc_swarm.agent.effects import (
     PlannerReady,
     Publish,
     Received,
+    Strayed,
     Tick,
     WantPlanner,
 )
@@ -44,7 +45,9 @@ from edc_swarm.agent.leadership import Leadership, startup_candidates
 from edc_swarm.agent.outgoing import M, Outgoing
 from edc_swarm.agent.slot_clock import SlotClock
 from edc_swarm.agent.vehicle import Airframe, Promise, Vehicle
+from edc_swarm.emulation.body import Body
 from edc_swarm.emulation.energy import compute_energy_j
+from edc_swarm.mission.faults import OrderLanding
 from edc_swarm.planner.interface import Planner
 from edc_swarm.protocol.events import EventKind
 from edc_swarm.protocol.goals import GoalAnswer
@@ -70,6 +73,8 @@ class UavNode:
         Measured time to solve the reference slot QP, 0 if it was not measured.
     cpu_s
         Function that returns the processor time used so far, for the fix.
+    body
+        The body that flies, None for an emulated one.
     """
 
     def __init__(
@@ -82,6 +87,7 @@ class UavNode:
         *,
         response_ms: float = 0.0,
         cpu_s: Callable[[], float] = lambda: 0.0,
+        body: Body | None = None,
     ) -> None:
         self._mission = mission
         self.uav = uav
@@ -89,9 +95,10 @@ class UavNode:
         grant: Grant = promise.grant if promise is not None else (0, "")
         self.slot = promise.slot if promise is not None else -1
         self.ended = False
+        self._strays = False
         entry = next(entry for entry in mission.roster if entry.uav == uav)
         self._clock = SlotClock(mission)
-        self._vehicle = Vehicle(mission, entry, promise, airframe)
+        self._vehicle = Vehicle(mission, entry, promise, airframe, body)
         self._flight = Flight(self._vehicle, voter)
         self._knowledge = Knowledge(mission.roster)
         self._election = Election(mission, uav, grant, voter, self._knowledge)
@@ -121,6 +128,8 @@ class UavNode:
     def wakeup_ns(self, now_ns: int) -> int:
         """Return the time of the next `Tick`, in nanoseconds of the clock of `step`."""
         leadership, clock = self._leadership, self._clock
+        if self._strays:
+            return clock.start_ns(max(self.slot, clock.slot_at(now_ns)) + 1)
         if leadership.own_command is not None or (not self.ended and leadership.plan_due(self.slot, now_ns)):
             return now_ns
         due_ns = [clock.start_ns(clock.slot_at(now_ns) + 1)]
@@ -139,6 +148,8 @@ class UavNode:
         """
         if self.ended:
             return []
+        if self._strays:
+            return self._stray(now_ns)
         own = self._leadership.take_own_command(self._clock.slot_at(now_ns))
         if own is not None:
             self._take_command(own)
@@ -151,8 +162,13 @@ class UavNode:
                 self._election.peer_gone(uav)
             case PlannerReady(planner):
                 self._leadership.planner = planner
+            case Disturbed(OrderLanding()):
+                self._flight.ordered_down = True
             case Disturbed(fault):
                 self._vehicle.disturb(fault)
+            case Strayed(why):
+                self._out.append(self.event(EventKind.STRAYED, why))
+                return self._begin_straying()
             case Tick() if not began:
                 self._do_due(now_ns)
         self._settle(now_ns)
@@ -173,6 +189,24 @@ class UavNode:
         elif self._again_ns is not None and now_ns >= self._again_ns:
             self._again_ns = None
             self._say(now_ns, with_truth=False)
+
+    def _begin_straying(self) -> list[Effect]:
+        """Give up command, vote and office: the UAV is unheard from now on, and only says where it is."""
+        self._strays, self._flight.voter, self._again_ns = True, False, None
+        self._flight.discard()
+        out, self._out = [*self._out, Listen(False)], []
+        return out
+
+    def _stray(self, now_ns: int) -> list[Effect]:
+        """Say once a slot where the vehicle is, or how far it can be."""
+        slot = self._clock.slot_at(now_ns)
+        if slot > self.slot:
+            slots, self.slot = slot - self.slot, slot
+            self._flight.begin_slot(slot, slots, self.grant, self._clock.is_late(slot, now_ns))
+            self._say_truth()
+            self._publish(self._outgoing.fix(self.slot, self._vehicle, self._flight, self._election))
+        out, self._out = self._out, []
+        return out
 
     def event(self, kind: EventKind, detail: str = "") -> Publish:
         """Return a stamped event of this UAV, for facts that only the shell sees."""
@@ -196,6 +230,8 @@ class UavNode:
         self._again_ns = self._clock.start_ns(slot) + self._clock.tau_ns // 2 if lacks_command else None
         if self._vehicle.energy_j <= 0.0:
             self._end(EventKind.BATTERY_EMPTY)
+        elif self._flight.ordered_down and self._vehicle.rests:
+            self._end(EventKind.LANDED, "the operator ordered it to land")
         elif self._vehicle.must_land(slot):
             self._end(EventKind.LANDED, f"no accepted step since slot {self._vehicle.stepped_slot}")
         else:
@@ -212,7 +248,7 @@ class UavNode:
         """End with an empty battery, or by the failsafe: the UAV lands at its waypoint and never flies again."""
         self.ended, self._again_ns = True, None
         self._persist()
-        self._publish(self._outgoing.truth(self.slot, self._vehicle))
+        self._say_truth()
         self._out.append(self.event(kind, detail))
         self._out.append(Land())
 
@@ -289,12 +325,17 @@ class UavNode:
                 self._out.append(self.event(EventKind.TAKES_OFFICE, f"term {self.grant[0]}"))
         self._persist()
         if with_truth:
-            self._publish(self._outgoing.truth(self.slot, self._vehicle))
+            self._say_truth()
         made = self._outgoing.fix(self.slot, self._vehicle, self._flight, self._election)
         self._knowledge.hear_fix(self._publish(made), self.slot)
         self._said = (self.grant, self._election.suspects)
         if self._election.claim is not None:
             self._publish(self._outgoing.claim(self.slot, self._election.claim))
+
+    def _say_truth(self) -> None:
+        truth = self._outgoing.truth(self.slot, self._vehicle)
+        if truth is not None:
+            self._publish(truth)
 
     # --- the head ----------------------------------------------------------------------------
 
@@ -345,6 +386,7 @@ __all__ = [
     "PlannerReady",
     "Publish",
     "Received",
+    "Strayed",
     "Tick",
     "UavNode",
     "WantPlanner",

@@ -6,6 +6,7 @@ from collections.abc import Callable, Sequence
 from typing import TypeVar
 
 import msgspec
+from msgspec import UNSET
 
 from edc_swarm.agent.election import Election, TermClaim
 from edc_swarm.agent.flight import Flight
@@ -56,9 +57,14 @@ class Outgoing:
         """Return an event, not yet stamped."""
         return Event(source=self._uav, slot=slot, kind=kind, detail=detail)
 
-    def truth(self, slot: int, vehicle: Vehicle) -> Truth:
-        """Return the true motion of a slot, not yet stamped."""
+    def truth(self, slot: int, vehicle: Vehicle) -> Truth | None:
+        """Return the true motion of a slot, not yet stamped; of the slot before, as its autopilot reported it.
+
+        None if there is no report.
+        """
         flown = vehicle.flown
+        if flown.told_late:
+            return None if not flown.between_m or slot < 1 else self._reported(slot - 1, vehicle)
         (from_x_m, from_y_m), (to_x_m, to_y_m) = flown.from_m, flown.to_m
         truth = Truth(uav=self._uav, slot=slot, from_x_m=from_x_m, from_y_m=from_y_m, to_x_m=to_x_m, to_y_m=to_y_m)
         if flown.between_m is None:
@@ -71,6 +77,23 @@ class Outgoing:
             between_y_m=[y_m for _, y_m in flown.between_m],
             propulsion_j=flown.propulsion_j,
             saturated=flown.saturated,
+        )
+
+    def _reported(self, slot: int, vehicle: Vehicle) -> Truth:
+        flown = vehicle.flown
+        between_m = flown.between_m or []
+        return Truth(
+            uav=self._uav,
+            slot=slot,
+            from_x_m=flown.from_m[0],
+            from_y_m=flown.from_m[1],
+            to_x_m=flown.to_m[0],
+            to_y_m=flown.to_m[1],
+            waypoint_x_m=vehicle.from_m[0],
+            waypoint_y_m=vehicle.from_m[1],
+            between_x_m=[x_m for x_m, _ in between_m],
+            between_y_m=[y_m for _, y_m in between_m],
+            propulsion_j=flown.propulsion_j,
         )
 
     def claim(self, slot: int, claim: TermClaim) -> Report:
@@ -108,7 +131,9 @@ class Outgoing:
             term=term,
             head=head,
             suspects=election.suspects,
-            voter=self._voter,
+            voter=self._voter and vehicle.flown.stray_m is None,
+            stray_m=UNSET if vehicle.flown.stray_m is None else vehicle.flown.stray_m,
+            on_ground=vehicle.flown.on_ground or UNSET,
             from_x_m=vehicle.from_m[0],
             from_y_m=vehicle.from_m[1],
             energy_j=vehicle.energy_j,

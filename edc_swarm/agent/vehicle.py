@@ -20,7 +20,7 @@ from msgspec import Struct
 from edc_swarm.agent.goals import unflyable
 from edc_swarm.agent.knowledge import Grant
 from edc_swarm.emulation.bodies import body_of
-from edc_swarm.emulation.body import BodyState
+from edc_swarm.emulation.body import Body, BodyState
 from edc_swarm.emulation.energy import step_energy_j
 from edc_swarm.mission.braking import Point, allows, braked, change_of, rest_point
 from edc_swarm.mission.configuration import Mission
@@ -150,7 +150,14 @@ class Vehicle:
         True flight of the present slot.
     """
 
-    def __init__(self, mission: Mission, entry: RosterEntry, promise: Promise | None, airframe: Airframe) -> None:
+    def __init__(
+        self,
+        mission: Mission,
+        entry: RosterEntry,
+        promise: Promise | None,
+        airframe: Airframe,
+        body: Body | None = None,
+    ) -> None:
         self._mission = mission
         self._entry = entry
         self.change_m = change_of(mission, entry)
@@ -161,7 +168,7 @@ class Vehicle:
             self.from_m, self.slot = _start(promise, self.waypoint_m), promise.slot
         self.course = promise.course if promise is not None else Course()
         self.energy_j = airframe.energy_j
-        self._body = body_of(mission, entry, self.waypoint_m, airframe.body)
+        self._body = body if body is not None else body_of(mission, entry, self.waypoint_m, airframe.body)
         self.flown = self._body.standing
         self._has_flown = False
         self.stepped_slot = max(airframe.stepped_slot, promise.stepped_slot if promise is not None else -1)
@@ -190,6 +197,11 @@ class Vehicle:
     def must_land(self, slot: int) -> bool:
         """Return True if the failsafe lands the vehicle in `slot`, whose step it has accepted by now if at all."""
         return self.landing_slot is not None and slot >= self.landing_slot
+
+    @property
+    def rests(self) -> bool:
+        """True if the UAV does not move in this slot."""
+        return self.from_m == self.waypoint_m
 
     @property
     def r_m(self) -> float:
@@ -251,6 +263,8 @@ class Vehicle:
             target_m = next_goal(self._mission, self._entry.uav, number, self.waypoint_m)
             self.course = Course(goal=number, route=[target_m])
         self.flown = self._body.fly(self.slot, self.from_m, self.waypoint_m)
+        if self.flown.charge_share is not None:
+            self.energy_j = self.flown.charge_share * self._entry.energy_j
         hovered_j = self.step_energy_j(0.0) * (slots - 1)
         self.energy_j = max(0.0, self.energy_j - self.flown.propulsion_j - hovered_j)
 

@@ -7,7 +7,7 @@ told of, if a head sent it a command for the slot after its newest fix; the land
 
 from __future__ import annotations
 
-from msgspec import Struct
+from msgspec import UNSET, Struct
 
 from edc_swarm.analysis.tracks import Tracks, stepped_slots
 from edc_swarm.mission.failsafe import failsafe_of
@@ -51,12 +51,19 @@ def landings(recording: Recording, tracks: Tracks) -> list[Landing]:
     failsafe = failsafe_of(recording.mission)
     if failsafe is None:
         return []
-    told = {event.source for event in recording.events if event.kind == EventKind.LANDED}
+    strays = strays_of(recording)
+    told = {event.source: event.slot for event in recording.events if event.kind == EventKind.LANDED}
     found = []
     for k, stepped in enumerate(stepped_slots(recording, tracks.executed, tracks.heard).tolist()):
         slot = failsafe.landing_slot(stepped)
-        if slot < tracks.slots and not tracks.lost[stepped + 1 :, k].any():
+        uav = tracks.uavs[k]
+        if slot < tracks.slots and not tracks.lost[stepped + 1 :, k].any() and uav not in strays:
             x_m, y_m = tracks.centre_m[-1, k].tolist()
-            uav = tracks.uavs[k]
-            found.append(Landing(uav, stepped, slot, failsafe.free_slot(stepped), x_m, y_m, uav in told))
+            begun = min(slot, told.get(uav, slot))
+            found.append(Landing(uav, stepped, begun, failsafe.free_slot(stepped), x_m, y_m, uav in told))
     return found
+
+
+def strays_of(recording: Recording) -> frozenset[str]:
+    """Return the UAVs whose vehicles did not follow their commands in the end: the failsafe says nothing of them."""
+    return frozenset(fix.uav for fix in recording.fixes if fix.stray_m is not UNSET)

@@ -49,6 +49,8 @@ Cause = Literal[
     "process-gone",
     "battery-empty",
     "landed",
+    "strayed",
+    "grounded",
     "memory-lost",
     "never-heard",
     "record-incomplete",
@@ -195,7 +197,8 @@ class _Judge:
             return None
         uav, newest = self.tracks.uavs[k], int(self.newest[k])
         for event in reversed(self.recording.events):
-            if event.slot >= newest and (ending := self._ended_by(event, uav)) is not None:
+            is_stray = event.kind == EventKind.STRAYED and event.source == uav
+            if (event.slot >= newest or is_stray) and (ending := self._ended_by(event, uav)) is not None:
                 return self._not_home(k, *ending, event.slot)
         forgot = min((f.slot for f in self.recording.fixes if f.uav == uav and not f.voter), default=None)
         if forgot is not None:
@@ -209,7 +212,9 @@ class _Judge:
         if event.source == uav:
             own: dict[str, tuple[Cause, str]] = {
                 EventKind.BATTERY_EMPTY: ("battery-empty", f"battery empty {since}"),
-                EventKind.LANDED: ("landed", f"landed in slot {event.slot}, cut off ({event.detail})"),
+                EventKind.LANDED: ("landed", f"landed in slot {event.slot} ({event.detail})"),
+                EventKind.STRAYED: ("strayed", f"not under control {since} ({event.detail})"),
+                EventKind.GROUNDED: ("grounded", f"never took off ({event.detail})"),
             }
             return own.get(event.kind)
         if event.source != OPERATOR:

@@ -67,6 +67,16 @@ class Flown:
         What the tracked disc needs beyond `r_m`, since GPS is lost or has only just returned.
     saturated
         True if the controller asked for more acceleration than the vehicle has.
+    told_late
+        True if the positions are those of the slot before: an autopilot reports what it has flown. `between_m` is empty
+        then if it reported too little.
+    charge_share
+        Share of the full charge that is left, as an autopilot reports it; None if nothing is known.
+    stray_m
+        Radius about `measured_m` in which the vehicle is by the end of the slot, if it no longer follows its commands;
+        None for one that does.
+    on_ground
+        True if the vehicle is on the ground for good.
     """
 
     from_m: Point
@@ -76,6 +86,10 @@ class Flown:
     propulsion_j: float
     grown_m: float = 0.0
     saturated: bool = False
+    told_late: bool = False
+    charge_share: float | None = None
+    stray_m: float | None = None
+    on_ground: bool = False
 
 
 class Body(Protocol):

@@ -15,6 +15,7 @@ from edc_swarm.mission.faults import (
     ChangeLink,
     Gust,
     Heal,
+    OrderLanding,
     Partition,
     SlowSolver,
     VehicleFault,
@@ -37,7 +38,7 @@ class Machine(Protocol):
         """Let the clock be `offset_ns` ahead from now on, and gain `drift_ppm`."""
 
     def disturb(self, fault: VehicleFault) -> None:
-        """Let the GPS receiver err otherwise, a gust hit the vehicle, or its motors weaken."""
+        """Let a fault of the vehicle act: of its GPS receiver or its motors, a gust, an order to land."""
 
     def slow_down(self, fault: SlowSolver) -> None:
         """Let every plan take longer while `fault` lasts."""
@@ -76,6 +77,7 @@ def _disturb(machine: Machine, fault: VehicleFault) -> None:
 MACHINE_FAULTS.of(ChangeGps)(_disturb)
 MACHINE_FAULTS.of(Gust)(_disturb)
 MACHINE_FAULTS.of(WeakMotor)(_disturb)
+MACHINE_FAULTS.of(OrderLanding)(_disturb)
 
 
 @MACHINE_FAULTS.of(SlowSolver)

@@ -40,6 +40,11 @@ class Command(IntEnum):
     """MAV_CMD, as far as this package knows it."""
 
     NAV_WAYPOINT = 16
+    NAV_LAND = 21
+    DO_SET_MODE = 176
+    DO_REPOSITION = 192
+    DO_PAUSE_CONTINUE = 193
+    MISSION_START = 300
     REQUEST_MESSAGE = 512
     REQUEST_AUTOPILOT_CAPABILITIES = 520
     SET_MESSAGE_INTERVAL = 511
@@ -53,6 +58,7 @@ class Result(IntEnum):
     """MAV_RESULT."""
 
     ACCEPTED = 0
+    TEMPORARILY_REJECTED = 1
     DENIED = 2
     UNSUPPORTED = 3
 

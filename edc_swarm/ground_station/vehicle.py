@@ -53,6 +53,11 @@ class VehicleView:
         """The newest fix."""
         return self._fix
 
+    @property
+    def flies(self) -> bool:
+        """True if the UAV has been heard and has not landed."""
+        return self._fix is not None and not self._landed
+
     def hear_fix(self, fix: Fix, now_ns: int) -> list[Frame]:
         """Take in a fix; return position, attitude and GPS, or nothing for a fix that is not the newest."""
         if self._fix is not None and fix.slot <= self._fix.slot:

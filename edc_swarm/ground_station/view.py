@@ -7,6 +7,7 @@ MISSION_REQUEST_LIST            MISSION_COUNT: the points of the route, or the f
 MISSION_REQUEST(_INT)           MISSION_ITEM_INT
 REQUEST_MESSAGE (command)       the message, if it is one of `MessageId`
 PARAM_REQUEST_LIST              nothing: a UAV has no parameters
+a command of `steering`         with permission: COMMAND_ACK `ACCEPTED`, an order for the caller
 every other command             COMMAND_ACK `DENIED`, a STATUSTEXT, and a line for the caller
 a new mission, mode, position   the same; a mission with MISSION_ACK `DENIED`
 ==============================  ==================================================================================
@@ -21,9 +22,11 @@ from collections.abc import Mapping
 from edc_swarm.errors import InputError
 from edc_swarm.ground_station.frames import MAX_SYSTEMS, Command, Frame, Request, Result, Severity
 from edc_swarm.ground_station.mission_items import Item, fence_items, route_items
+from edc_swarm.ground_station.steering import order_of
 from edc_swarm.ground_station.vehicle import VehicleView
 from edc_swarm.mission.routes import Course
 from edc_swarm.protocol.events import EVENT_FORMS, EventKind
+from edc_swarm.protocol.ground_orders import GroundOrder
 from edc_swarm.protocol.messages import Event, Fix, Message, MissionMessage, roster_index
 
 ROUTE, FENCE = 0, 1
@@ -47,6 +50,8 @@ STEERING = frozenset(
 """Messages, besides commands, that would steer a UAV."""
 MAX_DENIED_KINDS = 100
 """Most kinds of denied requests that are counted apart."""
+MAX_ORDERS = 500
+"""Most orders that wait for the caller: two for each of the most UAVs."""
 REQUESTED_MESSAGES = frozenset({Command.REQUEST_MESSAGE, Command.REQUEST_AUTOPILOT_CAPABILITIES})
 
 
@@ -65,13 +70,20 @@ def check_systems(uavs: int) -> None:
 class GroundView:
     """All UAVs of one mission as MAVLink systems. Call its methods with times that do not go back.
 
+    Parameters
+    ----------
+    permitted
+        True if the ground station may command.
+
     Attributes
     ----------
     denied
         Number of requests that would have steered a UAV, by their kind.
     """
 
-    def __init__(self) -> None:
+    def __init__(self, *, permitted: bool = False) -> None:
+        self._permitted = permitted
+        self._orders: list[GroundOrder] = []
         self._mission: MissionMessage | None = None
         self._index: Mapping[str, int] = {}
         self._vehicles: list[VehicleView] = []
@@ -99,6 +111,11 @@ class GroundView:
         systems = range(1, len(self._vehicles) + 1)
         asked = systems if request.system == 0 else [request.system] if request.system in systems else []
         return [frame for system in asked for frame in self._answer(system, request)]
+
+    def take_orders(self) -> list[GroundOrder]:
+        """Return the orders to the operator since the last call."""
+        orders, self._orders = self._orders, []
+        return orders
 
     # --- what is told ------------------------------------------------------------------------
 
@@ -145,7 +162,7 @@ class GroundView:
             case "command_long" | "command_int":
                 return self._command(system, request)
             case name if name in STEERING:
-                return self._denied(system, request, name)
+                return [] if self._ordered(system, request) else self._denied(system, request, name)
         return []
 
     def _items(self, system: int, kind: object) -> list[Item]:
@@ -174,15 +191,29 @@ class GroundView:
         if command not in REQUESTED_MESSAGES:
             if command == Command.SET_MESSAGE_INTERVAL:
                 return [_ack(request, system, command, Result.UNSUPPORTED)]
+            if self._ordered(system, request):
+                return [_ack(request, system, command, Result.ACCEPTED)]
             return self._denied(system, request, f"command {command}")
         asked = 148 if command == Command.REQUEST_AUTOPILOT_CAPABILITIES else _int(request.fields.get("param1", 0))
         frames = self._vehicles[system - 1].asked_for(asked)
         return [_ack(request, system, command, Result.ACCEPTED if frames else Result.UNSUPPORTED), *frames]
 
+    def _ordered(self, system: int, request: Request) -> bool:
+        """Keep the order that a request amounts to, if the ground station may command; return True if there is one."""
+        mission = self._mission
+        if mission is None or not self._permitted or not self._vehicles[system - 1].flies:
+            return False
+        order = order_of(mission, mission.roster[system - 1].uav, request)
+        if order is None or len(self._orders) >= MAX_ORDERS:
+            return False
+        self._orders.append(order)
+        return True
+
     def _denied(self, system: int, request: Request, kind: str) -> list[Frame]:
         """Deny what would steer a UAV, say so, and count it."""
         self.denied[kind if kind in self.denied or len(self.denied) < MAX_DENIED_KINDS else "others"] += 1
-        said = self._text(system, Severity.WARNING, f"denied: {kind}: this ground station may only look on")
+        why = "no order that the operator takes" if self._permitted else "this ground station may only look on"
+        said = self._text(system, Severity.WARNING, f"denied: {kind}: {why}")
         if request.name in {"command_long", "command_int"}:
             return [_ack(request, system, _int(request.fields.get("command", 0)), Result.DENIED), *said]
         if request.name.startswith("mission_"):

@@ -32,6 +32,7 @@ EXAMPLES = {
     "gps": ("gps u005 white @10", "the GPS error of u005 is drawn anew at every fix"),
     "gust": ("gust u005 8mps @10", "a gust of 8 m/s hits u005"),
     "motor": ("motor u005 weak 0.5 @10 for 4s", "u005 accelerates half as much for 4 s"),
+    "land": ("land u002 @20", "u002 rests, lands and stays on the ground"),
     "slow": ("slow head 300 @10 for 4", "plans of the head take 300 ms longer"),
     "goal": ("goal u003 120,40 80,40 @20", "u003 flies to two other points"),
 }

@@ -10,7 +10,7 @@ from __future__ import annotations
 
 import math
 from collections import deque
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 from dataclasses import dataclass, replace
 from difflib import get_close_matches
 from typing import Any, ClassVar, Literal, TypeVar, get_args
@@ -18,11 +18,7 @@ from typing import Any, ClassVar, Literal, TypeVar, get_args
 from edc_swarm.errors import MissionError
 from edc_swarm.mission.configuration import Mission
 from edc_swarm.mission.fault_syntax import (
-    HALVES,
-    HEAD,
     ONE_UAV,
-    REST,
-    STANDBY,
     Choice,
     Ends,
     Flag,
@@ -279,7 +275,15 @@ class WeakMotor(Fault):
         return dict(self.quantities)["share"]
 
 
-VehicleFault = ChangeGps | Gust | WeakMotor
+@_declare("land", Target())
+@dataclass(frozen=True, slots=True)
+class OrderLanding(Fault):
+    """The operator orders the UAV to land where it is: it rests, lands, and never flies again in the mission."""
+
+    target: str
+
+
+VehicleFault = ChangeGps | Gust | WeakMotor | OrderLanding
 """Faults that change how a vehicle flies and measures."""
 
 
@@ -349,28 +353,6 @@ def parse_faults(mission: Mission) -> list[Fault]:
                 raise MissionError("fault", text, f"about a UAV of the roster, which {name!r} is not")
         faults.append(fault)
     return sorted(faults, key=lambda fault: fault.at_s)
-
-
-def resolve(fault: Fault, head: str, standbys: Sequence[str], roster: Sequence[str]) -> Fault | None:
-    """Return the fault with ids in place of `head`, `standby`, `halves`, `rest`; None if one stands for no UAV now."""
-    ids = {HEAD: head, STANDBY: standbys[0] if standbys else ""}
-    if isinstance(fault, Partition):
-        return _resolve_groups(fault, ids, roster)
-    names = {field: getattr(fault, field) for field in fault.declaration.names}
-    found = {field: ids.get(name, name) for field, name in names.items()}
-    return replace(fault, **found) if all(found.values()) else None
-
-
-def _resolve_groups(fault: Partition, ids: dict[str, str], roster: Sequence[str]) -> Partition | None:
-    left, right = (tuple(ids.get(name, name) for name in group) for group in (fault.left, fault.right))
-    left, right = tuple(filter(None, left)), tuple(filter(None, right))
-    if fault.left == (HALVES,):
-        left, right = tuple(roster[: len(roster) // 2]), tuple(roster[len(roster) // 2 :])
-    elif fault.right == (REST,):
-        right = tuple(uav for uav in roster if uav not in left)
-    elif fault.left == (REST,):
-        left = tuple(uav for uav in roster if uav not in right)
-    return replace(fault, left=left, right=right) if left and right else None
 
 
 def _parse(text: str, declaration: Declaration | None, dt_s: float) -> Fault:

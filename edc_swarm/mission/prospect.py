@@ -32,6 +32,7 @@ from numpy.typing import NDArray
 
 from edc_swarm.mission.configuration import Mission, default_tau_s
 from edc_swarm.mission.failsafe import failsafe_of
+from edc_swarm.mission.fault_targets import resolve
 from edc_swarm.mission.faults import (
     ChangeClock,
     ChangeLink,
@@ -44,7 +45,6 @@ from edc_swarm.mission.faults import (
     ProcessFault,
     SlowSolver,
     parse_faults,
-    resolve,
 )
 from edc_swarm.mission.field_types import MOST_SLOTS
 from edc_swarm.mission.link import FOR_GOOD_S, Link

@@ -18,7 +18,7 @@ from edc_swarm.mission.control_loop import MOST_SETTLING_S, LoopBounds, loop_bou
 from edc_swarm.mission.fault_syntax import ONE_UAV
 from edc_swarm.mission.faults import OUTAGE, ChangeGps, Gust, parse_fault
 from edc_swarm.mission.roster_entry import RosterEntry
-from edc_swarm.mission.vehicle_model import SETS, VehicleModel
+from edc_swarm.mission.vehicle_model import MAVLINK, OF_AUTOPILOTS, SETS, VehicleModel
 
 GROWTH_M = 0.25
 """Least growth of a tracked disc: a planner computes ways round zones anew for each radius."""
@@ -83,7 +83,10 @@ class Budget:
 
 def vehicle_of(mission: Mission, entry: RosterEntry) -> VehicleModel:
     """Return the vehicle of a UAV, its own or the mission's, with all figures filled in from its parameter set."""
-    return _filled_in(VehicleModel(model=entry.vehicle) if entry.vehicle else mission.vehicle)
+    own, common = entry.vehicle, mission.vehicle
+    if own == MAVLINK != common.model:
+        return _filled_in(VehicleModel(model="mavlink", **{name: getattr(common, name) for name in OF_AUTOPILOTS}))
+    return _filled_in(VehicleModel(model=own) if own and own != common.model else common)
 
 
 def a_max_mps2(mission: Mission, entry: RosterEntry) -> float | None:

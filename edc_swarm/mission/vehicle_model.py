@@ -5,14 +5,19 @@ from __future__ import annotations
 import math
 from typing import Annotated, Literal
 
+import msgspec
 from msgspec import Meta, Struct
 
 from edc_swarm.mission.field_types import NonNegative, Option
 
-VehicleName = Literal["ideal", "multirotor", "arducopter", "hummingbird", "crazyflie", "m100"]
+VehicleName = Literal["ideal", "multirotor", "arducopter", "hummingbird", "crazyflie", "m100", "mavlink"]
 OwnVehicle = Literal["", VehicleName]
 IDEAL = "ideal"
+MAVLINK = "mavlink"
+OF_AUTOPILOTS = ("autopilot", "altitude_m", "takeoff_s", "free_mps", "at_end")
+"""Fields that count for autopilots alone."""
 GRAVITY_MPS2 = 9.81
+AtEnd = Literal["land", "return"]
 Tilt = Annotated[float, Meta(ge=0, le=80)]
 Rate = Annotated[float, Meta(ge=0, le=50)]
 
@@ -26,7 +31,7 @@ class VehicleModel(Struct, frozen=True, kw_only=True):
     """
 
     model: Annotated[VehicleName, Option("vehicle")] = "ideal"
-    """Model of the vehicle: `ideal`, or a multirotor by the name of its parameter set.
+    """Model of the vehicle: `ideal`, a multirotor by the name of its parameter set, or `mavlink`, an autopilot.
 
     `ideal` moves exactly along its step at constant speed, as in the paper. A multirotor flies a smooth curve
     between its waypoints with limited acceleration, an actuator that lags, drag, and a controller that steers by the
@@ -57,6 +62,27 @@ class VehicleModel(Struct, frozen=True, kw_only=True):
     """
     drift_mps: NonNegative = 0.0
     """Largest drift of the estimated position without GPS, in metres for each second of an outage."""
+    autopilot: Annotated[str, Meta(max_length=200), Option("autopilot")] = ""
+    """Addresses of the autopilots that fly UAVs with `mavlink`: udpin:, udpout: or tcp:HOST:PORT, or a serial device.
+
+    An expression in braces stands for a number; i is the place of the UAV in the roster, from 0 on:
+    udpin:127.0.0.1:{14550+10*i} (docs/autopilots.md).
+
+    Default: "", which stands for none.
+    """
+    altitude_m: Annotated[float, Meta(ge=0, le=1000)] = 0.0
+    """Height above its home at which an autopilot flies."""
+    takeoff_s: Annotated[float, Meta(ge=0, le=600)] = 0.0
+    """Time from the arming of autopilots to slot 0: who is not in the air by then does not fly."""
+    free_mps: Annotated[float, Meta(ge=0, le=100)] = 0.0
+    """Greatest speed of a vehicle whose autopilot no longer follows: a pilot flies it, or its own failsafe."""
+    at_end: AtEnd = "land"
+    """What an autopilot does at the end of the mission: `land` where it is, or `return` to its start first.
+
+    With `return` the start is the last point of the route, so the planner keeps returning UAVs apart.
+
+    Source: this project.
+    """
     tracking_m: NonNegative = 0.0
     """Tracking bound: largest distance of the vehicle from its reference without a GPS error.
 
@@ -67,6 +93,11 @@ class VehicleModel(Struct, frozen=True, kw_only=True):
     def is_ideal(self) -> bool:
         """True if the vehicle moves exactly as commanded."""
         return self.model == IDEAL
+
+    @property
+    def is_autopilot(self) -> bool:
+        """True if an autopilot flies the vehicle."""
+        return self.model == MAVLINK
 
     @property
     def limit_mps2(self) -> float:
@@ -140,11 +171,14 @@ M100 = VehicleModel(
 
 The attitude is simplified to one lag of 0.2 s. Drag and gains are those of `arducopter`.
 """
+AUTOPILOT = msgspec.structs.replace(ARDUCOPTER, model="mavlink", altitude_m=5.0, takeoff_s=20.0, free_mps=10.0)
+"""What a plan assumes of an autopilot: ArduCopter's figures. Its WPNAV_SPEED is 10 m/s, its take-off takes 10 s."""
 SETS: dict[str, VehicleModel] = {
     "multirotor": ARDUCOPTER,
     "arducopter": ARDUCOPTER,
     "hummingbird": HUMMINGBIRD,
     "crazyflie": CRAZYFLIE,
     "m100": M100,
+    "mavlink": AUTOPILOT,
 }
 """Parameter sets by the name that `model` has."""

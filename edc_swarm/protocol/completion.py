@@ -5,6 +5,8 @@ from __future__ import annotations
 import math
 from collections.abc import Iterator
 
+from msgspec import UNSET
+
 from edc_swarm.mission.configuration import Mission
 from edc_swarm.mission.failsafe import failsafe_of
 from edc_swarm.mission.faults import GiveGoal, parse_faults
@@ -35,7 +37,7 @@ class MissionMonitor:
     A lifelong mission is never complete, and no mission is before the last goal that its faults give. Any other is
     over when every UAV that still flies is at its target, or kept from it by UAVs that move no more (`complete`, see
     `protocol.hindrance`), or when nothing can change any more (`stalled`). With the failsafe a UAV that moves no more
-    leaves the airspace, so it keeps no other from its target for good.
+    leaves the airspace, so it keeps no other from its target for good; a stray does, as long as it has a hull.
     """
 
     def __init__(self, mission: Mission) -> None:
@@ -93,6 +95,15 @@ class MissionMonitor:
         if uav in self._ended:
             self._ended.discard(uav)
             self._change()
+
+    def fix_of(self, uav: str) -> Fix | None:
+        """Return the newest fix of a UAV, None if there is none."""
+        return self._newest.get(uav)
+
+    @property
+    def grounded(self) -> set[str]:
+        """Ids of the UAVs that move no more."""
+        return {uav for uav in self._roster if self._grounded(uav)}
 
     @property
     def head(self) -> str:
@@ -170,8 +181,9 @@ class MissionMonitor:
 
     def _places(self, other: RosterEntry) -> Iterator[Place]:
         """Yield where a UAV is or can be for good, if it moves no more."""
-        if self._failsafe is not None or not self._grounded(other.uav):
-            return
         fix = self._newest.get(other.uav)
+        strays = fix is not None and fix.stray_m is not UNSET
+        if not self._grounded(other.uav) or (self._failsafe is not None and not strays):
+            return
         centre_m = (other.start_x_m, other.start_y_m) if fix is None else (fix.waypoint_x_m, fix.waypoint_y_m)
-        yield from places_of(other, centre_m, self.report)
+        yield from (place for place in places_of(other, centre_m, self.report) if not strays or place.what == "hull")

@@ -22,6 +22,9 @@ class EventKind(StrEnum):
     PLANNER_FAILED = "planner-failed"
     BATTERY_EMPTY = "battery-empty"
     LANDED = "landed"
+    STRAYED = "strayed"
+    AUTOPILOT = "autopilot"
+    GROUNDED = "grounded"
     GOAL_REFUSED = "goal-refused"
     GOAL_UNANSWERED = "goal-unanswered"
     CLOCK_OFFSET = "clock-offset"
@@ -30,6 +33,8 @@ class EventKind(StrEnum):
     LINK_DELAYS = "link-delays"
     MALFORMED = "malformed"
     GROUND_DENIED = "ground-denied"
+    GROUND_COMMAND = "ground-command"
+    GROUND_REFUSED = "ground-refused"
     RECORDER_BEHIND = "recorder-behind"
     RECORDER_DROPPED = "recorder-dropped"
     RECORDING_FAILED = "recording-failed"
@@ -55,6 +60,9 @@ EVENT_FORMS: dict[EventKind, EventForm] = {
     EventKind.PLANNER_FAILED: EventForm("UAV", "the error of a user's planner, and its line"),
     EventKind.BATTERY_EMPTY: EventForm("UAV", "nothing"),
     EventKind.LANDED: EventForm("UAV", "why it lands: since when it has accepted no step", warning=True),
+    EventKind.STRAYED: EventForm("UAV", "why its autopilot no longer follows its commands", warning=True),
+    EventKind.AUTOPILOT: EventForm("UAV", "what its autopilot is, has done, or says"),
+    EventKind.GROUNDED: EventForm("UAV", "why its autopilot does not take off", warning=True),
     EventKind.GOAL_REFUSED: EventForm(
         "UAV", "JSON: the UAV, the number of the goal, why it does not fly it", warning=True
     ),
@@ -67,6 +75,10 @@ EVENT_FORMS: dict[EventKind, EventForm] = {
     EventKind.GROUND_DENIED: EventForm(
         "bridge to a ground station", "the requests so far that would have steered a UAV, by kind", warning=True
     ),
+    EventKind.GROUND_COMMAND: EventForm(
+        "bridge to a ground station", "JSON: the UAV, what it is to do, where", warning=True
+    ),
+    EventKind.GROUND_REFUSED: EventForm("operator", "the command from the ground that it refuses; why", warning=True),
     EventKind.RECORDER_BEHIND: EventForm("recorder", "by how many seconds and messages it is behind", warning=True),
     EventKind.RECORDER_DROPPED: EventForm("recorder", "the number of messages that it could not write", warning=True),
     EventKind.RECORDING_FAILED: EventForm("recorder", "the error that ended the file"),

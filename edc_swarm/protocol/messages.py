@@ -64,8 +64,9 @@ class Fix(Struct, frozen=True, kw_only=True, gc=False):
 
     `x_m y_m` is the noisy position at the start of the slot, `waypoint_*` the centre of the tracked disc after
     the current command, `from_*` that centre before it. `term, head` is the grant; `suspects` is true if
-    the UAV suspects that head; `voter` is false if the promise on disk was lost. `course` is the UAV's goal and its
-    place in it, as its promise has it.
+    the UAV suspects that head; `voter` is false if the promise on disk was lost, or if the UAV strays. `course` is the
+    UAV's goal and its place in it, as its promise has it. A UAV whose vehicle no longer follows its commands strays: by
+    the end of the slot it is within `stray_m` of `x_m y_m`, or `on_ground` for good.
     """
 
     uav: UavId
@@ -96,6 +97,8 @@ class Fix(Struct, frozen=True, kw_only=True, gc=False):
     late_ticks: Count = 0
     cpu_s: NonNegative = 0.0
     course: Course = Course()
+    stray_m: NonNegative | UnsetType = UNSET
+    on_ground: bool | UnsetType = UNSET
 
 
 class Truth(Struct, frozen=True, kw_only=True, gc=False):
@@ -156,7 +159,8 @@ class Report(Struct, frozen=True, kw_only=True, gc=False):
 
     `hull_*` are parallel lists over the unheard UAVs and, last, the head itself: each UAV stays within
     the radius of the segment a-b through slot + 1. `landed` has the unheard UAVs without a hull: the failsafe has
-    taken them out of the airspace before slot + 1 begins. `min_gap_m` is the least planned centre distance minus R.
+    taken them out of the airspace before slot + 1 begins. `strays` has the unheard UAVs that do not follow their
+    commands: their hulls grow. `min_gap_m` is the least planned centre distance minus R.
     `status` "claim" is a standby's claim of a new term; `grants` then has the UAVs that suspect the old head.
     """
 
@@ -188,6 +192,7 @@ class Report(Struct, frozen=True, kw_only=True, gc=False):
     hull_by_m: Coordinates = []
     hull_r_m: Radii = []
     landed: ReportedIds = []
+    strays: ReportedIds | UnsetType = UNSET
 
     @property
     def has_quorum(self) -> bool:
@@ -209,7 +214,8 @@ class Report(Struct, frozen=True, kw_only=True, gc=False):
     @property
     def id_lists(self) -> tuple[list[str], ...]:
         """The lists of UAVs."""
-        return (self.heard, self.unheard, self.grants, self.standby, self.hull_uav, self.landed)
+        strays = [] if self.strays is UNSET else self.strays
+        return (self.heard, self.unheard, self.grants, self.standby, self.hull_uav, self.landed, strays)
 
     @property
     def has_ids(self) -> bool:

@@ -13,6 +13,7 @@ from edc_swarm.agent.node import Disturbed, Tick
 from edc_swarm.emulation.links import LinkEmulator
 from edc_swarm.emulation.machine import MACHINE_FAULTS
 from edc_swarm.mission.fault_handlers import FaultHandlers
+from edc_swarm.mission.fault_targets import resolve
 from edc_swarm.mission.faults import (
     ROUTER_OUTAGE_S,
     Fault,
@@ -25,7 +26,6 @@ from edc_swarm.mission.faults import (
     Resume,
     SlowSolver,
     VehicleFault,
-    resolve,
 )
 from edc_swarm.mission.roles import RECORDER, ROUTER
 from edc_swarm.protocol.events import EventKind
@@ -84,7 +84,7 @@ class SimulatedMachine:
         self.computer.step(Tick())
 
     def disturb(self, fault: VehicleFault) -> None:
-        """Let the GPS receiver err otherwise, a gust hit the vehicle, or its motors weaken."""
+        """Let a fault of the vehicle act: of its GPS receiver or its motors, a gust, an order to land."""
         self.computer.step(Disturbed(fault))
 
     def slow_down(self, fault: SlowSolver) -> None:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import msgspec
+from msgspec import UNSET
 
 from edc_swarm.mission.configuration import Mission
 from edc_swarm.protocol.messages import Event, Fix, Report
@@ -115,7 +116,8 @@ class Fleet:
         how = "a new process" if is_new else "the same process"
         self._end_span(uav)
         uav.ended = None
-        self._log.tell("back", [uav.uav], f"heard again: {how}{'' if fix.voter else ', without its memory'}")
+        lost = "" if fix.voter else ", without its memory" if fix.stray_m is UNSET else ", as a stray"
+        self._log.tell("back", [uav.uav], f"heard again: {how}{lost}")
 
     def _compare(self, uav: Uav, known: Fix, fix: Fix) -> None:
         if fix.course.goal > known.course.goal and fix.course.fits(uav.entry):

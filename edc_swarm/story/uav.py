@@ -6,6 +6,8 @@ import math
 from collections.abc import Mapping, Set
 from dataclasses import dataclass, field
 
+from msgspec import UNSET
+
 from edc_swarm.mission.field_types import Point
 from edc_swarm.mission.roster_entry import RosterEntry
 from edc_swarm.protocol.messages import Command, Fix, Report
@@ -122,4 +124,11 @@ def why_not_flown(fix: Fix, command: Command | None, plan: Report | None) -> Why
         return Why("not-flown", f"commands of {command.head} come too late, or are refused")
     if plan is None:
         return Why("no-command", "no command: no head plans")
-    return Why("no-command", f"no command of head {plan.head}" + ("" if fix.voter else ": its memory was lost"))
+    return Why("no-command", f"no command of head {plan.head}" + _lost(fix))
+
+
+def _lost(fix: Fix) -> str:
+    """Return why a UAV is commanded no more, to follow other words; "" for one that is."""
+    if fix.voter:
+        return ""
+    return ": its memory was lost" if fix.stray_m is UNSET else ": it strays"

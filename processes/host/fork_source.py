@@ -24,8 +24,10 @@ import msgspec
 from msgspec import Struct
 
 from edc_swarm.errors import SwarmError
+from edc_swarm.mission.autopilots import autopilots
 from edc_swarm.mission.configuration import Mission
 from processes.runtime.parent import die_with_parent
+from processes.uav.autopilot_link import load
 from processes.uav.planner_loader import warm_planner
 from processes.uav.process import UavSettings, run_uav
 
@@ -182,9 +184,11 @@ def _warm(source: ForkSource) -> bool:
     """Warm the planner up, and freeze the objects: garbage collection in a child then copies no shared memory."""
     start_s = time.monotonic()
     try:
-        if mission := sys.stdin.buffer.read():
-            flown = msgspec.json.decode(mission, type=Mission)
-            warm_planner(flown, lambda done: source.send(Compiling(done=done)), helped=True)
+        if payload := sys.stdin.buffer.read():
+            mission = msgspec.json.decode(payload, type=Mission)
+            if autopilots(mission):
+                load()
+            warm_planner(mission, lambda done: source.send(Compiling(done=done)), helped=True)
     except SwarmError as error:
         source.send(Failed(reason=str(error)))
         return False

@@ -46,9 +46,10 @@ LEAVE_TIMEOUT_S = 60.0
 class Joiner:
     """UAV processes for `uavs` claimed ids of the mission at a router, which end with the mission."""
 
-    def __init__(self, endpoint: str, uavs: int, folder: ClaimFolder, certs: str = "") -> None:
+    def __init__(self, endpoint: str, uavs: int, folder: ClaimFolder, certs: str = "", *, arm: bool = False) -> None:
         self._endpoint = endpoint
         self._certs = certs
+        self._arm = arm
         self._uavs = uavs
         self._clock = MissionClock()
         self._folder = folder
@@ -151,6 +152,7 @@ class Joiner:
                     measure_response=issued.mission.elect == "response-time",
                     claimant=self._folder.claimant,
                     clock_ahead_ns=self._clock.ahead_ns,
+                    arm=self._arm,
                 )
             )
         who = ", ".join(issued.uavs) if len(issued.uavs) <= MAX_NAMES else f"{len(issued.uavs)} UAVs"

@@ -12,6 +12,7 @@ import msgspec
 import zenoh
 
 from edc_swarm.errors import SwarmError
+from edc_swarm.mission.autopilots import autopilots
 from edc_swarm.mission.configuration import Mission
 from processes.bus.subscriptions import Heard, Token
 from processes.host import fork_source
@@ -26,6 +27,7 @@ from processes.operator.bus_client import Operator
 from processes.operator.takeover import new_mission_id
 from processes.runtime.children import ChildExited, ChildReady, PartEndedError
 from processes.runtime.compiling import CompilingNote
+from processes.runtime.console import note
 from processes.runtime.loop import LOOK_EVERY_S, Interrupted, Loop
 from processes.runtime.output import Output
 from processes.runtime.voice import Voice
@@ -33,6 +35,7 @@ from processes.services.ground_station import NAME as GROUND
 from processes.services.recorder import CANNOT_WRITE
 from processes.services.recorder import NAME as RECORDER
 from processes.services.visualiser import NAME as VIZ
+from processes.uav.autopilot_part import LANDING_SPARE_S
 
 RECORDER_TIMEOUT_S = 30.0
 """Longest wait for the recorder to finish a recording."""
@@ -55,6 +58,7 @@ class Launcher:
         remote: int = 0,
         bus: Bus | None = None,
         protection: Protection | None = None,
+        arm: bool = False,
     ) -> None:
         takeover = bus.takeover if bus is not None else None
         name = takeover.mission_id if takeover is not None else new_mission_id(mission)
@@ -67,6 +71,7 @@ class Launcher:
             remote=remote,
             bus=bus,
             protection=protection,
+            arm=arm,
         )
         self._compiling = CompilingNote(voice)
         self._loop = Loop(self._take, self._flush)
@@ -161,11 +166,19 @@ class Launcher:
         self._state.publish_end("interrupted" if self._loop.interrupted else "failed")
         remote = set(self._setup.elsewhere) & operator.alive
         publishers = {*self._parts.pool.living, *remote, *self._state.viewers}
-        self._loop.wait_quietly(lambda: operator.seen.closed >= publishers, CLOSE_TIMEOUT_S)
+        self._loop.wait_quietly(lambda: operator.seen.closed >= publishers, CLOSE_TIMEOUT_S + self._landing_s())
         operator.close()
         self._await_recorder()
         if self._setup.bus is None:
             operator.disconnect()
+
+    def _landing_s(self) -> float:
+        """Return the time that autopilots may take to land; 0 without any, or if none was armed."""
+        flown = set(autopilots(self._setup.mission)) & {*self._parts.pool.living, *self._setup.elsewhere}
+        if not flown or not self._setup.arm:
+            return 0.0
+        note(f"landing {len(flown)} vehicles")
+        return self._setup.mission.landing_s + LANDING_SPARE_S
 
     def _await_recorder(self) -> None:
         """Let the recorder finish; after a failure or Ctrl-C only as long as its file still grows.

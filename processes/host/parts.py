@@ -146,6 +146,7 @@ class Parts:
             mission=self._setup.mission.name,
             host=host,
             port=port,
+            permitted=self._setup.view.commands,
             certs=self.security.certs,
             parent=os.getpid(),
             clock_ahead_ns=self._setup.clock.ahead_ns,
@@ -160,6 +161,7 @@ class Parts:
             certs=self.security.certs,
             measure_response=self._setup.mission.elect == "response-time",
             clock_ahead_ns=self._setup.clock.ahead_ns,
+            arm=self._setup.arm,
         )
 
     # --- faults and exits --------------------------------------------------------------------

@@ -26,11 +26,14 @@ class View:
         Port of the live view on this host; 0: no live view.
     ground
         Host and port of a ground station, None without one.
+    commands
+        True if the ground station may command, through the operator.
     """
 
     viz: bool = True
     live_port: int = 0
     ground: tuple[str, int] | None = None
+    commands: bool = False
 
 
 @dataclass(frozen=True, slots=True)
@@ -51,7 +54,10 @@ class Protection:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class RunSetup:
-    """Setup of one run. The last `remote` UAVs of the roster fly elsewhere; on a given `bus`, all of them do."""
+    """Setup of one run. The last `remote` UAVs of the roster fly elsewhere; on a given `bus`, all of them do.
+
+    `arm`: permission to arm the vehicles of autopilots.
+    """
 
     mission: Mission
     output: Output
@@ -61,6 +67,7 @@ class RunSetup:
     remote: int = 0
     bus: Bus | None = None
     protection: Protection | None = None
+    arm: bool = False
     clock: MissionClock = field(default_factory=MissionClock)
 
     @property

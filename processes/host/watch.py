@@ -6,6 +6,8 @@ import signal
 import time
 
 from edc_swarm.emulation.links import mission_s
+from edc_swarm.mission.autopilots import takeoff_s
+from edc_swarm.mission.configuration import NS_PER_S
 from edc_swarm.mission.prospect import COMPLETED, GIVEN_UP, NOBODY_LEFT, STALLED
 from edc_swarm.mission.roles import ROUTER
 from edc_swarm.protocol.events import EventKind
@@ -15,6 +17,7 @@ from processes.host.run_state import RunState
 from processes.operator import host_requests
 from processes.operator.bus_client import Operator
 from processes.operator.fault_injector import Injector
+from processes.operator.ground_commands import GroundCommands
 from processes.operator.remote_parts import Remote
 from processes.runtime.children import PartEndedError
 from processes.runtime.console import note
@@ -35,6 +38,7 @@ class MissionWatch:
         self._parts = state.parts
         self._remote = Remote([*self._setup.elsewhere, *((RECORDER,) if self._setup.bus is not None else ())])
         self._injector: Injector | None = None
+        self._ground: GroundCommands | None = None
 
     def run(self) -> None:
         """Begin the mission and watch it until it ends; then publish its end."""
@@ -42,12 +46,14 @@ class MissionWatch:
         now_s = mission_s(self._setup.clock.now_ns() - mission.epoch_ns, mission.time_scale)
         injector, monitor = Injector(mission, self, now_s if self._setup.takeover else 0.0), self.bus.monitor
         self._injector = injector
+        self._ground = ground = GroundCommands(mission, self, injector, permitted=self._setup.view.commands)
         assert monitor is not None
         teller = self.bus.teller
         assert teller is not None
         with Display(mission, self._setup.voice, self.bus.hosts) as display:
             while not (why := self._end_reason(mission)):
                 injector.inject_due()
+                ground.carry_out_due()
                 self._check_remote()
                 display.show(monitor, teller, self.bus.slot_now() - 1)
                 state.loop.pump(min(LOOK_EVERY_S, injector.next_in_s()))
@@ -65,7 +71,11 @@ class MissionWatch:
             for goal in takeover.goals:
                 note(f"giving goal {goal.number} to {goal.uav} again: the operator before had no answer")
             return takeover.mission
-        mission = mission_message(self._setup.mission, self._setup.clock.now_ns() + EPOCH_AHEAD_NS)
+        ahead_s = takeoff_s(self._setup.mission)
+        if ahead_s:
+            note(f"arming: slot 0 begins in {ahead_s:g} s, and who is not in the air by then does not fly")
+        ahead_ns = EPOCH_AHEAD_NS + round(ahead_s * NS_PER_S)
+        mission = mission_message(self._setup.mission, self._setup.clock.now_ns() + ahead_ns)
         self.bus.publish_mission(mission)
         return mission
 
@@ -73,7 +83,8 @@ class MissionWatch:
         """Return the reason for the mission to end now, "" while it goes on."""
         slot, monitor, pool = self.bus.slot_now(), self.bus.monitor, self._parts.pool
         assert monitor is not None
-        if slot > 0 and monitor.complete(slot - 1):
+        pauses = self._ground is not None and self._ground.pauses
+        if slot > 0 and not pauses and monitor.complete(slot - 1):
             return COMPLETED
         flying = {*pool.living, *pool.to_restart, *(self._remote.expected - {RECORDER})}
         if not flying and not any(map(self._will_restart, self._setup.roster)):
@@ -81,7 +92,7 @@ class MissionWatch:
         if slot > mission.max_slots:
             return GIVEN_UP
         all_here = set(self._setup.elsewhere) <= self.bus.alive | self._state.deaths.expected
-        return STALLED if all_here and monitor.stalled(slot - 1) else ""
+        return STALLED if all_here and not pauses and monitor.stalled(slot - 1) else ""
 
     def _check_remote(self) -> None:
         """Stop waiting for a part that was away for too long, and wait again for a part that came back."""

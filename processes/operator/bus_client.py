@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections import deque
 from collections.abc import Sequence
 from dataclasses import dataclass, field
 from functools import partial
@@ -16,6 +17,7 @@ from edc_swarm.protocol.codec import encode
 from edc_swarm.protocol.completion import MissionMonitor
 from edc_swarm.protocol.events import EventKind
 from edc_swarm.protocol.goals import GoalDesk
+from edc_swarm.protocol.ground_orders import GroundOrder, order_in
 from edc_swarm.protocol.keys import Keys
 from edc_swarm.protocol.messages import Command, Event, Fix, Goal, MissionMessage, Report
 from edc_swarm.story.teller import Storyteller
@@ -26,6 +28,9 @@ from processes.bus.subscriptions import MAX_TOKENS, Gate, Heard, Token, heard_fr
 from processes.operator.registration import Desk
 from processes.runtime.clock import MissionClock
 from processes.runtime.inbox import Inbox
+
+MAX_ORDERED = 1000
+"""Most orders from the ground that wait; of more the oldest ones are dropped."""
 
 
 @dataclass(slots=True)
@@ -66,9 +71,12 @@ class Operator:
         The story of the mission; None before it.
     seen
         Firsts and lasts of the mission that the operator has received.
+    ordered
+        Orders from the ground that have not been carried out yet.
     """
 
     def __init__(self, session: zenoh.Session, desk: Desk, inbox: Inbox[object], clock: MissionClock) -> None:
+        self.ordered: deque[GroundOrder] = deque(maxlen=MAX_ORDERED)
         self._keys = Keys(desk.mission.name)
         self._desk = desk
         self._inbox = inbox
@@ -232,6 +240,9 @@ class Operator:
                 self.monitor.hear_report(report)
             case Event(kind=EventKind.CLOSED, source=source):
                 self.seen.closed.add(source)
+            case Event(kind=EventKind.GROUND_COMMAND, source="ground") as event:
+                if (order := order_in(event)) is not None:
+                    self.ordered.append(order)
             case Event() as event:
                 self._goals.hear_event(event)
 

@@ -13,6 +13,7 @@ from typing import Protocol
 from edc_swarm.emulation.links import mission_s
 from edc_swarm.mission.configuration import NS_PER_S
 from edc_swarm.mission.fault_handlers import FaultHandlers
+from edc_swarm.mission.fault_targets import resolve
 from edc_swarm.mission.faults import (
     ROUTER_OUTAGE_S,
     Fault,
@@ -23,7 +24,6 @@ from edc_swarm.mission.faults import (
     Restart,
     Resume,
     parse_faults,
-    resolve,
 )
 from edc_swarm.mission.roles import RECORDER, ROUTER
 from edc_swarm.protocol.events import EventKind
@@ -68,7 +68,7 @@ class Injector:
         self._faults = parse_faults(mission)
         self._frozen_until_s: dict[str, float] = {}
         for fault in (fault for fault in self._faults if fault.at_s >= from_s):
-            self._at(fault.at_s, partial(self._inject, fault))
+            self._at(fault.at_s, partial(self.inject, fault))
 
     def next_in_s(self) -> float:
         """Return the real seconds until the next fault; infinite when there is none."""
@@ -79,7 +79,7 @@ class Injector:
 
     def will_restart(self, name: str) -> bool:
         """Return True if a fault still to come starts `name` again."""
-        now_s = mission_s(self._now_ns() - self._mission.epoch_ns, self._mission.time_scale)
+        now_s = self.now_s
         kills_s = [fault.end_s for fault in self._faults if isinstance(fault, Kill) and fault.target == name]
         restarts_s = [fault.at_s for fault in self._faults if isinstance(fault, Restart) and fault.target == name]
         return any(now_s < at_s < math.inf for at_s in (*kills_s, *restarts_s))
@@ -89,11 +89,16 @@ class Injector:
         while self._due and self._due[0][0] <= self._now_ns():
             heapq.heappop(self._due)[2]()
 
+    @property
+    def now_s(self) -> float:
+        """Mission time."""
+        return mission_s(self._now_ns() - self._mission.epoch_ns, self._mission.time_scale)
+
     def _at(self, mission_s: float, action: Callable[[], None]) -> None:
         when_ns = self._mission.epoch_ns + round(mission_s * NS_PER_S / self._mission.time_scale)
         heapq.heappush(self._due, (when_ns, next(self._order), action))
 
-    def _inject(self, fault: Fault) -> None:
+    def inject(self, fault: Fault) -> None:
         """Publish the event of a fault; carry it out here if it is about a process, the UAVs carry out the others."""
         bus = self._processes.bus
         assert bus.monitor is not None

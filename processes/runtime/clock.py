@@ -5,6 +5,7 @@ from __future__ import annotations
 import time
 
 from edc_swarm.errors import SwarmError
+from edc_swarm.mission.autopilots import takeoff_s
 from edc_swarm.mission.configuration import NS_PER_S
 from edc_swarm.protocol.admission import SLACK_SLOTS
 from edc_swarm.protocol.messages import MissionMessage
@@ -67,7 +68,7 @@ class MissionClock:
         """Raise `SwarmError` if this clock and the clock that began `mission` must differ."""
         since_ns = self.now_ns() - mission.epoch_ns
         late_ns = since_ns - (mission.max_slots + SLACK_SLOTS) * mission.slot_ns
-        if since_ns < -FUTURE_NS:
+        if since_ns < -FUTURE_NS - round(takeoff_s(mission) * NS_PER_S):
             raise SwarmError(
                 f"cannot take part in mission {mission.name}: it begins in {-since_ns / NS_PER_S:.0f} s, "
                 f"so the clock of this host is behind the operator's by about as much"

@@ -1,7 +1,8 @@
 """The bridge to a ground station: `python -m processes.services.ground_station`, with its orders on standard input.
 
 It receives the messages of the mission like the recorder, outside the link model, and shows each UAV as a MAVLink
-system. It steers nothing: a request that would steer a UAV is denied, counted, and an event of the record.
+system. It steers nothing: a request that would steer a UAV is denied, counted, and an event of the record; or, if the
+user allowed commands, an event that the operator acts on.
 """
 
 from __future__ import annotations
@@ -11,6 +12,7 @@ import sys
 from dataclasses import dataclass
 from functools import partial
 
+import msgspec
 import zenoh
 from msgspec import Struct
 
@@ -47,6 +49,7 @@ class GroundSettings(Struct, frozen=True, kw_only=True):
     mission: str
     host: str
     port: int
+    permitted: bool = False
     certs: str = ""
     parent: int = 0
     clock_ahead_ns: int | None = None
@@ -67,7 +70,7 @@ class GroundStation:
         self._keys = keys = Keys(settings.mission)
         self._clock = MissionClock(settings.clock_ahead_ns)
         self._inbox: Inbox[Item] = Inbox()
-        self._view = GroundView()
+        self._view = GroundView(permitted=settings.permitted)
         self._said_denied = 0
         self._events = EventSource(NAME, self._clock)
         self._gate = Gate(partial(self._tell, EventKind.MALFORMED))
@@ -92,6 +95,8 @@ class GroundStation:
             for item in self._inbox.wait(BRIDGE_IDLE_S, SETTLE_S):
                 self._take_item(item)
             self._link.send(self._view.advance(self._clock.now_ns()))
+            for order in self._view.take_orders():
+                self._tell(EventKind.GROUND_COMMAND, msgspec.json.encode(order).decode())
             self._tell_denied()
             if (jump := self._clock.jump()) is not None:
                 self._tell(EventKind.CLOCK_JUMP, jump)

@@ -45,7 +45,7 @@ class LocalFaults:
         self._events.append(Tick())
 
     def disturb(self, fault: VehicleFault) -> None:
-        """Let the GPS receiver err otherwise, a gust hit the vehicle, or its motors weaken."""
+        """Let a fault of the vehicle act: of its GPS receiver or its motors, a gust, an order to land."""
         self._events.append(Disturbed(fault))
 
     def slow_down(self, fault: SlowSolver) -> None:

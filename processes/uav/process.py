@@ -31,12 +31,14 @@ from edc_swarm.agent.node import (
     PlannerReady,
     Publish,
     Received,
+    Strayed,
     Tick,
     UavNode,
     WantPlanner,
 )
 from edc_swarm.agent.vehicle import Airframe, comes_too_late
-from edc_swarm.emulation.links import LinkEmulator, have_range, mission_s
+from edc_swarm.autopilot.pilot import Said
+from edc_swarm.emulation.links import LinkEmulator, have_range
 from edc_swarm.errors import InputError, SwarmError
 from edc_swarm.mission.configuration import NS_PER_S
 from edc_swarm.planner.interface import Planner
@@ -51,6 +53,8 @@ from processes.bus.session import is_connected, open_client
 from processes.bus.subscriptions import Gate, Heard, Item, Postbox, Token, UavSubscriptions, sender_of
 from processes.runtime.clock import MissionClock
 from processes.runtime.inbox import Inbox
+from processes.uav.autopilot_part import AutopilotPart
+from processes.uav.flight import Flight
 from processes.uav.local_faults import LocalFaults
 from processes.uav.planner_loader import SlowPlanner, load_planner
 from processes.uav.publisher import TRUTH_DELAY_S, TRUTH_PATIENCE_S, Publisher
@@ -72,7 +76,8 @@ class UavSettings(Struct, frozen=True, kw_only=True):
 
     `certs`: folder with the own certificate on a secured bus. `measure_response`: measure the
     response time before connecting, not when the mission begins. `claimant`: holder of the id, "" under
-    the launcher. `clock_ahead_ns`: offset of the starting process's clock, None for an own one.
+    the launcher. `clock_ahead_ns`: offset of the starting process's clock, None for an own one. `arm`: permission to
+    arm the vehicle of an autopilot.
     """
 
     endpoint: str
@@ -83,6 +88,7 @@ class UavSettings(Struct, frozen=True, kw_only=True):
     measure_response: bool = False
     claimant: str = LAUNCHED
     clock_ahead_ns: int | None = None
+    arm: bool = False
 
 
 @dataclass(frozen=True, slots=True)
@@ -168,8 +174,22 @@ class UavProcess:
                 self._step(item)
             case Leave():
                 self._leaving = True
+            case Said():
+                self._note(item)
             case zenoh.Query():
                 self._outbox.hear(item)
+
+    def _note(self, said: Said) -> None:
+        """Publish news of the autopilot; the node strays, or leaves, if it no longer flies."""
+        assert self._flight is not None
+        match said.kind:
+            case "strayed":
+                self._step(Strayed(said.text))
+            case "grounded":
+                self._carry_out([self._flight.node.event(EventKind.GROUNDED, said.text)])
+                self._leaving = True
+            case _:
+                self._carry_out([self._flight.node.event(EventKind.AUTOPILOT, said.text)])
 
     def _hear(self, heard: Heard) -> None:
         match message := self._gate.admit(heard):
@@ -203,6 +223,7 @@ class UavProcess:
             raise InputError("uav", entry.uav, f"an id that mission {mission.name} has not issued to another claimant")
         if mission.elect == "response-time" and not self._response_ms:
             self._response_ms = measured_response_ms()
+        autopilot = AutopilotPart.of(mission, entry, self._state, self._clock, self._inbox, arm=self._settings.arm)
         node = UavNode(
             mission,
             entry.uav,
@@ -211,12 +232,14 @@ class UavProcess:
             self._state.airframe,
             response_ms=self._response_ms * entry.compute_factor,
             cpu_s=time.process_time,
+            body=autopilot.body if autopilot is not None else None,
         )
         self._gate.know(mission)
         postbox = Postbox(LinkEmulator(mission, entry.uav))
         if have_range(mission):
             self._subscriptions.listen_to_truths()
-        self._flight = Flight(mission, node, postbox, LocalFaults(mission, entry.uav, postbox.links, self._clock))
+        faults = LocalFaults(mission, entry.uav, postbox.links, self._clock)
+        self._flight = Flight(mission, node, postbox, faults, autopilot)
         self._carry_out(node.wishes())
 
     def _obey(self, event: Event) -> None:
@@ -300,6 +323,9 @@ class UavProcess:
         self._inbox.put_always(PlannerReady(faults.planner))
 
     def _close(self) -> None:
+        if self._flight is not None and self._flight.autopilot is not None:
+            for said in self._flight.autopilot.landed():
+                self._note(said)
         self._publisher.send_truth()
         if self._flight is not None:
             self._carry_out([*self._flight.delay_error(), *self._flight.link_delays()])
@@ -307,39 +333,6 @@ class UavProcess:
             self._carry_out([self._flight.node.event(EventKind.CLOSED, last)])
         self._outbox.stay(self._inbox)
         self._session.close()
-
-
-@dataclass(slots=True)
-class Flight:
-    """The parts of a UAV process that need the mission."""
-
-    mission: MissionMessage
-    node: UavNode
-    postbox: Postbox
-    faults: LocalFaults
-    wake_ns: int = 0
-
-    def mission_s(self, now_ns: int) -> float:
-        """Return the mission seconds at `now_ns` of the own clock."""
-        return mission_s(now_ns - self.mission.epoch_ns, self.mission.time_scale)
-
-    def place(self, truth: Truth) -> None:
-        """Give the emulated radio the true position of a UAV."""
-        self.postbox.links.place(truth.uav, truth.to_x_m, truth.to_y_m)
-
-    def delay_error(self) -> list[Effect]:
-        """Return the event about the lateness of postponed messages, none if there were none."""
-        error = self.postbox.delay_error
-        if error is None:
-            return []
-        return [self.node.event(EventKind.DELAY_ERROR, msgspec.json.encode(error).decode())]
-
-    def link_delays(self) -> list[Effect]:
-        """Return the event about the delays of the emulated links, none where all links are perfect."""
-        if not self.postbox.links.has_rules:
-            return []
-        told = msgspec.json.encode(self.postbox.links.log.told()).decode()
-        return [self.node.event(EventKind.LINK_DELAYS, told)]
 
 
 def run_uav(settings: UavSettings, *, obey_ctrl_c: bool) -> int:

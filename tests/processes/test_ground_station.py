@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import math
 import socket
 import subprocess
 import sys
@@ -17,6 +18,8 @@ from edc_swarm.recording.model import Recording
 from tests.processes.conftest import Fly
 
 pytest.importorskip("mavsdk")
+SUCCESS = "1"
+"""Result of a command in MAVSDK; a command that is denied raises an exception there."""
 CLIENT = Path(__file__).with_name("mavsdk_client.py")
 
 
@@ -102,6 +105,35 @@ def test_a_run_of_ten_is_found_and_commands_have_no_effect(start: Fly, grounds: 
     assert denied[-1].detail == "command 21: 1, command 22: 1, command 400: 1"
     assert flown.json["completed"] is True
     assert "G5 No loss in the record: held" in checked(flown.path)
+
+
+def test_commands_go_through_the_operator(start: Fly, grounds: list[Ground]) -> None:
+    """With permission, MAVSDK pauses a UAV, lets it go on, gives another one a goal and lands a third: all is told."""
+    grounds.append(Ground(4, 1.0, "steer"))
+    address = f"udp:127.0.0.1:{grounds[0].port}"
+    far = ("--uavs", "4", "--seed", "3", "--speed-max", "2", "--mavlink", address)
+    flight = start("run", *far, "--mavlink-commands", "--json")
+    seen, flown = grounds[0].seen(), flight.end()
+    assert seen["tried"] == dict.fromkeys(["pause", "start", "goto", "land"], SUCCESS)
+    recording = flown.recording
+    orders = [json.loads(event.detail) for event in recording.events if event.kind == EventKind.GROUND_COMMAND]
+    assert [(order["uav"], order["wish"]) for order in orders] == [
+        ("u001", "pause"),
+        ("u001", "go on"),
+        ("u002", "goal"),
+        ("u003", "land"),
+    ]
+    done = [event.detail.split()[:2] for event in recording.events if event.kind == EventKind.FAULT]
+    assert done == [["goal", "u001"], ["goal", "u001"], ["goal", "u002"], ["land", "u003"]]
+    landed = [event.source for event in recording.events if event.kind == EventKind.LANDED]
+    assert landed == ["u003"]
+    last = {fix.uav: fix for fix in recording.fixes}
+    entry = recording.mission.roster[0]
+    assert last["u001"].arrived
+    assert last["u001"].course.route[-1] == (entry.target_x_m, entry.target_y_m)
+    assert math.dist((last["u002"].waypoint_x_m, last["u002"].waypoint_y_m), last["u002"].course.route[-1]) < 0.2
+    verdicts = checked(flown.path)
+    assert [line for line in verdicts.splitlines() if "broken" in line] == []
 
 
 def test_a_bridge_that_dies_ends_no_mission(start: Fly) -> None:

@@ -428,8 +428,8 @@ ANY = None
 """An option that takes whatever is said: a flag, a folder, a text that is used later."""
 BAD_VALUES: dict[str, dict[str, str | None]] = {
     "run": {"listen": "x", "remote": "99", "operate": "x", "certs": "x", "live": ANY, "secure": ANY,
-            "mavlink": "x", "overload": "x"},
-    "join": {"uavs": "0", "state": "/proc/x", "certs": ANY},  # With certificates, the address is wrong first.
+            "mavlink": "x", "mavlink-commands": ANY, "arm": ANY, "overload": "x"},
+    "join": {"uavs": "0", "state": "/proc/x", "certs": ANY, "arm": ANY},  # With certificates the address is wrong.
     "certs": {"uavs": "0", "out": "/proc/x", "host": "a b", "days": "0", "force": ANY, "json": ANY},
     "fuzz": {"runs": "0", "seed": "-1", "jobs": "0", "keep": "x", "json": ANY},
     "figures": {"runs": "0", "only": "x", "jobs": "0", "out": "/proc/x", "scheduler": "x", "json": ANY},
@@ -439,7 +439,7 @@ BAD_VALUES: dict[str, dict[str, str | None]] = {
         "json": ANY,
     },
     "replay": {"speed": "0", "listen": "x", "connect": "x", "wait": "-1", "verify": ANY, "load-planner": ANY,
-               "mavlink": "x", "json": ANY},
+               "mavlink": "x", "mavlink-commands": ANY, "json": ANY},
     "recover": {"out": "x", "force": ANY, "json": ANY},
     "visualise": {"out": "x", "force": ANY},
     "report": {"out": "x", "force": ANY},

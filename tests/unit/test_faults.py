@@ -11,6 +11,7 @@ from edc_swarm.emulation.machine import MACHINE_FAULTS
 from edc_swarm.errors import MissionError
 from edc_swarm.mission.configuration import Mission
 from edc_swarm.mission.fault_help import EXAMPLES, fault_help
+from edc_swarm.mission.fault_targets import resolve
 from edc_swarm.mission.faults import (
     DECLARATIONS,
     USAGE,
@@ -28,7 +29,6 @@ from edc_swarm.mission.faults import (
     SlowSolver,
     parse_fault,
     parse_faults,
-    resolve,
 )
 from edc_swarm.mission.link import FOR_GOOD_S
 from edc_swarm.simulation.faults import PROCESS_FAULTS

@@ -9,6 +9,7 @@ import numpy as np
 
 from edc_swarm.analysis.guarantees.evidence import Evidence
 from edc_swarm.analysis.guarantees.verdict import GuaranteeResult, Violation, not_judged, verdict
+from edc_swarm.analysis.landing import strays_of
 from edc_swarm.analysis.tracks import TRUTH_TOLERANCE_M, Step
 from edc_swarm.analysis.true_paths import have_inertia
 from edc_swarm.mission.configuration import NS_PER_S
@@ -36,18 +37,18 @@ def check_fencing(evidence: Evidence) -> GuaranteeResult:
 def _risen(evidence: Evidence) -> Iterator[Violation]:
     """Yield a violation for each UAV that executes a step, or still publishes fixes, after it had to land.
 
-    A slot with a command and without a fix may have had an accepted step.
+    A slot with a command and without a fix may have had an accepted step. A stray goes on saying where it is.
     """
     failsafe, tracks = failsafe_of(evidence.mission), evidence.tracks
     if failsafe is None:
         return
-    maybe = tracks.executed | tracks.lost
+    maybe, strays = tracks.executed | tracks.lost, strays_of(evidence.recording)
     for uav, slot in evidence.commands:
         k = evidence.index.get(uav, -1)
         if k >= 0 and 0 <= slot < tracks.slots:
             maybe[slot, k] |= not tracks.heard[slot, k]
     for k, uav in enumerate(tracks.uavs):
-        if uav in evidence.fixes_lost():
+        if uav in evidence.fixes_lost() or uav in strays:
             continue
         stepped = [-1, *np.flatnonzero(maybe[:, k]).tolist(), tracks.slots + failsafe.wait_slots]
         for landing_slot, slot in zip(map(failsafe.landing_slot, stepped), stepped[1:], strict=False):

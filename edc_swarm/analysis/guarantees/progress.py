@@ -14,9 +14,9 @@ empty within the limit, since a swarm that does nothing until all batteries are 
 time.
 
 With the failsafe a UAV that no longer flies keeps nobody away once it has left the airspace. A UAV that has landed need
-not arrive, if a fault can be the cause: its last accepted step is before the last fault was over, or links lose
-messages for good. Any other landing is a swarm's failure to command a UAV that it could hear: it breaks G7, and is no
-excuse for others.
+not arrive, if the operator ordered it to land, or a fault can be the cause: its last accepted step is before the last
+fault was over, or links lose messages for good. Any other landing is a swarm's failure to command a UAV that it could
+hear: it breaks G7, and is no excuse for others.
 """
 
 from __future__ import annotations
@@ -36,7 +36,7 @@ from edc_swarm.analysis.living import living_at_end
 from edc_swarm.analysis.voyages import Voyages, forgotten, voyages_of
 from edc_swarm.emulation.energy import step_energy_j
 from edc_swarm.mission.configuration import Mission
-from edc_swarm.mission.faults import Fault, parse_faults, read_fault
+from edc_swarm.mission.faults import Fault, OrderLanding, parse_faults, read_fault
 from edc_swarm.mission.prospect import STALLED, Prospect, default_max_slots, prospect_of, settled_slot
 from edc_swarm.mission.roles import OPERATOR
 from edc_swarm.mission.roster_entry import ARRIVED_M
@@ -62,7 +62,8 @@ def check_progress(evidence: Evidence) -> GuaranteeResult:
     drained, living = _drained(evidence), living_at_end(evidence.recording, tracks)
     bound = inside & living
     settled = _settled_slot(evidence, faults)
-    unasked = inside & _landed_unasked(evidence, settled, prospect)
+    ordered = [fault.target for fault in faults if isinstance(fault, OrderLanding)]
+    unasked = inside & _landed_unasked(evidence, settled, prospect) & ~np.isin(tracks.uavs, ordered)
     due = bound | unasked | (inside & (drained >= 0))
     if due.sum() < mission.quorum:
         where = "" if inside.all() else " on the larger side of a partition that never heals"
@@ -173,7 +174,7 @@ def _landed_by_fault(evidence: Evidence, away: list[int]) -> dict[int, str]:
     """Return why each UAV of `away` that said that it landed need not arrive: a fault can be the cause."""
     slots = {found.uav: found.slot for found in landings(evidence.recording, evidence.tracks) if found.told}
     uavs = evidence.tracks.uavs
-    return {k: f"it landed in slot {slots[uavs[k]]}, when a fault cut it off" for k in away if uavs[k] in slots}
+    return {k: f"it landed in slot {slots[uavs[k]]}, by a fault" for k in away if uavs[k] in slots}
 
 
 def _drained(evidence: Evidence) -> NDArray[np.int64]:

@@ -26,6 +26,7 @@ def join(
     uavs: WholeNumber = 1,
     state: Path | None = None,
     certs: Path | None = None,
+    arm: bool = False,
 ) -> int:
     """Fly UAVs of a mission that another machine operates: edc-swarm run --listen ADDRESS --remote N.
 
@@ -37,6 +38,8 @@ def join(
         Folder for the promises of the UAVs; a later `join` with the same folder flies the same UAVs.
     certs
         Folder with the certificates of `join` and of the UAVs that this host may fly; for a secured mission.
+    arm
+        Arm the vehicles of autopilots, after a check of each; without it nothing is armed.
     """
     parse_endpoint("address", address, "tcp" if certs is None else "tls", "" if certs else "; tls takes --certs FOLDER")
     if not 1 <= uavs <= MAX_UAVS:
@@ -45,4 +48,4 @@ def join(
         check_certificates(certs, [JOIN, *certified_uavs(str(certs))])
     make_room(uavs)
     with ClaimFolder(state) as folder:
-        return 0 if Joiner(address, uavs, folder, str(certs.resolve()) if certs else "").run() else FAILED
+        return 0 if Joiner(address, uavs, folder, str(certs.resolve()) if certs else "", arm=arm).run() else FAILED

@@ -23,7 +23,7 @@ from edc_swarm.ground_station.view import GroundView, check_systems
 from edc_swarm.mission.configuration import NS_PER_S
 from edc_swarm.planner.registry import make_planner, warm_up
 from edc_swarm.protocol.keys import PREFIX, Keys
-from edc_swarm.protocol.messages import Message
+from edc_swarm.protocol.messages import Message, MissionMessage
 from edc_swarm.recording.mcap_file import McapFile
 from edc_swarm.recording.reader import read_recording
 from processes.bus.address import free_endpoint, listening_endpoint, parse_endpoint, unreachable_router
@@ -61,6 +61,8 @@ class ReplayOptions:
         trust.
     mavlink
         Publish nothing; show every UAV to the ground station at this address, udp:HOST:PORT.
+    mavlink_commands
+        Let that ground station pause the replay and let it go on; what has happened stays as it was.
     json
         Print the result as JSON alone on standard output.
     """
@@ -72,6 +74,7 @@ class ReplayOptions:
     verify: bool = False
     load_planner: bool = False
     mavlink: str | None = None
+    mavlink_commands: bool = False
     json: bool = False
 
 
@@ -83,6 +86,8 @@ def replay(
     if options.verify:
         return _verify(recording, as_json=options.json, load_planner=options.load_planner)
     _check(options)
+    if options.mavlink_commands and options.mavlink is None:
+        raise InputError("--mavlink-commands", options.mavlink_commands, "given together with --mavlink")
     if options.mavlink is not None:
         return _show(recording, ground_address(options.mavlink), options)
     messages = _messages(recording)
@@ -165,26 +170,51 @@ def _show(path: Path, address: tuple[str, int], options: ReplayOptions) -> int:
     """Show a recording to a ground station, at the recorded times."""
     recording = read_recording(path)
     check_systems(len(recording.mission.roster))
-    view, link = GroundView(), MavlinkLink(*address)
-    inbox: Inbox[Request] = Inbox()
-    link.listen(inbox.put)
-    view.hear(recording.mission, recording.mission.epoch_ns)
     said: list[Message] = sorted([*recording.fixes, *recording.events], key=lambda message: message.sent_ns)
-    first_ns = said[0].sent_ns if said else 0
-    start_s = time.monotonic()
-    with closing(link):
+    with closing(MavlinkLink(*address)) as link:
+        screen = _Screen(link, recording.mission, permitted=options.mavlink_commands)
+        first_ns = said[0].sent_ns if said else 0
         for message in said:
-            due_s = start_s + (message.sent_ns - first_ns) / NS_PER_S / options.speed
-            while (left_s := due_s - time.monotonic()) > 0:
-                for request in inbox.wait(min(left_s, ANSWER_EVERY_S)):
-                    link.send(view.answer(request))
-                link.send(view.advance(time.monotonic_ns()))
-            link.send(view.hear(message, time.monotonic_ns()))
+            screen.wait_for((message.sent_ns - first_ns) / NS_PER_S / options.speed)
+            screen.show(message)
     if options.json:
-        print_json({"messages": len(said), "denied": dict(view.denied)})
+        print_json({"messages": len(said), "denied": dict(screen.view.denied)})
     else:
         print(f"{len(said)} messages")
     return 0
+
+
+class _Screen:
+    """A ground station that watches a replay, and may stop and start it."""
+
+    def __init__(self, link: MavlinkLink, mission: MissionMessage, *, permitted: bool) -> None:
+        self._link = link
+        self._inbox: Inbox[Request] = Inbox()
+        self._start_s = time.monotonic()
+        self._paused_s: float | None = None
+        self.view = GroundView(permitted=permitted)
+        self.view.hear(mission, mission.epoch_ns)
+        link.listen(self._inbox.put)
+
+    def show(self, message: Message) -> None:
+        """Show a message of the recording."""
+        self._link.send(self.view.hear(message, time.monotonic_ns()))
+
+    def wait_for(self, at_s: float) -> None:
+        """Answer the ground station until `at_s` of the replay, in which pauses do not count."""
+        while (left_s := self._start_s + at_s - time.monotonic()) > 0 or self._paused_s is not None:
+            for request in self._inbox.wait(min(max(left_s, 0.0), ANSWER_EVERY_S) or ANSWER_EVERY_S):
+                self._link.send(self.view.answer(request))
+            self._link.send(self.view.advance(time.monotonic_ns()))
+            for order in self.view.take_orders():
+                self._obey(order.wish)
+
+    def _obey(self, wish: str) -> None:
+        now_s = time.monotonic()
+        if wish == "pause" and self._paused_s is None:
+            self._paused_s = now_s
+        elif wish == "go on" and self._paused_s is not None:
+            self._start_s, self._paused_s = self._start_s + now_s - self._paused_s, None
 
 
 def _verify(path: Path, *, as_json: bool, load_planner: bool) -> int:

@@ -22,6 +22,7 @@ from processes.bus.session import try_client
 from processes.cli.conclusion import conclude
 from processes.cli.options import MISSION_HELP, MissionOptions
 from processes.cli.whole_number import WholeNumber
+from processes.host.autopilots import check_ready
 from processes.host.capacity import check_capacity, stretched_slot_s
 from processes.host.launcher import Launcher
 from processes.host.run_report import RunReport
@@ -51,6 +52,8 @@ def run(
     secure: bool = False,
     certs: Path | None = None,
     mavlink: str | None = None,
+    mavlink_commands: bool = False,
+    arm: bool = False,
     overload: Overload = "refuse",
 ) -> int:
     """Fly a mission: a process for every UAV, a router, a recorder.
@@ -72,6 +75,10 @@ def run(
         --secure --remote and --secure --operate.
     mavlink
         Show every UAV to the ground station at this address, udp:HOST:PORT, which may only look on.
+    mavlink_commands
+        Let that ground station pause UAVs, let them go on, give them new goals and land them, through the operator.
+    arm
+        Arm the vehicles of autopilots, after a check of each; without it nothing is armed (docs/autopilots.md).
     overload
         What to do if a short measurement says that this machine carries fewer UAVs: refuse, fly all the same, or
         stretch the slot (refuse).
@@ -90,10 +97,14 @@ def run(
         listen = listening_endpoint(listen, "tcp" if protection is None else "tls")
     if live and options.no_viz:
         raise InputError("--live", live, "absent where --no-viz is given")
+    if operate is None:
+        check_ready(mission, [entry.uav for entry in mission.roster][: len(mission.roster) - remote], arm=arm)
     alone = {"--listen": listen, "--live": live, "--remote": remote, "--mavlink": mavlink}
+    if mavlink_commands and mavlink is None:
+        raise InputError("--mavlink-commands", mavlink_commands, "given together with --mavlink")
     ground = _ground(mavlink, mission) if mavlink is not None else None
     bus = _meet(operate, mission, alone, protection) if operate is not None else None
-    view = View(viz=not options.no_viz, live_port=live_port() if live else 0, ground=ground)
+    view = View(viz=not options.no_viz, live_port=live_port() if live else 0, ground=ground, commands=mavlink_commands)
     if live:
         note(f"live: open the Foxglove WebSocket connection ws://localhost:{view.live_port}")
     with _output(mission, options, bus) as output:
@@ -106,6 +117,7 @@ def run(
             remote=remote,
             bus=bus,
             protection=protection,
+            arm=arm,
         )
         report = launcher.run()
         if output.part.exists() and report.flew:

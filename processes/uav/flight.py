@@ -1,0 +1,49 @@
+"""The parts of a UAV process that need the mission."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import msgspec
+
+from edc_swarm.agent.node import Effect, UavNode
+from edc_swarm.emulation.links import mission_s
+from edc_swarm.protocol.events import EventKind
+from edc_swarm.protocol.messages import MissionMessage, Truth
+from processes.bus.subscriptions import Postbox
+from processes.uav.autopilot_part import AutopilotPart
+from processes.uav.local_faults import LocalFaults
+
+
+@dataclass(slots=True)
+class Flight:
+    """The parts of a UAV process that need the mission."""
+
+    mission: MissionMessage
+    node: UavNode
+    postbox: Postbox
+    faults: LocalFaults
+    autopilot: AutopilotPart | None = None
+    wake_ns: int = 0
+
+    def mission_s(self, now_ns: int) -> float:
+        """Return the mission seconds at `now_ns` of the own clock."""
+        return mission_s(now_ns - self.mission.epoch_ns, self.mission.time_scale)
+
+    def place(self, truth: Truth) -> None:
+        """Give the emulated radio the true position of a UAV."""
+        self.postbox.links.place(truth.uav, truth.to_x_m, truth.to_y_m)
+
+    def delay_error(self) -> list[Effect]:
+        """Return the event about the lateness of postponed messages, none if there were none."""
+        error = self.postbox.delay_error
+        if error is None:
+            return []
+        return [self.node.event(EventKind.DELAY_ERROR, msgspec.json.encode(error).decode())]
+
+    def link_delays(self) -> list[Effect]:
+        """Return the event about the delays of the emulated links, none where all links are perfect."""
+        if not self.postbox.links.has_rules:
+            return []
+        told = msgspec.json.encode(self.postbox.links.log.told()).decode()
+        return [self.node.event(EventKind.LINK_DELAYS, told)]

@@ -1,0 +1,332 @@
+"""An autopilot as a body: what it is told and when, what is checked, and what makes its UAV stray."""
+
+from __future__ import annotations
+
+import math
+from typing import Any
+
+import pytest
+
+from edc_swarm.autopilot.body import AutopilotBody
+from edc_swarm.autopilot.path import Step, set_point
+from edc_swarm.autopilot.pilot import Pilot, Stage
+from edc_swarm.errors import MissionError
+from edc_swarm.geodesy import from_wgs84, to_wgs84
+from edc_swarm.mission.autopilots import address, autopilots
+from edc_swarm.mission.configuration import Mission
+from edc_swarm.mission.roster import complete_mission
+from edc_swarm.mission.validation import mission_from_dict
+from edc_swarm.mission.vehicle_budget import vehicle_of
+
+S = 1_000_000_000
+EPOCH_NS = 100 * S
+SENDER = (7, 1)
+GUIDED, LOITER, LAND = 4, 5, 9
+
+
+def mission(**fields: Any) -> Mission:
+    """Return a mission of one UAV that an autopilot flies, from the origin to the east."""
+    vehicle = {"model": "mavlink", "autopilot": "udpin:127.0.0.1:{14550+10*i}", **fields.pop("vehicle", {})}
+    roster = [{"uav": "a", "start_x_m": 0.0, "start_y_m": 0.0, "target_x_m": 50.0, "target_y_m": 0.0}]
+    return complete_mission(mission_from_dict({"roster": roster, "vehicle": vehicle, **fields}))
+
+
+class Copter:
+    """The messages of an obedient ArduCopter, which a test bends."""
+
+    def __init__(self, pilot: Pilot, plan: Mission) -> None:
+        self.pilot, self.plan = pilot, plan
+        self.at_m = (0.0, 0.0)
+        self.beat: dict[str, Any] = {"type": 2, "autopilot": 3, "base_mode": 1, "custom_mode": 0}
+        self.height_mm, self.fix_type, self.battery = 0, 4, 87
+        self.sent: list[tuple[str, dict[str, Any]]] = []
+        self.arms = True
+
+    def say(self, now_ns: int) -> None:
+        """Send everything that a ground station hears."""
+        lat_deg, lon_deg = to_wgs84(*self.at_m, self.plan.origin_lat_deg, self.plan.origin_lon_deg)
+        lat, lon = round(lat_deg * 1e7), round(lon_deg * 1e7)
+        for name, fields in (
+            ("HEARTBEAT", self.beat),
+            ("GLOBAL_POSITION_INT", {"lat": lat, "lon": lon, "relative_alt": self.height_mm}),
+            ("GPS_RAW_INT", {"fix_type": self.fix_type}),
+            ("BATTERY_STATUS", {"id": 0, "battery_remaining": self.battery}),
+            ("HOME_POSITION", {"latitude": lat, "longitude": lon, "altitude": 12_000}),
+        ):
+            self.pilot.telemetry.hear(name, fields, SENDER, now_ns)
+
+    def obey(self, now_ns: int) -> None:
+        """Do at once what the pilot sends."""
+        for name, fields in self.pilot.advance(now_ns):
+            self.sent.append((name, dict(fields)))
+            match name, fields.get("command"):
+                case "command_long", 176:
+                    self.beat["custom_mode"] = int(fields["param2"]) << (16 if self.beat["autopilot"] == 12 else 0)
+                case "set_position_target_global_int", _ if (
+                    self.beat["autopilot"] == 12 and self.beat["base_mode"] == 129
+                ):
+                    self.height_mm = round(1000 * fields["alt"])
+                case "command_long", 400 if self.arms:
+                    self.beat["base_mode"] = 129
+                case "command_long", 22:
+                    self.height_mm = round(1000 * fields["param7"])
+                case "command_long", 21:
+                    self.beat["custom_mode"] = LAND
+
+    def run(self, from_s: float, to_s: float) -> None:
+        """Let time pass."""
+        for tick in range(round(from_s * 20), round(to_s * 20)):
+            self.say(tick * S // 20)
+            self.obey(tick * S // 20)
+
+    def commands(self) -> list[int]:
+        """Return the commands that steer, in the order of their first time."""
+        steering = [f["command"] for n, f in self.sent if n == "command_long" and f["command"] not in {511, 512}]
+        return list(dict.fromkeys(steering))
+
+
+def copter(*, arm: bool = True, **fields: Any) -> Copter:
+    """Return an autopilot and its pilot."""
+    plan = mission(**fields)
+    return Copter(Pilot(plan, plan.roster[0], EPOCH_NS, arm=arm), plan)
+
+
+def kinds(flown: Copter) -> list[str]:
+    """Return the kinds of the news."""
+    return [said.kind for said in flown.pilot.take_news()]
+
+
+def test_it_arms_and_climbs_before_slot_0_and_lands_at_the_end() -> None:
+    """Mode, arming, take-off, in this order; set-points only in flight; then the landing, until the motors are off."""
+    flown = copter()
+    flown.run(80, 100)
+    assert flown.commands() == [176, 400, 22]
+    assert flown.pilot.stage is Stage.FLYING
+    assert flown.sent[0][0] == "heartbeat"
+    points = [index for index, (name, _) in enumerate(flown.sent) if name.startswith("set_position")]
+    assert points
+    assert points[0] > [f.get("command") for _, f in flown.sent].index(22)
+    flown.pilot.land(100 * S)
+    flown.run(100, 102)
+    assert flown.commands() == [176, 400, 22, 21]
+    flown.beat["base_mode"] = 1
+    flown.run(102, 103)
+    assert flown.pilot.stage is Stage.DONE
+
+
+def test_px4_gets_set_points_before_its_mode_and_climbs_by_them() -> None:
+    """OFFBOARD is refused without a stream of set-points; their height is the take-off."""
+    flown = copter()
+    flown.beat |= {"autopilot": 12}
+    flown.run(80, 100)
+    assert flown.commands() == [176, 400]
+    names = [name if name != "command_long" else f["command"] for name, f in flown.sent]
+    assert names.index("set_position_target_global_int") < names.index(176)
+    assert flown.pilot.stage is Stage.FLYING
+    assert flown.pilot.telemetry.mode == "OFFBOARD"
+
+
+def test_without_permission_nothing_but_requests_is_sent() -> None:
+    """No mode, no arming, no set-point: telemetry is asked for, and heartbeats go out."""
+    flown = copter(arm=False)
+    flown.run(80, 103)
+    assert flown.commands() == []
+    assert {name for name, _ in flown.sent} == {"heartbeat", "command_long"}
+
+
+@pytest.mark.parametrize(
+    ("bend", "why"),
+    [
+        ({"fix_type": 1}, "no 3D fix"),
+        ({"battery": 12}, "its battery has 12 %"),
+        ({"battery": -1}, "nothing of its battery"),
+        ({"at_m": (30.0, 0.0)}, "30.0 m from its start"),
+        ({"beat": {"type": 1, "autopilot": 3, "base_mode": 1, "custom_mode": 0}}, "no multicopter"),
+        ({"beat": {"type": 2, "autopilot": 18, "base_mode": 1, "custom_mode": 0}}, "neither ArduPilot nor PX4"),
+        ({"beat": {"type": 2, "autopilot": 3, "base_mode": 129, "custom_mode": 4}}, "armed already"),
+    ],
+)
+def test_what_is_not_ready_is_not_armed(bend: dict[str, Any], why: str) -> None:
+    """Each check keeps the vehicle on the ground, and says why at the beginning of slot 0."""
+    flown = copter()
+    for name, value in bend.items():
+        setattr(flown, name, value)
+    flown.run(80, 100.1)
+    assert flown.commands() == []
+    (said,) = flown.pilot.take_news()
+    assert said.kind == "grounded"
+    assert why in said.text
+
+
+def test_a_second_autopilot_at_the_address_is_not_armed() -> None:
+    """Another system that sends heartbeats as an autopilot: nobody knows which one would obey."""
+    flown = copter()
+    flown.say(80 * S)
+    flown.pilot.telemetry.hear("HEARTBEAT", flown.beat, (8, 1), 80 * S)
+    flown.run(80.1, 90)
+    assert "systems [7, 8]" in flown.pilot.objections(90 * S)[0]
+    assert flown.commands() == []
+
+
+def test_one_that_refuses_to_arm_stays_on_the_ground() -> None:
+    """The arming is asked for again and again until slot 0 begins, and then never again."""
+    flown = copter()
+    flown.arms = False
+    flown.pilot.telemetry.hear("HEARTBEAT", flown.beat, SENDER, 80 * S)
+    flown.pilot.telemetry.hear("STATUSTEXT", {"text": "PreArm: Compass not calibrated"}, SENDER, 80 * S)
+    flown.run(80, 103)
+    grounded = [said.text for said in flown.pilot.take_news() if said.kind == "grounded"]
+    assert grounded == ["it does not arm (no answer): PreArm: Compass not calibrated"]
+    assert 22 not in flown.commands()
+
+
+@pytest.mark.parametrize("fault", ["mode", "silence", "gps", "disarmed", "path"])
+def test_what_does_not_follow_strays_and_is_sent_nothing_more(fault: str) -> None:
+    """A pilot takes over; no message; no GPS; motors off; another way: one event, and heartbeats alone from then on."""
+    flown = copter()
+    flown.run(80, 100)
+    flown.pilot.step = Step(EPOCH_NS, (0.0, 0.0), (0.0, 0.0), (2.0, 0.0))
+    flown.run(100, 100.4)
+    assert "strayed" not in kinds(flown)
+    flown.sent.clear()
+    match fault:
+        case "mode":
+            flown.beat["custom_mode"] = LOITER
+        case "gps":
+            flown.fix_type = 1
+        case "disarmed":
+            flown.beat["base_mode"] = 1
+        case "path":
+            flown.at_m = (0.0, 6.0)
+    for tick in range(2008, 2060):
+        if fault != "silence":
+            flown.say(tick * S // 20)
+        flown.pilot.step = Step(EPOCH_NS + (tick - 2000) // 10 * S // 2, (0.0, 0.0), (0.0, 0.0), (0.0, 0.0))
+        flown.obey(tick * S // 20)
+    assert kinds(flown).count("strayed") == 1
+    after = [name for name, _ in flown.sent[-3:]]
+    assert set(after) <= {"heartbeat"} or fault == "silence"
+    assert flown.pilot.stage in {Stage.STRAYING, Stage.DONE}
+
+
+@pytest.mark.parametrize("moment", ["climb", "landing"])
+def test_a_pilot_is_never_fought(moment: str) -> None:
+    """Who changes the mode in the climb or in the landing has the vehicle: no command is sent any more."""
+    flown = copter()
+    flown.run(80, 100 if moment == "landing" else 80.05)
+    if moment == "climb":
+        while flown.pilot.stage is not Stage.CLIMBING:
+            flown.run(81, 81.05)
+    else:
+        flown.pilot.land(100 * S)
+        flown.run(100, 101)
+    flown.beat["custom_mode"] = LOITER
+    flown.sent.clear()
+    flown.run(82 if moment == "climb" else 101, 105)
+    assert flown.commands() == []
+    assert flown.pilot.stage in {Stage.STRAYING, Stage.DONE}
+
+
+def test_set_points_end_when_steps_end() -> None:
+    """One slot after the end of the newest step nothing is sent any more, though the link lives."""
+    flown = copter()
+    flown.run(80, 100)
+    flown.pilot.step = Step(EPOCH_NS, (0.0, 0.0), (0.0, 0.0), (0.0, 0.0))
+    flown.sent.clear()
+    flown.run(100, 103)
+    points = [name for name, _ in flown.sent if name.startswith("set_position")]
+    assert len(points) == pytest.approx(20, abs=2)
+    assert flown.pilot.stage is Stage.FLYING
+
+
+def test_a_set_point_is_the_place_on_the_declared_path() -> None:
+    """In the middle of a slot that accelerates from rest to 2 m: an eighth of 2 m on, at half of 4 m/s, at 8 m/s²."""
+    plan = mission()
+    step = Step(EPOCH_NS, (0.0, 0.0), (0.0, 0.0), (0.0, 2.0))
+    fields = set_point(plan, 5.0, step, EPOCH_NS + S // 4)
+    east_m, north_m = from_wgs84(
+        fields["lat_int"] / 1e7, fields["lon_int"] / 1e7, plan.origin_lat_deg, plan.origin_lon_deg
+    )
+    assert (east_m, north_m) == pytest.approx((0.0, 0.25), abs=0.02)
+    assert (fields["vx"], fields["vy"], fields["afx"], fields["afy"]) == pytest.approx((2.0, 0.0, 8.0, 0.0))
+    assert (fields["coordinate_frame"], fields["type_mask"], fields["alt"]) == (6, 3072, 5.0)
+
+
+def test_the_body_tells_what_was_reported_of_the_slot_before() -> None:
+    """Reports at 20 Hz on a straight way: the samples of the slot lie on it; a gap of a second leaves it unknown."""
+    flown = copter()
+    flown.run(80, 100)
+    body = AutopilotBody(flown.plan, EPOCH_NS, flown.plan.roster[0], flown.pilot, (0.0, 0.0))
+    body.fly(0, (0.0, 0.0), (1.0, 0.0))
+    for tick in range(2000, 2012):
+        flown.at_m = ((tick - 2000) * 0.1, 0.0)
+        flown.say(tick * S // 20)
+    told = body.fly(1, (1.0, 0.0), (2.0, 0.0))
+    assert told.told_late
+    assert (told.from_m[0], told.to_m[0]) == pytest.approx((0.0, 1.0), abs=0.02)
+    assert told.between_m
+    assert told.charge_share == 0.87
+    assert flown.pilot.step == Step(EPOCH_NS + S // 2, (0.0, 0.0), (1.0, 0.0), (2.0, 0.0))
+    assert body.fly(4, (2.0, 0.0), (2.0, 0.0)).between_m == []
+
+
+def test_a_stray_grows_by_what_its_vehicle_can_fly() -> None:
+    """Two seconds after its last report at 10 m/s: 20 m; a report resets it; on the ground once its motors are off."""
+    flown = copter()
+    flown.run(80, 100)
+    body = AutopilotBody(flown.plan, EPOCH_NS, flown.plan.roster[0], flown.pilot, (0.0, 0.0))
+    body.fly(0, (0.0, 0.0), (0.0, 0.0))
+    flown.beat["custom_mode"] = LOITER
+    flown.run(100, 100.1)
+    heard_s = 100.05
+    free_mps = vehicle_of(flown.plan, flown.plan.roster[0]).free_mps
+    told = body.fly(3, (0.0, 0.0), (0.0, 0.0))
+    assert told.stray_m == pytest.approx(free_mps * (100 + 4 * 0.5 - heard_s))
+    assert not told.on_ground
+    flown.beat["base_mode"] = 1
+    flown.run(102, 102.1)
+    assert body.fly(5, (0.0, 0.0), (0.0, 0.0)).on_ground
+
+
+def test_addresses_are_counted_from_the_pattern() -> None:
+    """The place of a UAV in the roster is i, from 0 on."""
+    assert address("udpin:0.0.0.0:{14550+10*i}", 3) == "udpin:0.0.0.0:14580"
+    assert address("tcp:10.0.0.{1+i}:5760", 2) == "tcp:10.0.0.3:5760"
+    assert address("/dev/ttyUSB{i},57600", 1) == "/dev/ttyUSB1,57600"
+    assert autopilots(mission()) == {"a": "udpin:127.0.0.1:14550"}
+
+
+@pytest.mark.parametrize(
+    ("fields", "field"),
+    [
+        ({"vehicle": {"autopilot": ""}}, "vehicle.autopilot"),
+        ({"vehicle": {"autopilot": "udpin:127.0.0.1:{14550-i}"}}, "vehicle.autopilot"),
+        ({"vehicle": {"autopilot": "udpin:127.0.0.1:99999"}}, "vehicle.autopilot"),
+        ({"vehicle": {"altitude_m": 50.0}}, "landing_s"),
+        ({"time_scale": 2.0}, "time_scale"),
+        ({"fault": ["gps a white @3"]}, "fault"),
+    ],
+)
+def test_missions_that_no_autopilot_can_fly_are_refused(fields: dict[str, Any], field: str) -> None:
+    """One line with the field: no address, a bad one, too high to land in time, not in real time, an emulated fault."""
+    with pytest.raises(MissionError) as refused:
+        mission(**fields)
+    assert refused.value.field == field
+
+
+def test_two_uavs_at_one_address_are_refused() -> None:
+    """A pattern without i would let two UAVs command one vehicle."""
+    roster = [
+        {"uav": uav, "start_x_m": x_m, "start_y_m": 0.0, "target_x_m": x_m, "target_y_m": 50.0}
+        for uav, x_m in (("a", 0.0), ("b", 40.0))
+    ]
+    vehicle = {"model": "mavlink", "autopilot": "udpin:127.0.0.1:14550"}
+    with pytest.raises(MissionError, match="another address for each UAV"):
+        complete_mission(mission_from_dict({"roster": roster, "vehicle": vehicle}))
+
+
+def test_one_that_returns_has_its_start_as_its_last_point() -> None:
+    """The planner brings it back, so returning UAVs are kept apart."""
+    entry = mission(vehicle={"at_end": "return"}).roster[0]
+    assert entry.points == [(50.0, 0.0), (0.0, 0.0)]
+    assert math.isclose(entry.straight_m, 100.0)
