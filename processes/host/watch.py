@@ -23,7 +23,10 @@ from processes.runtime.loop import LOOK_EVERY_S
 from processes.services.recorder import NAME as RECORDER
 
 EPOCH_AHEAD_NS = 200_000_000
-"""Time from the mission's publication to its slot 0."""
+READ_NS = 10_000_000
+MOST_AHEAD_NS = 5_000_000_000
+"""Time from the mission's publication to its slot 0, more for each UAV, all of which read the mission first, and the
+most."""
 
 
 class MissionWatch:
@@ -65,7 +68,8 @@ class MissionWatch:
             for goal in takeover.goals:
                 note(f"giving goal {goal.number} to {goal.uav} again: the operator before had no answer")
             return takeover.mission
-        mission = mission_message(self._setup.mission, self._setup.clock.now_ns() + EPOCH_AHEAD_NS)
+        ahead_ns = min(EPOCH_AHEAD_NS + READ_NS * len(self._setup.mission.roster), MOST_AHEAD_NS)
+        mission = mission_message(self._setup.mission, self._setup.clock.now_ns() + ahead_ns)
         self.bus.publish_mission(mission)
         return mission
 
