@@ -37,7 +37,6 @@ TURN_S = 0.01
 NORMAL_SLOTS = 3
 AFTER_SLOTS = 30
 LOOK_S = 0.5
-HERTZ = os.sysconf("SC_CLK_TCK")
 
 
 @dataclass(frozen=True)
@@ -220,8 +219,6 @@ def main() -> None:
                 before = os.times()
                 row = fly(uavs, load, seed, slots, Path(folder) / "run.mcap")
                 used_s = row.cpu_s - before.children_user - before.children_system
-                if load:
-                    used_s -= load / 100 * LOAD_S * len(os.sched_getaffinity(0))
                 rows.append(row)
                 each_ms = 1e3 * used_s / uavs / max(len(row.slots), 1)
                 if not options.json:
