@@ -13,7 +13,8 @@ A slot, from inside (the rules are named in ARCHITECTURE.md):
    next slot once, publishes a command to each UAV heard, then the report;
 3. a message may change the grant or the suspicion: the UAV then persists its promise and retransmits its fix
    within the slot. A UAV that expected a command for this slot and has none retransmits its fix once too, half of
-   `tau_s` into the slot: its last fix may be lost, and a head without a quorum of fixes cannot plan.
+   `tau_s` into the slot: its last fix may be lost, and a head without a quorum of fixes cannot plan. If its tick was
+   later than a quarter of `tau_s` it does not: twice the fixes would keep an overloaded machine without commands.
 """
 
 from __future__ import annotations
@@ -227,7 +228,9 @@ class UavNode:
         self._election.begin_slot(slot)
         known = self._said is not None and self._said[0] == self.grant
         lacks_command = known and self.grant[0] > 0 and self._flight.flown is None
-        self._again_ns = self._clock.start_ns(slot) + self._clock.tau_ns // 2 if lacks_command else None
+        again_ns = self._clock.start_ns(slot) + self._clock.tau_ns // 2
+        in_time = again_ns - now_ns >= self._clock.tau_ns // 4
+        self._again_ns = again_ns if lacks_command and in_time else None
         if self._vehicle.energy_j <= 0.0:
             self._end(EventKind.BATTERY_EMPTY)
         elif self._flight.ordered_down and self._vehicle.rests:

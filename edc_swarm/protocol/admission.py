@@ -106,9 +106,10 @@ class Admission:
     def _of_report(self, report: Report) -> Iterator[str]:
         yield from self._of_sender(report.head, report.slot, report.sent_ns)
         yield from self._of_terms(report.term, report.next_term)
-        for uavs in report.id_lists:
-            yield from self._unknown(uavs)
-            if len(set(uavs)) < len(uavs):
+        for uavs in filter(None, report.id_lists):
+            named = set(uavs)
+            yield from self._unknown(named)
+            if len(named) < len(uavs):
                 yield "a UAV is named twice"
         yield from self._unknown({report.successor} - {NO_ONE})
         if report.status != "no-quorum" and not report.is_backed(self._ids, self._mission.quorum):
@@ -124,5 +125,5 @@ class Admission:
 
     def _unknown(self, uavs: Collection[str]) -> Iterator[str]:
         if not self._ids.issuperset(uavs):
-            for uav in sorted(set(uavs) - self._ids):
+            for uav in sorted({*uavs} - self._ids):
                 yield f"no UAV {uav} in the roster"

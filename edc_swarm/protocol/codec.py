@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
+from dataclasses import dataclass
 from functools import lru_cache
 from typing import Any, get_args
 
@@ -11,7 +13,7 @@ from msgspec import Struct
 from edc_swarm.errors import MessageError, MissionError
 from edc_swarm.mission.faults import parse_faults
 from edc_swarm.mission.validation import check_links, validate_mission
-from edc_swarm.protocol.keys import PREFIX, Keys, kind_of
+from edc_swarm.protocol.keys import KEY_FORMS, PREFIX, kind_of, names_of
 from edc_swarm.protocol.messages import Message, MissionMessage, Report
 
 MAX_MESSAGE_BYTES = 1 << 20
@@ -20,8 +22,9 @@ MISPLACED = "sender or receiver is not the one in the key"
 _DECODERS: dict[type[Struct], msgspec.json.Decoder[Any]] = {
     kind: msgspec.json.Decoder(kind) for kind in get_args(Message)
 }
-_keys = lru_cache(maxsize=64)(Keys)
 _ENCODER = msgspec.json.Encoder()
+REMEMBERED_KEYS = 16_384
+"""Keys that a receiver has taken apart before: all of the largest mission's UAVs, with a command to each."""
 
 
 def encode(message: Message) -> bytes:
@@ -38,31 +41,47 @@ def decode(key: str, payload: bytes) -> Message:
         The key is unknown, the payload is too large or malformed, a number is beyond its (finite) limits, a
         sender or receiver differs from the one in the key, or no mission file could describe the mission.
     """
-    kind = kind_of(key)
-    if kind is None:
+    form = _form_of(key)
+    if form is None:
         raise MessageError(key, "no message is defined for this key")
     if len(payload) > MAX_MESSAGE_BYTES:
         raise MessageError(key, f"{len(payload)} bytes, more than {MAX_MESSAGE_BYTES}")
     try:
-        message: Message = _DECODERS[kind].decode(payload)
+        message: Message = form.decode(payload)
     except (msgspec.DecodeError, UnicodeDecodeError, RecursionError) as error:
         raise MessageError(key, str(error)) from None
     if isinstance(message, Report) and not message.has_ids:
         raise MessageError(key, "a text that is no id of a UAV")
-    _check_key(key, message)
+    if form.names is not None and form.names_in(message) != form.names:
+        raise MessageError(key, MISPLACED)
     if isinstance(message, MissionMessage):
+        if form.mission not in {None, message.name}:
+            raise MessageError(key, "another mission's")
         _check_mission(key, message)
     return message
 
 
-def _check_key(key: str, message: Message) -> None:
+@dataclass(frozen=True, slots=True)
+class _Form:
+    """What a key says of the messages on it; `names` and `mission` are None on a key without the prefix."""
+
+    decode: Callable[[bytes], Any]
+    names_in: Callable[[Any], tuple[str, ...]]
+    names: tuple[str, ...] | None
+    mission: str | None
+
+
+@lru_cache(maxsize=REMEMBERED_KEYS)
+def _form_of(key: str) -> _Form | None:
+    """Return what a key says, None if no message is defined for it. A mission has few keys, and each comes often."""
+    kind = kind_of(key)
+    if kind is None:
+        return None
     parts = key.split("/")
-    if parts[0] != PREFIX:
-        return
-    if _keys(parts[1]).of(message) != key:
-        raise MessageError(key, MISPLACED)
-    if isinstance(message, MissionMessage) and message.name != parts[1]:
-        raise MessageError(key, "another mission's")
+    known = parts[0] == PREFIX
+    mission = parts[1] if known else None
+    names = names_of(kind, parts[2:]) if known else None
+    return _Form(_DECODERS[kind].decode, KEY_FORMS[kind].names, names, mission)
 
 
 def _check_mission(key: str, mission: MissionMessage) -> None:

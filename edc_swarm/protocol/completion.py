@@ -38,6 +38,13 @@ class MissionMonitor:
     over when every UAV that still flies is at its target, or kept from it by UAVs that move no more (`complete`, see
     `protocol.hindrance`), or when nothing can change any more (`stalled`). With the failsafe a UAV that moves no more
     leaves the airspace, so it keeps no other from its target for good; a stray does, as long as it has a hull.
+
+    Attributes
+    ----------
+    slot
+        Newest slot with a fix, -1 without one.
+    report
+        Newest report with a quorum, of the highest term; None without one.
     """
 
     def __init__(self, mission: Mission) -> None:
@@ -55,11 +62,13 @@ class MissionMonitor:
         self._still_plans = 0
         self._planned = (-1, -1)
         self._changed_slot = 0
+        self.slot = -1
         self.report: Report | None = None
 
     def hear_fix(self, fix: Fix) -> None:
         """Process a fix."""
         known = self._newest.get(fix.uav)
+        self.slot = max(self.slot, fix.slot)
         if known is None or fix.slot >= known.slot:
             self._newest[fix.uav] = fix
         if self._is_step((fix.from_x_m, fix.from_y_m), (fix.waypoint_x_m, fix.waypoint_y_m)) and fix.executing:
@@ -114,11 +123,6 @@ class MissionMonitor:
     def standbys(self) -> list[str]:
         """Ids of the head's standbys, best first."""
         return self.report.standby if self.report is not None else []
-
-    @property
-    def slot(self) -> int:
-        """Newest slot with a fix."""
-        return max((fix.slot for fix in self._newest.values()), default=-1)
 
     @property
     def arrived(self) -> int:

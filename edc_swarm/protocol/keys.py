@@ -34,6 +34,12 @@ class KeyForm:
         """Function from a message to its publisher's instance, followed by the fields."""
         return attrgetter("instance", *self.fields)
 
+    @property
+    def names(self) -> Callable[[Any], tuple[str, ...]]:
+        """Function from a message to the names in its key."""
+        stream, end = self.stream, 1 + self.form.count("{}")
+        return lambda message: stream(message)[1:end]
+
 
 KEY_FORMS: dict[type[Struct], KeyForm] = {
     Fix: KeyForm("uav/{}/fix", ("uav",), sender="uav"),
@@ -49,8 +55,13 @@ SCENES = "viz"
 """First part of the keys of scenes: the visualiser publishes them, and they are no messages of the swarm."""
 ALL_ALIVE = f"{PREFIX}/*/alive/**"
 """Liveliness tokens of every process of every mission at a router."""
-SESSION_LEASE_MS = 1000
-"""Time without a sign of life after which a router closes a session, whose liveliness tokens then vanish."""
+SESSION_LEASE_MS = 4000
+"""Time without a sign of life after which a router closes a session, whose liveliness tokens then vanish.
+
+A killed process needs none: the kernel closes its sockets. Zenoh sends a sign of life in each quarter of the lease in
+which a session says nothing else, so a UAV that flies slots of up to a second sends none; and an overloaded machine
+does not lose its sessions when it stalls for a second.
+"""
 
 
 def _shape(parts: Sequence[str]) -> tuple[int, str, str]:
@@ -146,6 +157,12 @@ def kind_of(key: str) -> type[Struct] | None:
             return None
         parts = parts[2:]
     return _KINDS.get(_shape(parts)) if parts else None
+
+
+def names_of(kind: type[Struct], parts: Sequence[str]) -> tuple[str, ...]:
+    """Return the names in a key of this kind; `parts` are those below `swarm/{mission}`."""
+    words = KEY_FORMS[kind].form.split("/")
+    return tuple(part for word, part in zip(words, parts, strict=True) if word == "{}")
 
 
 def source_of(key: str) -> str:

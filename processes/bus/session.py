@@ -5,16 +5,18 @@ subscriber never blocks a publisher. `express` is off: with it 1-5 % of the burs
 lost, and it was no faster. Shared memory is off: it hides a frozen subscriber. The router accepts many
 sessions at once. A client reconnects to its router without a time limit.
 
-Each Zenoh runtime has one worker thread, since K processes share few cores. The `rx` runtime is the
-exception: Zenoh closes a link whose peer does not answer with ten seconds of SO_LINGER, which block one
-worker of `rx` for that time. So a client has two `rx` workers, and the router as many as links may be cut
-at once without blocking all others.
+K processes share few cores, so a client has one Zenoh runtime for all its work, with two threads. Runtimes of their
+own for sending, receiving, accepting and the rest took seven threads, and a third more processor time a slot: each
+message woke several of them. One thread would not do: Zenoh closes a link whose peer does not answer with ten
+seconds of SO_LINGER, which block the thread for that time. The router has as many `rx` workers as links may be cut at
+once without blocking all others.
 """
 
 from __future__ import annotations
 
 import json
 import os
+import sys
 from collections.abc import Callable, Mapping
 from typing import Any, TypeVar
 
@@ -25,14 +27,22 @@ from processes.bus.credentials import Credentials
 
 TRY_MS = 1000
 RUNTIME = "ZENOH_RUNTIME"
-CLIENT_RX_WORKERS = 2
-ROUTER_RX_WORKERS = 64
+CLIENT_THREADS = (
+    "(rx: (worker_threads: 2), tx: (handover: rx), net: (handover: rx), app: (handover: rx), acc: (handover: rx))"
+)
+ROUTER_THREADS = "(rx: (worker_threads: 64), net: (worker_threads: 1), app: (worker_threads: 1))"
 MAX_SESSIONS = 5000
 MAX_RECEIVED_BYTES = 16 << 20
 """Largest message; Zenoh disconnects a sender of a larger one. The largest are scenes of thousands of UAVs."""
 CONNECT_RETRY = {"period_init_ms": 100, "period_max_ms": 1000, "period_increase_factor": 2}
 OBSERVER_RETRY = {"period_init_ms": 20, "period_max_ms": 20, "period_increase_factor": 1}
 """Retry period of observers: they must be back at a restarted router before the publishers."""
+SWITCH_S = 1.0
+"""Time after which a waiting thread of a client may take the interpreter from the one that works.
+
+The loop of a process gives it away whenever it waits, and never works for long. With Python's 5 ms Zenoh's threads
+may take it from a head a dozen times within one plan, and each time the head waits for a processor again.
+"""
 BACKGROUND_TIMEOUT_S = 10.0
 """Time after which Zenoh drops a query at background priority."""
 
@@ -53,6 +63,7 @@ def open_client(
     lease_ms: int = SESSION_LEASE_MS,
 ) -> zenoh.Session:
     """Connect to the router at `endpoint`; wait without a time limit unless `timeout_ms` is given."""
+    sys.setswitchinterval(SWITCH_S)
     return _open(
         {
             **(credentials.connecting if credentials is not None else {}),
@@ -64,7 +75,7 @@ def open_client(
             **(PATIENT if observer else {}),
         },
         lease_ms,
-        CLIENT_RX_WORKERS,
+        CLIENT_THREADS,
     )
 
 
@@ -101,7 +112,7 @@ def open_router(
             **DEEP_QUEUE,
         },
         lease_ms,
-        ROUTER_RX_WORKERS,
+        ROUTER_THREADS,
     )
 
 
@@ -135,7 +146,7 @@ def is_connected(session: zenoh.Session) -> bool:
     return bool(session.info.routers_zid())
 
 
-def _open(settings: dict[str, Any], lease_ms: int, rx_workers: int) -> zenoh.Session:
+def _open(settings: dict[str, Any], lease_ms: int, threads: str) -> zenoh.Session:
     """Open a session; the first one of a process sets its number of threads, and leaves its children's alone."""
     shared = {
         "scouting/multicast/enabled": False,
@@ -147,10 +158,9 @@ def _open(settings: dict[str, Any], lease_ms: int, rx_workers: int) -> zenoh.Ses
     config = zenoh.Config()
     for name, value in {**shared, **settings}.items():
         config.insert_json5(name, json.dumps(value))
-    workers = f"(rx: (worker_threads: {rx_workers}), net: (worker_threads: 1), app: (worker_threads: 1))"
     if RUNTIME in os.environ:
         return zenoh.open(config)
-    os.environ[RUNTIME] = workers
+    os.environ[RUNTIME] = threads
     try:
         return zenoh.open(config)
     finally:

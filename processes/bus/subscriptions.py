@@ -9,6 +9,7 @@ import heapq
 import time
 from collections.abc import Callable
 from dataclasses import dataclass
+from functools import partial
 from itertools import count
 
 import zenoh
@@ -63,8 +64,9 @@ class UavSubscriptions:
         self._keys = keys
         self._inbox = inbox
         self._fixes: zenoh.Subscriber[None] | None = None
-        for key in (keys.mission, keys.commands_to(uav), keys.all_reports, keys.event(OPERATOR), keys.goal("*", uav)):
+        for key in (keys.mission, keys.all_reports, keys.event(OPERATOR), keys.goal("*", uav)):
             self._subscribe(key)
+        self._subscribe(keys.commands_to(uav), inbox.put_quietly)
         self._tokens: zenoh.Subscriber[None] | None = None
         self._watched = ""
         self._hears_truths = False
@@ -112,17 +114,17 @@ class UavSubscriptions:
         self._subscribe(self._keys.all_truths)
         self._hears_truths = True
 
-    def _subscribe(self, key: str) -> zenoh.Subscriber[None]:
-        handler = hand_over(self._take_sample)
+    def _subscribe(self, key: str, put: Callable[[Item, int], None] | None = None) -> zenoh.Subscriber[None]:
+        handler = hand_over(partial(self._take_sample, put or self._inbox.put))
         return self._session.declare_subscriber(key, handler, allowed_origin=zenoh.Locality.REMOTE)
 
-    def _take_sample(self, sample: zenoh.Sample) -> None:
+    def _take_sample(self, put: Callable[[Item, int], None], sample: zenoh.Sample) -> None:
         heard = heard_from(sample)
-        self._inbox.put(heard, len(heard.payload))
+        put(heard, len(heard.payload))
 
     def _take_reply(self, reply: zenoh.Reply) -> None:
         if reply.ok is not None:
-            self._take_sample(reply.ok)
+            self._take_sample(self._inbox.put, reply.ok)
 
     def _take_token(self, sample: zenoh.Sample) -> None:
         uav, instance = str(sample.key_expr).split("/")[-2:]

@@ -26,7 +26,10 @@ from processes.runtime.loop import LOOK_EVERY_S
 from processes.services.recorder import NAME as RECORDER
 
 EPOCH_AHEAD_NS = 200_000_000
-"""Time from the mission's publication to its slot 0."""
+READ_NS = 10_000_000
+MOST_AHEAD_NS = 5_000_000_000
+"""Time from the mission's publication to its slot 0, more for each UAV, all of which read the mission first, and the
+most."""
 
 
 class MissionWatch:
@@ -74,7 +77,8 @@ class MissionWatch:
         ahead_s = takeoff_s(self._setup.mission)
         if ahead_s:
             note(f"arming: slot 0 begins in {ahead_s:g} s, and who is not in the air by then does not fly")
-        ahead_ns = EPOCH_AHEAD_NS + round(ahead_s * NS_PER_S)
+        ahead_ns = min(EPOCH_AHEAD_NS + READ_NS * len(self._setup.mission.roster), MOST_AHEAD_NS)
+        ahead_ns += round(ahead_s * NS_PER_S)
         mission = mission_message(self._setup.mission, self._setup.clock.now_ns() + ahead_ns)
         self.bus.publish_mission(mission)
         return mission

@@ -20,7 +20,7 @@ TASKS = 120
 TASKS_PER_UAV = 10
 """Threads that a mission may have, which count as processes: TASKS + TASKS_PER_UAV * UAVs.
 
-Measured with 4, 12 and 24 UAVs: the router has 71 to 80, the command 13, a UAV, the recorder and the visualiser 7.
+Measured with 4, 12 and 24 UAVs: the router has 71 to 80, the command 13, a UAV, the recorder and the visualiser 4 or 5.
 """
 
 

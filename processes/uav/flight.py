@@ -8,6 +8,7 @@ import msgspec
 
 from edc_swarm.agent.node import Effect, UavNode
 from edc_swarm.emulation.links import mission_s
+from edc_swarm.mission.configuration import NS_PER_S
 from edc_swarm.protocol.events import EventKind
 from edc_swarm.protocol.messages import MissionMessage, Truth
 from processes.bus.subscriptions import Postbox
@@ -29,6 +30,10 @@ class Flight:
     def mission_s(self, now_ns: int) -> float:
         """Return the mission seconds at `now_ns` of the own clock."""
         return mission_s(now_ns - self.mission.epoch_ns, self.mission.time_scale)
+
+    def left_s(self, part: float, now_ns: int) -> float:
+        """Return the wall time until this part of the slot that the node has begun is over, negative if it is."""
+        return (self.mission.epoch_ns + (self.node.slot + part) * self.mission.slot_ns - now_ns) / NS_PER_S
 
     def place(self, truth: Truth) -> None:
         """Give the emulated radio the true position of a UAV."""

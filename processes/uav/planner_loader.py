@@ -2,18 +2,23 @@
 
 from __future__ import annotations
 
+import sys
 import threading
 import time
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from typing import Any
 
+from edc_swarm.mission.braking import changes_m
 from edc_swarm.mission.configuration import Mission
+from edc_swarm.mission.routes import Course
 from edc_swarm.planner.interface import Plan, Planner, PlanRequest
 from processes.uav.compiling_helper import Helper
 
 OWN_PLANNER = "edc"
 """The planner that is compiled."""
+BESIDE_S = 0.005
+"""Time for which the loop waits for the interpreter while the planner is loaded; Python's default."""
 _warm_for: set[str] = set()
 """Planners that this process, or the process that forked it, has imported and warmed up."""
 
@@ -53,14 +58,45 @@ def load_planner(mission: Mission, ready: Callable[[Planner], None]) -> None:
 
 
 def _load(mission: Mission, ready: Callable[[Planner], None]) -> None:
-    warm_planner(mission)
-    ready(_new_planner(mission))
+    """Load the planner beside the loop, which takes the interpreter back whenever it has to work."""
+    before_s = sys.getswitchinterval()
+    sys.setswitchinterval(BESIDE_S)
+    try:
+        warm_planner(mission)
+        planner = _new_planner(mission)
+    finally:
+        sys.setswitchinterval(before_s)
+    ready(planner)
 
 
 def _new_planner(mission: Mission) -> Planner:
-    from edc_swarm.planner.registry import make_planner  # noqa: PLC0415
+    from edc_swarm.planner.registry import BUILT_IN, make_planner  # noqa: PLC0415
 
+    if mission.planner in BUILT_IN:
+        make_planner(mission.planner, mission).plan(_from_the_mission(mission))
     return make_planner(mission.planner, mission, time.perf_counter_ns)
+
+
+def _from_the_mission(mission: Mission) -> PlanRequest:
+    """Return the request for the mission's first plan, which a planner rehearses before it may have to lead.
+
+    A first plan may take three times as long as those that follow: a forked process then gets its own copy of each page
+    of memory that it writes to, and new memory for the arrays of a swarm of this size.
+    """
+    start_m = [(entry.start_x_m, entry.start_y_m) for entry in mission.roster]
+    aims = [
+        Course().aim(e, here_m, mission.step_m(e), mission.dt_s)
+        for e, here_m in zip(mission.roster, start_m, strict=True)
+    ]
+    return PlanRequest(
+        slot=0,
+        uav=range(len(mission.roster)),
+        position_m=start_m,
+        target_m=[aim_m for aim_m, _ in aims],
+        rest_m=[rest_m for _, rest_m in aims],
+        r_m=[entry.r_m for entry in mission.roster],
+        previous_m=start_m if mission.lag_slots or changes_m(mission) is not None else None,
+    )
 
 
 class SlowPlanner:

@@ -57,7 +57,7 @@ from processes.uav.autopilot_part import AutopilotPart
 from processes.uav.flight import Flight
 from processes.uav.local_faults import LocalFaults
 from processes.uav.planner_loader import SlowPlanner, load_planner
-from processes.uav.publisher import TRUTH_DELAY_S, TRUTH_PATIENCE_S, Publisher
+from processes.uav.publisher import TRUTH_DELAY_S, Publisher
 from processes.uav.response_time import measured_response_ms
 from processes.uav.state import UavState
 
@@ -65,8 +65,12 @@ IDLE_S = 1.0
 """Longest wait of the loop while there is no mission."""
 RETRY_S = 0.02
 """Longest wait of the loop while messages wait for a router."""
-STANDBY_SETTLE_S = 0.002
+STANDBY_SETTLE_S = 0.01
 """Time in which a standby lets the fixes of a slot's start gather."""
+HEAD_SETTLE_S = 20e-6
+"""The same for a head, for each UAV of the mission: as long as it takes to read a few fixes of so many."""
+READS_COMMAND = 0.7
+"""Part of a slot after which a UAV reads its command without the head's report, which comes after all commands."""
 SPARE_S = 0.005
 """Least time to the next task in which the UAV answers a retransmission request."""
 
@@ -136,23 +140,27 @@ class UavProcess:
 
     def _wait(self) -> list[Item]:
         timeout_s = min(self._timeout_s(), RETRY_S if self._outbox.holds_back else IDLE_S)
-        if self._publisher.delays_truth:
-            timeout_s = min(timeout_s, TRUTH_DELAY_S if self._subscriptions.hears_swarm else TRUTH_PATIENCE_S)
+        if self._publisher.delays_truth and self._subscriptions.hears_swarm:
+            timeout_s = min(timeout_s, TRUTH_DELAY_S)
+        if self._inbox.quiet_until_s:
+            timeout_s = min(timeout_s, self._inbox.quiet_until_s + SPARE_S - time.monotonic())
         if self._outbox.is_asked and timeout_s > SPARE_S:
             self._outbox.answer()
             timeout_s = 0.0
         start_s = time.monotonic()
         items = self._inbox.wait(timeout_s, min(self._settle_s, max(timeout_s, 0.0)))
         self._outbox.note_delay(time.monotonic() - start_s - timeout_s)
-        if not items or not self._subscriptions.hears_swarm:
+        if not items:
             self._publisher.send_truth()
         return items
 
     @property
     def _settle_s(self) -> float:
-        """Time in which a standby lets fixes gather, 0 for others: a standby leaves the processor to the head."""
-        stands_by = self._flight is not None and self._subscriptions.hears_fixes and not self._flight.node.leads
-        return STANDBY_SETTLE_S if stands_by else 0.0
+        """Time in which a UAV that hears all fixes lets them gather; a standby leaves the processor to the head."""
+        if self._flight is None or not self._subscriptions.hears_fixes:
+            return 0.0
+        gathers_s = HEAD_SETTLE_S * len(self._flight.mission.roster)
+        return min(STANDBY_SETTLE_S, gathers_s if self._flight.node.leads else STANDBY_SETTLE_S)
 
     def _timeout_s(self) -> float:
         if self._flight is None:
@@ -278,6 +286,12 @@ class UavProcess:
         """Step the node with a `Tick` if the wake-up time that it named before the wait has come."""
         if self._flight is not None and self._clock.now_ns() >= self._flight.wake_ns:
             self._step(Tick())
+            self._await_report(self._flight)
+
+    def _await_report(self, flight: Flight) -> None:
+        """Let a command wait for the report behind it: one wake-up for both. Emulated links keep their own times."""
+        if not (self._subscriptions.hears_swarm or flight.postbox.links.has_rules):
+            self._inbox.quiet_until_s = time.monotonic() + flight.left_s(READS_COMMAND, self._clock.now_ns())
 
     def _check_clock(self) -> None:
         if self._flight is not None and (jump := self._clock.jump()) is not None:
@@ -309,6 +323,8 @@ class UavProcess:
                     load_planner(self._flight.mission, partial(self._take_planner, self._flight.faults))
                 case Land():
                     self._leaving = True
+        if not self._subscriptions.hears_swarm:
+            self._publisher.send_truth()
         self._outbox.flush()
         if self._flight is not None and self._subscriptions.watch(self._flight.node.grant[1]):
             self._peers = Peers()

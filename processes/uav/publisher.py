@@ -11,10 +11,8 @@ from processes.bus.outbox import Outbox
 from processes.runtime.clock import MissionClock
 
 TRUTH_DELAY_S = 0.02
-"""Silence after which a UAV publishes its truth, which only the recording needs: a slot starts with the fixes."""
-TRUTH_PATIENCE_S = 0.1
-"""The same for a UAV that hears no fixes: it publishes the truth as soon as its command or the report wakes it anyway.
-A wake-up of its own, with cold caches, costs more processor time (0.4 ms) than all Python work on a command."""
+"""Silence after which a UAV that hears all fixes publishes its truth, which only the recording needs: a slot starts
+with the fixes. Others publish it right behind their fix: one batch on the wire for both, not two."""
 
 
 class Publisher:

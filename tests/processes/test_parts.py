@@ -34,7 +34,7 @@ from processes.runtime.clock import MissionClock
 from processes.runtime.inbox import Inbox
 from processes.runtime.output import Output, salvage_parts
 from processes.uav.local_faults import LocalFaults
-from processes.uav.planner_loader import SlowPlanner
+from processes.uav.planner_loader import SlowPlanner, load_planner
 from processes.uav.state import UavState, create_state, promise_path
 from tests import builders
 
@@ -62,6 +62,46 @@ def test_inbox_is_bounded_in_bytes_too() -> None:
     assert inbox.wait(0) == ["a", "c"]
     inbox.put("d", 10)
     assert (inbox.wait(0), inbox.dropped) == (["d"], 1)
+
+
+def test_quiet_items_wait_for_the_next_that_wakes() -> None:
+    """They come out before it, in their order; alone they come out when the wait ends, and count for the bounds."""
+    inbox: Inbox[int] = Inbox(limit=3)
+    inbox.quiet_until_s = time.monotonic() + 60
+    for number in (1, 2):
+        inbox.put_quietly(number)
+    inbox.put(3)
+    inbox.put_quietly(4)
+    assert (len(inbox), inbox.dropped) == (3, 1)
+    assert inbox.wait(0) == [1, 2, 3]
+    assert inbox.quiet_until_s == 0, "what comes after the wake-up wakes again"
+    inbox.put_quietly(5)
+    assert inbox.wait(None) == [5]
+    inbox.quiet_until_s = time.monotonic() + 60
+    inbox.put_quietly(6)
+    assert inbox.wait(0) == [6]
+
+
+def test_a_planner_rehearses_and_then_begins_anew(monkeypatch: pytest.MonkeyPatch) -> None:
+    """It plans the mission's first slot once, and the planner that flies has not planned yet."""
+    made: list[list[PlanRequest]] = []
+
+    class Stub:
+        def __init__(self) -> None:
+            made.append([])
+
+        def plan(self, request: PlanRequest) -> Plan:
+            made[-1].append(request)
+            return Plan(list(request.position_m), "no-qp-needed")
+
+    monkeypatch.setattr("edc_swarm.planner.registry.make_planner", lambda *_: Stub())
+    monkeypatch.setattr("processes.uav.planner_loader._warm_for", {MISSION.planner})
+    load_planner(MISSION, lambda _planner: None)
+    (rehearsed,), flying = made
+    assert list(rehearsed.uav) == [0, 1, 2]
+    assert [*rehearsed.position_m] == [(entry.start_x_m, entry.start_y_m) for entry in MISSION.roster]
+    assert [*rehearsed.target_m] == [(entry.target_x_m, entry.target_y_m) for entry in MISSION.roster]
+    assert flying == []
 
 
 def test_who_looks_on_lets_a_burst_gather(monkeypatch: pytest.MonkeyPatch) -> None:

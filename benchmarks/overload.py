@@ -1,0 +1,239 @@
+"""Overload: what a swarm loses while its machine is short of processors, and how soon it is normal again.
+
+    python benchmarks/overload.py                                   busy loops beside 50 UAVs, then 150 ... 400 UAVs
+    python benchmarks/overload.py --uavs 50 --loads 90 --plot docs/figures/overload.svg
+    python benchmarks/overload.py --uavs 150 200 300 400 --loads 0
+
+With a load of P %, one loop per core takes P % of it from slot 20 on, for 20 s, in turns of 10 ms. A row has, of all
+slots, those without commands (after the first command) and the late ticks; after the end of the load the slots until
+`NORMAL_SLOTS` in a row had a command for every UAV that flew; the processor time of the whole run per UAV and slot, and
+the memory of a UAV (PSS). "-" is unknown: nothing was recorded of it. Run it on a machine that does nothing else.
+"""
+
+from __future__ import annotations
+
+import argparse
+import json
+import multiprocessing
+import os
+import re
+import statistics
+import subprocess
+import sys
+import tempfile
+import time
+from dataclasses import dataclass
+from pathlib import Path
+
+from edc_swarm.recording.model import Recording
+from edc_swarm.recording.reader import read_recording
+
+AREA_M2 = 800.0
+"""Area for each UAV, the density of 50 UAVs on 40 000 m2."""
+SLOT_S = 0.5
+LOAD_FROM_SLOT, LOAD_S = 20, 20.0
+TURN_S = 0.01
+"""Length of a busy loop's turn: work, then rest."""
+NORMAL_SLOTS = 3
+AFTER_SLOTS = 30
+LOOK_S = 0.5
+
+
+@dataclass(frozen=True)
+class Slot:
+    """What became of one slot: UAVs that said a fix of it, and those of them that flew a command, or ticked late."""
+
+    fixes: int
+    flew: int
+    late: int
+
+
+@dataclass(frozen=True)
+class Row:
+    """Results of one run."""
+
+    uavs: int
+    load_pct: float
+    slots: list[Slot]
+    load_slots: range
+    cpu_s: float
+    pss_mb: float | None
+
+    @property
+    def without(self) -> int | None:
+        """Slots without any command flown, after the first that had one; None if none had."""
+        first = next((number for number, slot in enumerate(self.slots) if slot.flew), None)
+        return None if first is None else sum(slot.flew == 0 for slot in self.slots[first:])
+
+    @property
+    def late_pct(self) -> float | None:
+        """Late ticks per hundred."""
+        fixes = sum(slot.fixes for slot in self.slots)
+        return 100 * sum(slot.late for slot in self.slots) / fixes if fixes else None
+
+    @property
+    def flown_pct(self) -> float | None:
+        """UAV-slots with a command per hundred, after the first command."""
+        first = next((number for number, slot in enumerate(self.slots) if slot.flew), None)
+        if first is None:
+            return None
+        return 100 * sum(slot.flew for slot in self.slots[first:]) / (self.uavs * len(self.slots[first:]))
+
+    @property
+    def back_slots(self) -> int | None:
+        """Slots from the load's end until `NORMAL_SLOTS` in a row were normal; None without load, or if never."""
+        if not self.load_slots:
+            return None
+        for start in range(self.load_slots.stop, len(self.slots) - NORMAL_SLOTS + 1):
+            if all(slot.flew == self.uavs for slot in self.slots[start : start + NORMAL_SLOTS]):
+                return start - self.load_slots.stop
+        return None
+
+
+def fly(uavs: int, load_pct: float, seed: int, slots: int, out: Path) -> Row:
+    """Fly one mission, with a load beside it."""
+    mission = out.with_suffix(".toml")
+    fields = {"uavs": uavs, "area_m2": AREA_M2 * uavs, "dt_s": SLOT_S, "max_slots": slots, "seed": seed}
+    mission.write_text("".join(f"{name} = {value}\n" for name, value in fields.items()) + 'goals = "lifelong"\n')
+    command = [sys.executable, "-m", "processes.cli.main", "run", str(mission), "--no-viz", "--overload", "fly"]
+    command += ["--force", "--out", str(out)]
+    log = out.with_suffix(".log")
+    with log.open("w") as said, subprocess.Popen(command, stdout=subprocess.DEVNULL, stderr=said) as run:
+        while run.poll() is None and "connected" not in log.read_text():
+            time.sleep(0.05)
+        time.sleep(LOAD_FROM_SLOT * SLOT_S)
+        began_s, loops = time.time(), _loops(load_pct)
+        used_s, pss_mb = _watch(run)
+        for loop in loops:
+            loop.join()
+    recording = read_recording(out)
+    epoch_s = recording.mission.epoch_ns / 1e9
+    first = round((began_s - epoch_s) / SLOT_S)
+    loaded = range(first, first + round(LOAD_S / SLOT_S)) if load_pct else range(0)
+    return Row(uavs, load_pct, slots_of(recording), loaded, used_s, pss_mb)
+
+
+def slots_of(recording: Recording) -> list[Slot]:
+    """Return what became of each slot."""
+    last: dict[str, int] = {}
+    fixes: dict[int, dict[str, bool]] = {}
+    late: dict[int, int] = {}
+    for fix in sorted(recording.fixes, key=lambda fix: (fix.uav, fix.slot, fix.seq)):
+        fixes.setdefault(fix.slot, {})[fix.uav] = fix.executing
+        late[fix.slot] = late.get(fix.slot, 0) + max(0, fix.late_ticks - last.get(fix.uav, 0))
+        last[fix.uav] = fix.late_ticks
+    end = max(fixes, default=-1) + 1
+    return [Slot(len(of := fixes.get(slot, {})), sum(of.values()), late.get(slot, 0)) for slot in range(end)]
+
+
+def _loops(load_pct: float) -> list[multiprocessing.Process]:
+    count = len(os.sched_getaffinity(0)) if load_pct else 0
+    loops = [multiprocessing.Process(target=_burn, args=(load_pct / 100, LOAD_S)) for _ in range(count)]
+    for loop in loops:
+        loop.start()
+    return loops
+
+
+def _burn(share: float, for_s: float) -> None:
+    """Take a share of a core: work until so much processor time is used, then rest."""
+    end_s = time.monotonic() + for_s
+    while time.monotonic() < end_s:
+        worked_s = time.process_time()
+        while time.process_time() - worked_s < share * TURN_S and time.monotonic() < end_s:
+            pass
+        time.sleep((1 - share) * TURN_S)
+
+
+def _watch(run: subprocess.Popen[bytes]) -> tuple[float, float | None]:
+    """Wait for the end; return the processor time of the run and all its processes, and the median PSS of a UAV."""
+    pss_mb = None
+    while run.poll() is None:
+        pss_mb = _pss_mb(run.pid) or pss_mb
+        time.sleep(LOOK_S)
+    used = os.times()
+    return used.children_user + used.children_system, pss_mb
+
+
+def _pss_mb(command: int) -> float | None:
+    """Return the median memory of the UAV processes, the grandchildren of the command; shared memory counts once."""
+    found = []
+    for child in _children(command):
+        for uav in _children(child):
+            try:
+                rollup = Path(f"/proc/{uav}/smaps_rollup").read_text()
+            except OSError:
+                continue
+            if match := re.search(r"^Pss:\s+(\d+) kB", rollup, re.MULTILINE):
+                found.append(int(match[1]) / 1024)
+    return statistics.median(found) if found else None
+
+
+def _children(process: int) -> list[int]:
+    try:
+        tasks = Path(f"/proc/{process}/task").iterdir()
+        return [int(child) for task in tasks for child in (task / "children").read_text().split()]
+    except OSError:
+        return []
+
+
+def plot(rows: list[Row], path: Path) -> None:
+    """Draw the share of UAVs that fly a command, slot by slot."""
+    from matplotlib.figure import Figure  # noqa: PLC0415  (only with --plot)
+
+    figure = Figure(figsize=(8, 1.9 * len(rows)), layout="constrained")
+    for number, row in enumerate(rows):
+        axes = figure.add_subplot(len(rows), 1, number + 1)
+        share = [100 * slot.flew / row.uavs for slot in row.slots]
+        axes.step([SLOT_S * slot for slot in range(len(share))], share, where="post", color="#1f6f8b")
+        if row.load_slots:
+            axes.axvspan(SLOT_S * row.load_slots.start, SLOT_S * row.load_slots.stop, color="#f2c14e", alpha=0.35)
+        load = f", {row.load_pct:g} % of the processors taken" if row.load_pct else ""
+        axes.set_title(f"{row.uavs} UAVs{load}", fontsize=9, loc="left")
+        axes.set(ylim=(-5, 105), xlim=(0, SLOT_S * max(len(share), 1)), ylabel="fly, %")
+    figure.axes[-1].set_xlabel("time, s")
+    figure.savefig(path)
+
+
+def _text(value: float | None, form: str = ".0f") -> str:
+    return "-" if value is None else format(value, form)
+
+
+def main() -> None:
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("--uavs", type=int, nargs="+", default=[])
+    parser.add_argument("--loads", type=float, nargs="+", default=[], help="per cent of every core")
+    parser.add_argument("--runs", type=int, default=1)
+    parser.add_argument("--slots", type=int, default=0, help="of a run; by default as many as the load needs")
+    parser.add_argument("--json", action="store_true")
+    parser.add_argument("--plot", type=Path)
+    options = parser.parse_args()
+    cases = [(uavs, load) for uavs in options.uavs or [50] for load in options.loads or [50, 90, 99]]
+    cases += [(uavs, 0.0) for uavs in (150, 200, 300, 400) if not options.uavs and not options.loads]
+    rows = []
+    if not options.json:
+        print("UAVs  load %  without commands  flown %  late ticks %  normal after  ms per UAV and slot  PSS MB")
+    with tempfile.TemporaryDirectory() as folder:
+        for uavs, load in cases:
+            slots = options.slots or (LOAD_FROM_SLOT + round(LOAD_S / SLOT_S) * bool(load) + AFTER_SLOTS)
+            for seed in range(options.runs):
+                before = os.times()
+                row = fly(uavs, load, seed, slots, Path(folder) / "run.mcap")
+                used_s = row.cpu_s - before.children_user - before.children_system
+                rows.append(row)
+                each_ms = 1e3 * used_s / uavs / max(len(row.slots), 1)
+                if not options.json:
+                    print(
+                        f"{uavs:4}  {load:6g}  {_text(row.without):>9} of {len(row.slots):3}  {_text(row.flown_pct):>7}"
+                        f"  {_text(row.late_pct, '.2f'):>12}  {_text(row.back_slots):>12}  {each_ms:19.2f}"
+                        f"  {_text(row.pss_mb, '.1f'):>6}",
+                        flush=True,
+                    )
+    if options.json:
+        fields = ("uavs", "load_pct", "without", "flown_pct", "late_pct", "back_slots", "pss_mb")
+        print(json.dumps([{name: getattr(row, name) for name in fields} for row in rows]))
+    if options.plot is not None:
+        plot(rows, options.plot)
+
+
+if __name__ == "__main__":
+    main()
