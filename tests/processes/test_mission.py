@@ -132,8 +132,8 @@ def test_response_times_are_measured_at_the_start(run: FlyToEnd) -> None:
 
 def test_a_head_is_elected_where_most_messages_are_lost(run: FlyToEnd) -> None:
     """At 70 % loss real processes repeat what they say; the record takes no repeat for a gap or a second plan."""
-    options = "--uavs 5 --area 2500 --loss 0.7 --resends 40".split()
-    flight = run(*options, "--json")
+    options = ["--uavs", "5", "--area", "2500", "--loss", "0.7", "--resends", "40"]
+    flight = run(*options)
     assert flight.json["heads"]
     assert flight.json["arrived"] == 5
     assert flight.json["gaps"] == flight.json["potential_collisions"] == 0
