@@ -44,6 +44,7 @@ from edc_swarm.agent.goals import course_of, is_new
 from edc_swarm.agent.knowledge import Grant, Knowledge
 from edc_swarm.agent.leadership import Leadership, startup_candidates
 from edc_swarm.agent.outgoing import M, Outgoing
+from edc_swarm.agent.repetition import Repetition
 from edc_swarm.agent.slot_clock import SlotClock
 from edc_swarm.agent.vehicle import Airframe, Promise, Vehicle
 from edc_swarm.emulation.body import Body
@@ -105,6 +106,7 @@ class UavNode:
         self._election = Election(mission, uav, grant, voter, self._knowledge)
         self._leadership = Leadership(mission, uav, self._knowledge, self._election, self._clock)
         self._outgoing = Outgoing(mission, uav, instance, voter, response_ms, cpu_s)
+        self._repetition = Repetition(mission, uav, self._clock)
         self._said: tuple[Grant, bool] | None = None
         self._listening: bool | None = None
         self._again_ns: int | None = None
@@ -136,6 +138,8 @@ class UavNode:
         due_ns = [clock.start_ns(clock.slot_at(now_ns) + 1)]
         if self._again_ns is not None:
             due_ns.append(max(self._again_ns, now_ns))
+        if self._repetition.next_ns is not None:
+            due_ns.append(max(self._repetition.next_ns, now_ns))
         if leadership.collects(self.slot) and now_ns < leadership.deadline_ns(self.slot):
             due_ns.append(leadership.deadline_ns(self.slot))
         return min(due_ns)
@@ -186,10 +190,13 @@ class UavNode:
     def _do_due(self, now_ns: int) -> None:
         planner = self._leadership.planner
         if planner is not None and self._leadership.plan_due(self.slot, now_ns):
-            self._plan(planner)
+            self._plan(planner, now_ns)
         elif self._again_ns is not None and now_ns >= self._again_ns:
             self._again_ns = None
             self._say(now_ns, with_truth=False)
+        else:
+            for copy in self._repetition.due(now_ns):
+                self._publish(copy)
 
     def _begin_straying(self) -> list[Effect]:
         """Give up command, vote and office: the UAV is unheard from now on, and only says where it is."""
@@ -226,6 +233,7 @@ class UavNode:
         self._flight.begin_slot(slot, slots, self.grant, self._clock.is_late(slot, now_ns))
         self._knowledge.begin_slot(slot)
         self._election.begin_slot(slot)
+        self._repetition.begin_slot(slot)
         known = self._said is not None and self._said[0] == self.grant
         lacks_command = known and self.grant[0] > 0 and self._flight.flown is None
         again_ns = self._clock.start_ns(slot) + self._clock.tau_ns // 2
@@ -258,6 +266,7 @@ class UavNode:
     # --- messages ----------------------------------------------------------------------------
 
     def _receive(self, message: Message, now_ns: int) -> None:
+        self._repetition.hear(message)
         match message:
             case Fix() if message.uav != self.uav and message.uav in self._knowledge.roster:
                 self._leadership.gone.discard(message.uav)
@@ -284,6 +293,7 @@ class UavNode:
         if command.slot >= self.slot:
             self._election.hear_command()
         if command.slot > self.slot and self._flight.keep(command):
+            self._repetition.take_command(command)
             self._outgoing.wgs84(self._vehicle.next_position_m)  # Half the work of a tick, done while there is time.
 
     def _take_report(self, report: Report) -> None:
@@ -324,16 +334,21 @@ class UavNode:
         """
         if self._said is None or self._said[0] != self.grant:
             self._flight.discard()
+            self._repetition.drop()
             if self._leadership.take_office(self.slot, now_ns):
                 self._out.append(self.event(EventKind.TAKES_OFFICE, f"term {self.grant[0]}"))
         self._persist()
         if with_truth:
             self._say_truth()
         made = self._outgoing.fix(self.slot, self._vehicle, self._flight, self._election)
-        self._knowledge.hear_fix(self._publish(made), self.slot)
+        fix = self._publish(self._repetition.fix_with_missed(made))
+        self._knowledge.hear_fix(fix, self.slot)
         self._said = (self.grant, self._election.suspects)
+        if not self.leads and self._repetition.repeat_fix(fix, now_ns):
+            self._again_ns = None
         if self._election.claim is not None:
-            self._publish(self._outgoing.claim(self.slot, self._election.claim))
+            claim = self._publish(self._outgoing.claim(self.slot, self._election.claim))
+            self._repetition.repeat_claim(claim, now_ns)
 
     def _say_truth(self) -> None:
         truth = self._outgoing.truth(self.slot, self._vehicle)
@@ -342,9 +357,10 @@ class UavNode:
 
     # --- the head ----------------------------------------------------------------------------
 
-    def _plan(self, planner: Planner) -> None:
+    def _plan(self, planner: Planner, now_ns: int) -> None:
         outcome = self._leadership.head.plan(self.slot, planner)
-        for command in outcome.commands:
+        commands = [self._repetition.command_with_missed(command) for command in outcome.commands]
+        for command in commands:
             stamped = self._publish(command)
             if command.uav == self.uav:
                 self._leadership.own_command = stamped
@@ -352,6 +368,7 @@ class UavNode:
         self._election.planned()
         report = self._publish(self._leadership.with_succession(outcome.report))
         self._election.hear_report(report)
+        self._repetition.repeat_plan(commands, report, now_ns)
         if self._leadership.is_new(outcome.problem):
             self._out.append(self.event(EventKind.PLANNER_FAILED, outcome.problem))
 
@@ -362,6 +379,7 @@ class UavNode:
             return
         if self._listening != self._election.listens:
             self._listening = self._election.listens
+            self._repetition.begin_listening()
             self._out.append(Listen(self._listening))
         if self._leadership.wants_planner():
             self._out.append(WantPlanner())

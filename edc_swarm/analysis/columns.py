@@ -18,8 +18,9 @@ from edc_swarm.analysis.slot_energy import slot_energy_j
 from edc_swarm.analysis.timings import Timing, measured
 from edc_swarm.analysis.tracks import Tracks
 from edc_swarm.analysis.true_paths import true_paths
-from edc_swarm.protocol.messages import PLANNED, Report
+from edc_swarm.protocol.messages import Report
 from edc_swarm.recording.model import Recording
+from edc_swarm.recording.repeats import plans_of, said_once
 
 Floats = NDArray[np.float64]
 
@@ -87,7 +88,7 @@ def columns_from(recording: Recording, tracks: Tracks, living: NDArray[np.bool_]
     """Return the run as arrays, from its tracks and the (K,) UAVs that live at its end."""
     mission, centre_m = recording.mission, tracks.centre_m
     target_m = np.array([(e.target_x_m, e.target_y_m) for e in mission.roster]).reshape(-1, 2)
-    reports = [report for report in recording.reports if report.status in PLANNED]
+    reports = plans_of(recording)
     times: Sequence[Timing | Report] = measured(recording, timings) or reports
     planned = [plan for plan in times if plan.plan_ms > 0]
     command_slot, fix_to_command_ms = _fix_to_command_ms(recording)
@@ -125,7 +126,7 @@ def _fix_to_command_ms(recording: Recording) -> tuple[NDArray[np.int64], Floats]
     """
     sent_ns = counted_ns(recording)
     slots, delays_ns = [], []
-    for command in recording.commands:
+    for command in said_once(recording.commands):
         fix_ns = sent_ns.get((command.uav, command.slot - 1, command.fix_seq))
         if fix_ns is not None and fix_ns <= command.sent_ns:
             slots.append(command.slot)

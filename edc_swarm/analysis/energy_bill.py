@@ -12,8 +12,8 @@ from edc_swarm.analysis.guarantees.evidence import gather
 from edc_swarm.analysis.timings import Timing, measured
 from edc_swarm.emulation.energy import compute_energy_j
 from edc_swarm.protocol.events import EventKind
-from edc_swarm.protocol.messages import PLANNED
 from edc_swarm.recording.model import Recording
+from edc_swarm.recording.repeats import plans_of
 
 
 class EnergyBill(Struct, frozen=True, kw_only=True):
@@ -102,13 +102,12 @@ def _head_work(recording: Recording, timings: Sequence[Timing]) -> tuple[dict[st
         in_slot_ms.setdefault(timing.slot, []).append(timing.plan_ms)
     plan_s: dict[str, float | None] = {}
     led: dict[str, int] = {}
-    for report in recording.reports:
-        if report.status in PLANNED:
-            times_ms = in_slot_ms.get(report.slot)
-            plan_ms = times_ms.pop(0) if times_ms else report.plan_ms
-            before_s = plan_s.get(report.head, 0.0)
-            plan_s[report.head] = before_s + plan_ms / 1e3 if plan_ms and before_s is not None else None
-            led[report.head] = led.get(report.head, 0) + 1
+    for report in plans_of(recording):
+        times_ms = in_slot_ms.get(report.slot)
+        plan_ms = times_ms.pop(0) if times_ms else report.plan_ms
+        before_s = plan_s.get(report.head, 0.0)
+        plan_s[report.head] = before_s + plan_ms / 1e3 if plan_ms and before_s is not None else None
+        led[report.head] = led.get(report.head, 0) + 1
     return plan_s, led
 
 

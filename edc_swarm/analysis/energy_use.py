@@ -8,8 +8,8 @@ from numpy.typing import NDArray
 from edc_swarm.analysis.columns import Columns
 from edc_swarm.emulation.energy import compute_energy_j, full_speed_energy_j
 from edc_swarm.mission.configuration import Mission
-from edc_swarm.protocol.messages import PLANNED
 from edc_swarm.recording.model import Recording
+from edc_swarm.recording.repeats import plans_of
 
 
 def propulsion_j(columns: Columns, arrival: NDArray[np.int64], first: int | None) -> float:
@@ -22,7 +22,7 @@ def propulsion_j(columns: Columns, arrival: NDArray[np.int64], first: int | None
 
 def compute_j(recording: Recording, columns: Columns) -> float | None:
     """Return the energy of all plans; None if there is no plan, or one without a measured time."""
-    plans = sum(report.status in PLANNED for report in recording.reports)
+    plans = len(plans_of(recording))
     if not plans or len(columns.plan_ms) < plans:
         return None
     return compute_energy_j(float(columns.plan_ms.sum()) / 1e3, recording.mission.head)

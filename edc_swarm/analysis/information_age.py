@@ -18,6 +18,7 @@ from numpy.typing import NDArray
 
 from edc_swarm.analysis.columns import counted_ns
 from edc_swarm.recording.model import Recording
+from edc_swarm.recording.repeats import said_once
 
 Updates = Mapping[str, list[tuple[int, int]]]
 """Times in nanoseconds at which an update of each UAV is used, and at which it was sent."""
@@ -65,13 +66,24 @@ def fix_updates(recording: Recording) -> Updates:
 def command_updates(recording: Recording) -> Updates:
     """Return when commands were flown."""
     mission, found = recording.mission, defaultdict[str, list[tuple[int, int]]](list)
-    sent_ns = {(command.uav, command.slot, command.term): command.sent_ns for command in recording.commands}
+    sent_ns = flown_ns(recording)
     for fix in recording.fixes:
-        command_ns = sent_ns.get((fix.uav, fix.slot, fix.command_term)) if fix.executing else None
+        command_ns = sent_ns.get((fix.uav, fix.slot))
         begun_ns = mission.epoch_ns + fix.slot * mission.slot_ns
         if command_ns is not None and command_ns <= begun_ns:
             found[fix.uav].append((begun_ns, command_ns))
     return found
+
+
+def flown_ns(recording: Recording) -> dict[tuple[str, int], int]:
+    """Return when the command was sent that a UAV flies in a slot, by (UAV, slot): of several copies the one named."""
+    exact = {(c.uav, c.slot, c.term, c.seq): c.sent_ns for c in recording.commands}
+    first = {(c.uav, c.slot, c.term): c.sent_ns for c in reversed(recording.commands)}
+    return {
+        (fix.uav, fix.slot): exact.get((*key, fix.command_seq), first[key])
+        for fix in recording.fixes
+        if fix.executing and (key := (fix.uav, fix.slot, fix.command_term)) in first
+    }
 
 
 def sawtooth_of(updates: Updates) -> Sawtooth:
@@ -106,7 +118,7 @@ def fix_to_step_ms(recording: Recording) -> NDArray[np.float64]:
     flown = {(fix.uav, fix.slot, fix.command_term) for fix in recording.fixes if fix.executing}
     found_ns = [
         mission.epoch_ns + command.slot * mission.slot_ns - fixes_ns[key]
-        for command in recording.commands
+        for command in said_once(recording.commands)
         if (command.uav, command.slot, command.term) in flown
         and (key := (command.uav, command.slot - 1, command.fix_seq)) in fixes_ns
     ]

@@ -19,6 +19,7 @@ from numpy.typing import NDArray
 from edc_swarm.analysis.columns import Columns, columns_of, counted_ns
 from edc_swarm.analysis.guarantees.check import check
 from edc_swarm.analysis.guarantees.progress import PROGRESS
+from edc_swarm.analysis.information_age import flown_ns
 from edc_swarm.analysis.metrics import OVERLOADED_PCT, compute_metrics
 from edc_swarm.emulation.links import DelayError
 from edc_swarm.mission.roster_entry import ARRIVED_M
@@ -143,12 +144,12 @@ def _mean_fix_age_ms(recording: Recording, columns: Columns, first: int) -> floa
 
 def _flown_ns(recording: Recording, columns: Columns) -> NDArray[np.int64]:
     """Return (S, K) sending times of the command that each UAV began to fly in each slot; 0 where it held."""
-    sent_ns = {(command.uav, command.slot, command.term): command.sent_ns for command in recording.commands}
+    sent_ns = flown_ns(recording)
     table = np.zeros(columns.executed.shape, np.int64)
     index = roster_index(recording.mission.roster)
     for fix in recording.fixes:
         if fix.executing:
-            table[fix.slot, index[fix.uav]] = sent_ns.get((fix.uav, fix.slot, fix.command_term), 0)
+            table[fix.slot, index[fix.uav]] = sent_ns.get((fix.uav, fix.slot), 0)
     return table
 
 

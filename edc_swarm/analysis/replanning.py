@@ -15,8 +15,9 @@ from msgspec import Struct
 
 from edc_swarm.mission.braking import changes_m
 from edc_swarm.planner.interface import Hull, Planner, PlanRequest
-from edc_swarm.protocol.messages import PLANNED, Command, Fix, Report, roster_index
+from edc_swarm.protocol.messages import Command, Fix, Report, roster_index
 from edc_swarm.recording.model import Recording
+from edc_swarm.recording.repeats import plans_of
 
 SAME_PLAN_M = 1e-6
 """Greatest difference between commands of one plan on two processors, which may round differently."""
@@ -60,7 +61,7 @@ def replan(recording: Recording, make_planner: Callable[[], Planner]) -> Replann
     """Replan every recorded slot and compare command by command."""
     planners: dict[tuple[str, str], Planner] = {}
     offs: list[tuple[Command, float]] = []
-    reports = [report for report in recording.reports if report.status in PLANNED]
+    reports = plans_of(recording)
     plans = list(_plans(recording, reports))
     for plan in plans:
         process = (plan.report.head, plan.report.instance)

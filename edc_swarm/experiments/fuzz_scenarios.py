@@ -75,6 +75,7 @@ def scenario(seed: int, kept: Collection[int] | None = None) -> Mission:
         "handover_margin": rng.choice([0.0, 0.1]),
         "planner": rng.choice([RECKLESS, RECKLESS, RECKLESS, "edc"]),
         "link": _links(rng),
+        "resends": Random(f"fuzz/{seed}/resends").choice([0, 2, 10, 40]),
         **_failsafe(Random(f"fuzz/{seed}/failsafe")),
         **_vehicle(Random(f"fuzz/{seed}/vehicle")),
     }

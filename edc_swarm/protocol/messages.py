@@ -50,6 +50,7 @@ Coordinates = Annotated[list[Metres], Meta(max_length=MAX_UAVS)]
 Radii = Annotated[list[NonNegative], Meta(max_length=MAX_UAVS)]
 Quantity = Annotated[float, Meta(ge=-MOST, le=MOST)]
 """A number of any sign. Its limits keep it finite, as for all numbers of messages."""
+Share = Annotated[float, Meta(ge=0, le=1)]
 Count = Annotated[int, Meta(ge=0, lt=1 << 53)]
 CountOrNone = Annotated[int, Meta(ge=-1, lt=1 << 53)]
 PlanStatus = Literal["planned", "no-qp-needed", "failed"]
@@ -67,6 +68,8 @@ class Fix(Struct, frozen=True, kw_only=True, gc=False):
     the UAV suspects that head; `voter` is false if the promise on disk was lost, or if the UAV strays. `course` is the
     UAV's goal and its place in it, as its promise has it. A UAV whose vehicle no longer follows its commands strays: by
     the end of the slot it is within `stray_m` of `x_m y_m`, or `on_ground` for good.
+    `missed` is the share of the head's newest messages that the UAV did not hear;
+    `next_slot` the slot of the command that it holds, in a repeat that acknowledges it.
     """
 
     uav: UavId
@@ -99,6 +102,8 @@ class Fix(Struct, frozen=True, kw_only=True, gc=False):
     course: Course = Course()
     stray_m: NonNegative | UnsetType = UNSET
     on_ground: bool | UnsetType = UNSET
+    missed: Share | UnsetType = UNSET
+    next_slot: Slot | UnsetType = UNSET
 
 
 class Truth(Struct, frozen=True, kw_only=True, gc=False):
@@ -132,7 +137,8 @@ class Command(Struct, frozen=True, kw_only=True, gc=False):
 
     `speed_mps` is V_k, `heading_rad` theta_k (direction of the velocity), `deviation_rad` alpha_k,
     its deviation from the bearing to the target. `fix_seq` is the number of the UAV's fix of the slot before
-    from which the head planned, -1 if unknown (older recordings).
+    from which the head planned, -1 if unknown (older recordings). `missed` is the share of the UAV's newest fixes that
+    the head did not hear.
     """
 
     head: UavId
@@ -152,6 +158,7 @@ class Command(Struct, frozen=True, kw_only=True, gc=False):
     heading_rad: Quantity = 0.0
     deviation_rad: Quantity = 0.0
     fix_seq: CountOrNone = -1
+    missed: Share | UnsetType = UNSET
 
 
 class Report(Struct, frozen=True, kw_only=True, gc=False):

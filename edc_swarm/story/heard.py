@@ -49,7 +49,7 @@ class Inbox:
             case Command() if message.uav in self._roster and (heard := self._at(message.slot)) is not None:
                 self._count(message, heard)
                 known_command = heard.commands.get(message.uav)
-                if known_command is None or message.term >= known_command.term:
+                if known_command is None or message.term > known_command.term:  # Not a repeat, which is later.
                     heard.commands[message.uav] = message
             case Report() if (heard := self._at(message.slot)) is not None:
                 self._hear_report(message, heard)
@@ -86,6 +86,7 @@ class Inbox:
         if not report.is_backed(self._roster, self._quorum) and report.status != "claim":
             return
         if report.status == "claim":
-            heard.claims.append(report)
+            if all((claim.head, claim.term) != (report.head, report.term) for claim in heard.claims):
+                heard.claims.append(report)
         elif report.has_quorum and (heard.plan is None or report.term >= heard.plan.term):
             heard.plan = report

@@ -11,6 +11,7 @@ from edc_swarm.analysis.timings import load_timings
 from edc_swarm.protocol.events import EventKind
 from edc_swarm.recording.model import Recording
 from edc_swarm.recording.reader import read_recording
+from edc_swarm.recording.repeats import plans_of
 from processes.cli.summary import guarantees_status, print_guarantees, print_metrics
 from processes.experiments.judging import judged
 from processes.runtime.console import FAILED, NOT_JUDGED, note, print_json, stdout_console
@@ -44,7 +45,7 @@ def _warn(recording: Recording, metrics: Metrics) -> None:
     """Warn of plans that failed or came too late, and of an overloaded machine."""
     mission = recording.mission
     if problem := next((event for event in recording.events if event.kind == EventKind.PLANNER_FAILED), None):
-        failed = sum(report.status == "failed" for report in recording.reports)
+        failed = sum(report.status == "failed" for report in plans_of(recording))
         note(f"warning: {failed} plans failed, and all held; first in slot {problem.slot}: {problem.detail}")
     slot_ms, slowest_ms = mission.slot_ns / 1e6, metrics.plan_ms.max or 0.0
     if slowest_ms > slot_ms:

@@ -60,6 +60,7 @@ def test_defaults() -> None:
         ("gps_model", ["none", "bias", "white", "gauss-markov"], ["good"]),
         ("standbys", [0, 100], [-1, 101]),
         ("lease_slots", [1, 1000], [0, 1001]),
+        ("resends", [0, 1000], [-1, 1001]),
         ("lag_slots", [0, 1], [-1, 2]),
         ("handover_margin", [0, 10], [-0.1]),
         ("origin_lat_deg", [-89, 89], [-89.1, 90]),

@@ -33,9 +33,10 @@ from numpy.typing import NDArray
 from edc_swarm.analysis.tracks import Tracks, tracks_of
 from edc_swarm.analysis.true_paths import TruePaths, true_paths
 from edc_swarm.foreign_text import listed
-from edc_swarm.protocol.messages import PLANNED, Command, Fix, MissionMessage, Report, Truth, roster_index
+from edc_swarm.protocol.messages import Command, Fix, MissionMessage, Report, Truth, roster_index
 from edc_swarm.recording.ends import Ends, ends_of
 from edc_swarm.recording.model import Recording
+from edc_swarm.recording.repeats import plans_of
 from edc_swarm.recording.sequences import Gap, find_gaps
 
 NEEDS: dict[str, tuple[str, ...]] = {
@@ -69,7 +70,7 @@ class Evidence:
     commands
         By UAV and slot.
     plans
-        Reports of slots with a plan.
+        Reports of slots with a plan, each once.
     ends
         How each publisher ended.
     """
@@ -209,7 +210,7 @@ def gather(recording: Recording) -> Evidence:
         tracks=_judgeable(recording, index, gaps, ends),
         fixes=fixes,
         commands=dict(commands),
-        plans=[report for report in recording.reports if report.status in PLANNED],
+        plans=plans_of(recording),
         gaps=gaps,
         ends=ends,
     )

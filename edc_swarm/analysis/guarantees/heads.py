@@ -8,6 +8,7 @@ from collections.abc import Iterator
 from edc_swarm.analysis.guarantees.evidence import Evidence
 from edc_swarm.analysis.guarantees.verdict import GuaranteeResult, Violation, verdict
 from edc_swarm.protocol.messages import Report
+from edc_swarm.recording.repeats import said_once
 
 Granted = set[tuple[str, int, int, str]]
 """UAV, slot, term and head of every recorded grant."""
@@ -75,13 +76,15 @@ def _unbacked_commands(evidence: Evidence, granted: Granted) -> Iterator[Violati
 
 
 def _second_plans(evidence: Evidence) -> Iterator[Violation]:
-    """Yield a violation for each head that planned more than once in a term and slot."""
+    """Yield a violation for each head that planned more than once in a term and slot; a repeat is no second plan."""
     plans = Counter((r.term, r.slot, r.head) for r in evidence.plans)
     for (term, slot, head), count in plans.items():
         if count > 1:
             yield Violation("planned-twice", f"{count} plans of term {term} for one slot", slot, [head])
     for (uav, slot), commands in evidence.commands.items():
-        for term, count in Counter(command.term for command in commands).items():
+        if len(commands) == 1:
+            continue
+        for term, count in Counter(command.term for command in said_once(commands)).items():
             if count > 1:
                 yield Violation("planned-twice", f"{count} commands of term {term} to {uav}", slot, [uav])
 

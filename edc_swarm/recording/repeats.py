@@ -1,0 +1,36 @@
+"""Repeats: messages that a publisher said again within their slot, with a new number and nothing else that is new.
+
+Who counts messages counts repeats too; who counts plans, or times them, takes each once.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Iterator
+from typing import TypeVar
+
+import msgspec
+
+from edc_swarm.protocol.messages import PLANNED, Command, Report
+from edc_swarm.recording.model import Recording
+
+Said = TypeVar("Said", Command, Report)
+
+
+def said_once(messages: Iterable[Said]) -> Iterator[Said]:
+    """Yield the messages without those that equal an earlier one in all but sequence number and time of sending."""
+    seen: dict[tuple[str, str, str, int, int], list[Said]] = {}
+    for message in messages:
+        uav = message.uav if isinstance(message, Command) else ""
+        earlier = seen.setdefault((message.head, message.instance, uav, message.term, message.slot), [])
+        if not any(_repeats(message, other) for other in earlier):
+            earlier.append(message)
+            yield message
+
+
+def plans_of(recording: Recording) -> list[Report]:
+    """Return the reports of all plans, each once."""
+    return list(said_once(report for report in recording.reports if report.status in PLANNED))
+
+
+def _repeats(message: Said, other: Said) -> bool:
+    return msgspec.structs.replace(message, seq=other.seq, sent_ns=other.sent_ns) == other
