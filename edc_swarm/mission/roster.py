@@ -8,6 +8,7 @@ from numpy.typing import NDArray
 
 from edc_swarm.errors import MissionError, PlacementError
 from edc_swarm.mission.airspace import Airspace, check_goals, check_zones
+from edc_swarm.mission.baselines import check_baselines
 from edc_swarm.mission.configuration import Mission, default_tau_s
 from edc_swarm.mission.inheritance import with_charges, with_radii
 from edc_swarm.mission.prospect import default_max_slots
@@ -44,6 +45,7 @@ def complete_mission(mission: Mission) -> Mission:
     whole = msgspec.structs.replace(fenced, roster=roster, uavs=len(roster))
     check_links(whole)
     check_vehicles(whole)
+    check_baselines(whole)
     check_zones(whole)
     check_goals(whole)
     max_slots = whole.max_slots or default_max_slots(whole)

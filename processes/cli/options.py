@@ -27,6 +27,7 @@ from edc_swarm.planner.registry import check_planner
 from edc_swarm.simulation.plug_in_trial import try_plug_ins
 from processes.cli.whole_number import WholeNumber
 from processes.runtime.console import note
+from processes.runtime.extras import check_planner_extra
 from processes.runtime.voice import Voice
 
 MISSION_HELP = "Mission file (TOML); without one, a random mission."
@@ -150,6 +151,7 @@ class MissionOptions(_FieldOptions):  # type: ignore[misc]  # The declarations d
         with named_as_options(self._options()):
             mission = complete_mission(with_options(base, self._given(base)))
             parse_faults(mission)
+            check_planner_extra(mission.planner)
             check_planner(mission)
             try_plug_ins(mission)
             check_batteries(mission)
