@@ -11,8 +11,8 @@ from edc_swarm.analysis.timings import load_timings
 from edc_swarm.protocol.events import EventKind
 from edc_swarm.recording.model import Recording
 from edc_swarm.recording.reader import read_recording
-from processes.cli.judging import judged
 from processes.cli.summary import guarantees_status, print_guarantees, print_metrics
+from processes.experiments.judging import judged
 from processes.runtime.console import FAILED, NOT_JUDGED, note, print_json, stdout_console
 
 
