@@ -140,16 +140,16 @@ def draw(measured: dict[tuple[Cell, int], dict[str, Any]], cells: Sequence[Cell]
     least_ms, least_loss = min(cell.delay_ms for cell in cells), min(cell.loss for cell in cells)
     figure, axes = plt.subplots(len(QUANTITIES), 2, figsize=(8, 13), sharex="col", sharey="row", layout="constrained")
     for row, quantity in enumerate(QUANTITIES):
-        for column, (axis_of, kept) in enumerate(
+        for column, (by_delay, kept) in enumerate(
             (
-                (lambda cell: cell.delay_ms, [cell for cell in cells if cell.loss == least_loss]),
-                (lambda cell: 100 * cell.loss, [cell for cell in cells if cell.delay_ms == least_ms]),
+                (True, [cell for cell in cells if cell.loss == least_loss]),
+                (False, [cell for cell in cells if cell.delay_ms == least_ms]),
             )
         ):
             axis = axes[row][column]
             for place, control in enumerate(CONTROLS):
                 points = [
-                    (axis_of(cell), found)
+                    (cell.delay_ms if by_delay else 100 * cell.loss, found)
                     for cell in kept
                     if cell.control == control and (found := estimates(measured, cell, quantity)) is not None
                 ]

@@ -47,7 +47,10 @@ def flown(planner: str, flight: Mission, slots: int = 120, blind: tuple[int, int
     place = np.array([(e.start_x_m, e.start_y_m) for e in flight.roster])
     path, step = [place], np.zeros_like(place)
     for slot in range(slots):
-        seen = [Neighbour(k, *path[-1][k].tolist(), *step[k].tolist(), flight.roster[k].r_m) for k in range(count)]
+        here, last = path[-1].tolist(), step.tolist()
+        seen = [
+            Neighbour(k, here[k][0], here[k][1], last[k][0], last[k][1], flight.roster[k].r_m) for k in range(count)
+        ]
         planned = [
             minds[k].plan(
                 PlanRequest(
