@@ -199,7 +199,7 @@ def measured(recording: Recording, metrics: Metrics) -> dict[str, Any]:
         "collisions": metrics.potential_collisions,
         "first_command_s": None if first_slot is None else first_slot * mission.dt_s,
         "terms": len(metrics.heads),
-        "per_uav_and_slot": swarm / len(mission.roster) / max(metrics.slots, 1),
+        "per_uav_and_slot": swarm / len(mission.roster) / (metrics.slots or 1),
     }
 
 

@@ -23,7 +23,7 @@ from edc_swarm.mission.braking import change_of, changes_m
 from edc_swarm.mission.configuration import Mission
 from edc_swarm.mission.failsafe import failsafe_of
 from edc_swarm.mission.vehicle_budget import vehicle_of
-from edc_swarm.planner.interface import Hull, Plan, Planner, PlanRequest
+from edc_swarm.planner.interface import Hull, Plan, Planner, PlanRequest, plan_ms
 from edc_swarm.protocol.messages import Command, Fix, Report
 
 ABSENT_SLOTS = 3
@@ -222,7 +222,7 @@ class Head:
             unheard=unheard,
             grants=heard,
             quorum=self._quorum,
-            plan_ms=plan.guidance_ms + plan.assemble_ms + plan.solve_ms,
+            plan_ms=plan_ms(plan),
             guidance_ms=plan.guidance_ms,
             assemble_ms=plan.assemble_ms,
             solve_ms=plan.solve_ms,

@@ -18,7 +18,9 @@ CLAIM_WAIT_FRACTION = 0.1
 
 
 def startup_candidates(mission: Mission) -> set[str]:
-    """Return the UAVs that may lead first: those on duty when the mission begins."""
+    """Return the UAVs that plan first: those on duty when the mission begins, all in a mission without a head."""
+    if mission.control == "local":
+        return {entry.uav for entry in mission.roster}
     return set(Rota(mission).on_duty(0))
 
 
@@ -64,6 +66,10 @@ class Leadership:
         election = self._election
         return election.leads and self.head.office.grant == election.grant and slot >= 0 and self.head.may_plan(slot)
 
+    def missed(self, slot: int) -> Report | None:
+        """Return the report of a slot that is over and had no plan for want of a quorum; None for any other."""
+        return self.head.powerless(slot) if self.collects(slot) else None
+
     def deadline_ns(self, slot: int) -> int:
         """Return the time until which the head waits for fixes; it is later in the slot in which it took office."""
         tau_ns = self._clock.start_ns(slot) + self._clock.tau_ns
@@ -74,6 +80,10 @@ class Leadership:
         if self.planner is None or not self.collects(slot) or not self.head.has_quorum(slot):
             return False
         return now_ns >= self.deadline_ns(slot) or self.head.complete(slot, self.gone)
+
+    def planned(self) -> None:
+        """Note that this UAV has planned as head."""
+        self._election.planned()
 
     def with_succession(self, report: Report) -> Report:
         """Return the report with the standbys, ranked anew, and with the successor if the head names one."""

@@ -43,6 +43,7 @@ from edc_swarm.agent.flight import MAX_PENDING, Flight
 from edc_swarm.agent.goals import course_of, is_new
 from edc_swarm.agent.knowledge import Grant, Knowledge
 from edc_swarm.agent.leadership import Leadership, startup_candidates
+from edc_swarm.agent.local import LocalControl, NoElection
 from edc_swarm.agent.outgoing import M, Outgoing
 from edc_swarm.agent.repetition import Repetition
 from edc_swarm.agent.slot_clock import SlotClock
@@ -50,7 +51,7 @@ from edc_swarm.agent.vehicle import Airframe, Promise, Vehicle
 from edc_swarm.emulation.body import Body
 from edc_swarm.emulation.energy import compute_energy_j
 from edc_swarm.mission.faults import OrderLanding
-from edc_swarm.planner.interface import Planner
+from edc_swarm.planner.interface import Planner, plan_ms
 from edc_swarm.protocol.events import EventKind
 from edc_swarm.protocol.goals import GoalAnswer
 from edc_swarm.protocol.messages import Command, Fix, Goal, Message, MissionMessage, Report, Truth
@@ -103,8 +104,14 @@ class UavNode:
         self._vehicle = Vehicle(mission, entry, promise, airframe, body)
         self._flight = Flight(self._vehicle, voter)
         self._knowledge = Knowledge(mission.roster)
-        self._election = Election(mission, uav, grant, voter, self._knowledge)
-        self._leadership = Leadership(mission, uav, self._knowledge, self._election, self._clock)
+        self._election: Election | NoElection
+        self._leadership: Leadership | LocalControl
+        if mission.control == "local":
+            self._election = NoElection(uav)
+            self._leadership = LocalControl(mission, uav, self._knowledge, self._clock)
+        else:
+            self._election = election = Election(mission, uav, grant, voter, self._knowledge)
+            self._leadership = Leadership(mission, uav, self._knowledge, election, self._clock)
         self._outgoing = Outgoing(mission, uav, instance, voter, response_ms, cpu_s)
         self._repetition = Repetition(mission, uav, self._clock)
         self._said: tuple[Grant, bool] | None = None
@@ -190,7 +197,10 @@ class UavNode:
     def _do_due(self, now_ns: int) -> None:
         planner = self._leadership.planner
         if planner is not None and self._leadership.plan_due(self.slot, now_ns):
-            self._plan(planner, now_ns)
+            if isinstance(self._leadership, LocalControl):
+                self._plan_own(self._leadership, planner)
+            else:
+                self._plan(self._leadership, planner, now_ns)
         elif self._again_ns is not None and now_ns >= self._again_ns:
             self._again_ns = None
             self._say(now_ns, with_truth=False)
@@ -227,8 +237,8 @@ class UavNode:
         slot = self._clock.slot_at(now_ns)
         if slot <= self.slot or slot < 0:
             return False
-        if self._leadership.collects(self.slot):
-            self._publish(self._leadership.head.powerless(self.slot))
+        if (missed := self._leadership.missed(self.slot)) is not None:
+            self._publish(missed)
         slots, self.slot = slot - self.slot, slot
         self._flight.begin_slot(slot, slots, self.grant, self._clock.is_late(slot, now_ns))
         self._knowledge.begin_slot(slot)
@@ -357,19 +367,26 @@ class UavNode:
 
     # --- the head ----------------------------------------------------------------------------
 
-    def _plan(self, planner: Planner, now_ns: int) -> None:
-        outcome = self._leadership.head.plan(self.slot, planner)
+    def _plan_own(self, local: LocalControl, planner: Planner) -> None:
+        """Plan the own step, with nobody's word but the fixes heard; the step is flown from the next event on."""
+        plan = local.plan(self.slot, planner, self._vehicle)
+        self._vehicle.spend(compute_energy_j(plan_ms(plan) / 1e3, self._mission.head))
+        if local.is_new(plan.problem):
+            self._out.append(self.event(EventKind.PLANNER_FAILED, plan.problem))
+
+    def _plan(self, leadership: Leadership, planner: Planner, now_ns: int) -> None:
+        outcome = leadership.head.plan(self.slot, planner)
         commands = [self._repetition.command_with_missed(command) for command in outcome.commands]
         for command in commands:
             stamped = self._publish(command)
             if command.uav == self.uav:
-                self._leadership.own_command = stamped
+                leadership.own_command = stamped
         self._vehicle.spend(compute_energy_j(outcome.report.plan_ms / 1e3, self._mission.head))
-        self._election.planned()
-        report = self._publish(self._leadership.with_succession(outcome.report))
+        leadership.planned()
+        report = self._publish(leadership.with_succession(outcome.report))
         self._election.hear_report(report)
         self._repetition.repeat_plan(commands, report, now_ns)
-        if self._leadership.is_new(outcome.problem):
+        if leadership.is_new(outcome.problem):
             self._out.append(self.event(EventKind.PLANNER_FAILED, outcome.problem))
 
     # --- effects -----------------------------------------------------------------------------

@@ -10,6 +10,7 @@ from msgspec import UNSET
 
 from edc_swarm.agent.election import Election, TermClaim
 from edc_swarm.agent.flight import Flight
+from edc_swarm.agent.local import NoElection
 from edc_swarm.agent.vehicle import Vehicle
 from edc_swarm.geodesy import to_wgs84
 from edc_swarm.protocol.events import EventKind
@@ -108,7 +109,7 @@ class Outgoing:
             quorum=self._mission.quorum,
         )
 
-    def fix(self, slot: int, vehicle: Vehicle, flight: Flight, election: Election) -> Fix:
+    def fix(self, slot: int, vehicle: Vehicle, flight: Flight, election: Election | NoElection) -> Fix:
         """Return the fix of a slot, not yet stamped."""
         flown = flight.flown
         x_m, y_m = vehicle.position_m

@@ -18,6 +18,7 @@ CAUSES = {
     "not-commanded": "the head heard the UAV and sent it no command",
     "command-late": "its command was sent after the slot had begun",
     "command-missed": "its command was sent in time and not flown: it was lost, came too late, or was refused",
+    "no-own-step": "the UAV plans for itself, and had no step in time",
 }
 """Causes, in the order in which they are tried."""
 
@@ -39,6 +40,8 @@ def holds_by_cause(recording: Recording, tracks: Tracks, held: NDArray[np.bool_]
             counts["silent"] += 1
         elif (slot, k) in sent_ns:
             counts["command-missed" if min(sent_ns[slot, k]) < begun_ns else "command-late"] += 1
+        elif mission.control == "local":
+            counts["no-own-step"] += 1
         elif slot not in heard:
             counts["no-plan"] += 1
         else:

@@ -28,6 +28,7 @@ from edc_swarm.analysis.living import living_at_end
 from edc_swarm.analysis.outcome import NotHome, home_at_end, not_home
 from edc_swarm.analysis.separation import encounters, least_gap_m
 from edc_swarm.analysis.timings import Timing
+from edc_swarm.analysis.tracks import Tracks
 from edc_swarm.analysis.voyages import Voyages, voyages_of
 from edc_swarm.geometry import BODY_TOLERANCE_M, DISC_TOLERANCE_M
 from edc_swarm.mission.configuration import Mission
@@ -134,7 +135,7 @@ def compute_metrics(recording: Recording, timings: Sequence[Timing] = ()) -> Met
     arrival = _arrival_slots(at_target)
     slots = 1 + max((fix.slot for fix in recording.fixes), default=-1) or None
     duration_s = None if slots is None else mission.dt_s * slots
-    commanded = {command.slot for command in recording.commands}
+    commanded = _commanded(recording, tracks)
     first = min(commanded, default=None)
     last = int(arrival[living].max()) if settled else tracks.slots - 1
     makespan_s = _makespan_s(mission, arrival[living], first) if settled and known.motion else None
@@ -213,6 +214,13 @@ def _gaps(evidence: Evidence) -> int | None:
     """Return how many messages the numbers prove to be missing; None where they neither show nor exclude any."""
     missing = sum(gap.count for gap in evidence.gaps if not gap.duplicate)
     return None if not missing and unproved(evidence) else missing
+
+
+def _commanded(recording: Recording, tracks: Tracks) -> set[int]:
+    """Return the slots for which anybody was commanded; without a head, those in which anybody flew its own step."""
+    if recording.mission.control == "local":
+        return set(np.flatnonzero(tracks.executed.any(axis=1)).tolist())
+    return {command.slot for command in recording.commands}
 
 
 def _slots_missed(commanded: set[int], first: int | None, last: int) -> int:

@@ -25,6 +25,7 @@ from edc_swarm.mission.field_types import (
     MAX_ZONES,
     MOST_M,
     MOST_SLOTS,
+    Control,
     FailsafeAction,
     FaultText,
     Fence,
@@ -156,9 +157,19 @@ class Mission(Struct, frozen=True, kw_only=True):
     A slot takes `dt_s` / `time_scale` of wall time; delays and jitters of links stay as they are.
     """
     planner: Annotated[PlannerName, Option("planner")] = "edc"
-    """Planner: edc, straight, paper, or package.module:Class.
+    """Planner: edc, straight, paper, orca, bvc, cbf, priority, or package.module:Class.
 
-    `edc` keeps all discs apart, `straight` avoids nothing, `paper` is eq. 29-43 as printed.
+    `edc` keeps all discs apart, `straight` avoids nothing, `paper` is eq. 29-43 as printed. The baselines `orca`,
+    `bvc`, `cbf` and `priority` are published methods of others (docs/baselines.md). They plan
+    without zones, without `lag_slots`, and for vehicles that stop at once.
+    """
+    control: Annotated[Control, Option("control")] = "head"
+    """Control of the swarm: a `head` plans for all UAVs, or each UAV is `local` and plans its own steps.
+
+    With `local` there is no head and no election. Every UAV hears the fixes of all others over the same links, and
+    plans its next step with planner `orca`, `bvc`, `cbf` or package.module:Class. Separation is measured, not promised.
+
+    Source: the paper, section I, names decentralised control as the alternative.
     """
     minimise: Annotated[Minimise, Option("minimise")] = "distance"
     """Quantity that the guidance of planner `edc` minimises.

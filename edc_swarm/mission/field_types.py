@@ -20,6 +20,7 @@ MAX_GOAL_POINTS = 32
 MOST_SLOTS = 1_000_000
 
 PlannerName = Annotated[str, Meta(min_length=1, max_length=200)]
+Control = Literal["head", "local"]
 Minimise = Literal["distance", "energy", "time"]
 PartName = Annotated[str, Meta(min_length=1, max_length=200)]
 """Name of a part that is built in, or `package.module:Class` (`plug_ins`)."""

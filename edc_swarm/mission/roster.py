@@ -9,6 +9,7 @@ from numpy.typing import NDArray
 from edc_swarm.errors import MissionError, PlacementError
 from edc_swarm.mission.airspace import Airspace, check_goals, check_zones
 from edc_swarm.mission.autopilots import check_autopilots, with_return
+from edc_swarm.mission.baselines import check_baselines
 from edc_swarm.mission.configuration import Mission, default_tau_s
 from edc_swarm.mission.inheritance import with_charges, with_radii
 from edc_swarm.mission.passing import check_passing
@@ -49,6 +50,7 @@ def complete_mission(mission: Mission) -> Mission:
     check_vehicles(whole)
     check_autopilots(whole)
     whole = with_return(whole)
+    check_baselines(whole)
     check_zones(whole)
     check_goals(whole)
     check_passing(whole)

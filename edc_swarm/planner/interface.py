@@ -56,6 +56,34 @@ class Hull:
 
 
 @dataclass(frozen=True, slots=True)
+class Neighbour:
+    """Another UAV as a UAV that plans for itself alone knows it (local control).
+
+    Attributes
+    ----------
+    uav
+        Index in the roster.
+    x_m, y_m
+        Waypoint in its newest fix that has arrived; its start if none has.
+    step_x_m, step_y_m
+        Step that it flew in the slot of that fix.
+    r_m
+        GPS error radius.
+    age_slots
+        Slots from the end of that step to the start of the slot to plan, 0 for a fix of the slot before. The planner
+        extrapolates as its method says.
+    """
+
+    uav: int
+    x_m: float
+    y_m: float
+    step_x_m: float
+    step_y_m: float
+    r_m: float
+    age_slots: int = 0
+
+
+@dataclass(frozen=True, slots=True)
 class PlanRequest:
     """Request for the plan of one slot. The n commanded UAVs come in roster order.
 
@@ -77,6 +105,8 @@ class PlanRequest:
         (n, 2) centres one slot earlier when `lag_slots` is 1 or a vehicle has inertia, else None.
     rest_m
         (n,) length of the way beyond `target_m`, 0 for the last point of a route; None for 0 everywhere.
+    neighbours
+        UAVs that plan for themselves (local control); empty in the request of a head.
     """
 
     slot: int
@@ -87,6 +117,7 @@ class PlanRequest:
     hulls: Sequence[Hull] = ()
     previous_m: Points | None = None
     rest_m: Scalars | None = None
+    neighbours: Sequence[Neighbour] = ()
 
 
 @dataclass(frozen=True, slots=True)
@@ -107,6 +138,11 @@ class Plan:
     solve_ms: float = 0.0
     iterations: int = 0
     problem: str = ""
+
+
+def plan_ms(plan: Plan) -> float:
+    """Return the time that a plan took in all, in milliseconds."""
+    return plan.guidance_ms + plan.assemble_ms + plan.solve_ms
 
 
 def timeless(plan: Plan) -> Plan:

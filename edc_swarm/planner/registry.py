@@ -16,11 +16,15 @@ BUILT_IN = {
     "edc": "edc_swarm.planner.edc:Edc",
     "straight": "edc_swarm.planner.straight:Straight",
     "paper": "edc_swarm.planner.paper:Paper",
+    "orca": "edc_swarm.planner.orca:Orca",
+    "bvc": "edc_swarm.planner.bvc:Bvc",
+    "cbf": "edc_swarm.planner.cbf:Cbf",
+    "priority": "edc_swarm.planner.priority:Priority",
 }
 
 
 def make_planner(name: str, mission: Mission, stopwatch: Stopwatch = stopped) -> Planner:
-    """Return a planner for `mission`: "edc", "straight", "paper", or a user's `package.module:Class`.
+    """Return a planner for `mission`: one of `BUILT_IN`, or a user's `package.module:Class`.
 
     Raises
     ------

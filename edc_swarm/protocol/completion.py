@@ -160,13 +160,15 @@ class MissionMonitor:
         The mission has stalled if every fault that ends is over and every restart done, and since then
 
         - a head has made `STALL_SLOTS` consecutive plans of one term without a move, while no UAV moved; or
-        - for `STALL_SLOTS` slots too few UAVs were left for a quorum (on one side, if a partition lasts).
+        - for `STALL_SLOTS` slots too few UAVs were left for a quorum (on one side, if a partition lasts); or
+        - in a mission without a head, no UAV has moved for `STALL_SLOTS` slots.
 
         With the failsafe a plan proves nothing either while a UAV is unheard that has not landed: its hull will go.
         Slots without a plan prove nothing: a planner may be slow, or a network may have no head for long. A plan with
         a move is no standstill, even if its commands come late.
         """
-        if sum(not self._grounded(uav) for uav in self._side) < self._mission.quorum:
+        flying = sum(not self._grounded(uav) for uav in self._side)
+        if flying < self._mission.quorum or self._mission.control == "local":
             return slot - max(self._changed_slot, self._settled_slot) >= STALL_SLOTS
         return self._still_plans >= STALL_SLOTS
 

@@ -67,9 +67,9 @@ class Fix(Struct, frozen=True, kw_only=True, gc=False):
     the current command, `from_*` that centre before it. `term, head` is the grant; `suspects` is true if
     the UAV suspects that head; `voter` is false if the promise on disk was lost, or if the UAV strays. `course` is the
     UAV's goal and its place in it, as its promise has it. A UAV whose vehicle no longer follows its commands strays: by
-    the end of the slot it is within `stray_m` of `x_m y_m`, or `on_ground` for good.
-    `missed` is the share of the head's newest messages that the UAV did not hear;
-    `next_slot` the slot of the command that it holds, in a repeat that acknowledges it.
+    the end of the slot it is within `stray_m` of `x_m y_m`, or `on_ground` for good. `missed` is the share of the
+    head's newest messages that the UAV did not hear; `next_slot` the slot of the command that it holds, in a repeat
+    that acknowledges it.
     """
 
     uav: UavId

@@ -33,6 +33,7 @@ class Fleet:
         self._log = log
         self._steps_m = dict(zip((entry.uav for entry in mission.roster), mission.steps_m, strict=True))
         self._r_m = {entry.uav: entry.r_m for entry in mission.roster}
+        self._local = mission.control == "local"
         self._from_first = from_first
         self._flown = not from_first
         self.uavs = {entry.uav: Uav(entry) for entry in mission.roster}
@@ -175,6 +176,8 @@ class Fleet:
         uav.state = "beside" if why.reason == "covered" and why.is_near else "holding"
 
     def _why(self, uav: Uav, fix: Fix, heard: Heard, before: Report | None) -> Why:
+        if not fix.executing and self._local:
+            return Why("no-step", "it had no step of its own in time")
         if not fix.executing:
             return why_not_flown(fix, heard.commands.get(uav.uav), before)
         step_m = self._steps_m[uav.uav]

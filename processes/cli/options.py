@@ -26,6 +26,7 @@ from edc_swarm.mission.validation import load_mission
 from edc_swarm.simulation.take_off import ready_mission, warnings_of
 from processes.cli.whole_number import WholeNumber
 from processes.runtime.console import note
+from processes.runtime.extras import check_planner_extra
 from processes.runtime.voice import Voice
 
 MISSION_HELP = "Mission file (TOML); without one, a random mission."
@@ -116,6 +117,7 @@ class MissionOptions(_FieldOptions):  # type: ignore[misc]  # The declarations d
         }
         with named_as_options(options):
             mission = ready_mission(with_stated(base, stated))
+            check_planner_extra(mission.planner)
         for said in warnings_of(mission):
             note(f"warning: {said}")
         return mission

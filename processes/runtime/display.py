@@ -93,7 +93,8 @@ class Display:
         report, gone = monitor.report, sum(state in GONE for state in teller.states.values())
         parts = [f"slot {max(monitor.slot, 0)}", f"arrived {monitor.arrived}/{len(self._order)}"]
         parts += [f"dead or silent {gone}"] if gone else []
-        parts += [f"head {report.head} term {report.term}" if report else "no head"]
+        alone = "local control" if self._mission.control == "local" else "no head"
+        parts += [f"head {report.head} term {report.term}" if report else alone]
         if report is not None:
             begun_ns = self._mission.epoch_ns + report.slot * self._mission.slot_ns
             share = (report.sent_ns - begun_ns) / self._mission.slot_ns

@@ -10,8 +10,13 @@ import shlex
 import sys
 from typing import Any
 
+from edc_swarm.errors import InputError
+
 IMAGE = "EDC_SWARM_EXTRAS"
 """Environment variable of the container image: the extras that it was built with."""
+
+PLANNER_EXTRAS = {"orca": ("pyrvo", "baselines")}
+"""Package and extra that a planner of this package needs beyond the dependencies."""
 
 
 def has_package(module: str) -> bool:
@@ -37,6 +42,13 @@ def install_command(extra: str) -> str:
     if installer != "uv":
         pip = [sys.executable, "-m", "pip", "install"]
     return shlex.join([*pip, *wanted])
+
+
+def check_planner_extra(planner: str) -> None:
+    """Raise `InputError` if a planner of this package needs an extra that is not installed."""
+    module, extra = PLANNER_EXTRAS.get(planner, ("", ""))
+    if module and not has_package(module):
+        raise InputError("planner", planner, f"another one, or {module} installed: {install_command(extra)}")
 
 
 def _origin() -> tuple[dict[str, Any], str]:

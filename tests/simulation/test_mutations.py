@@ -22,6 +22,7 @@ from edc_swarm.agent import slot_clock, vehicle
 from edc_swarm.agent.election import Election
 from edc_swarm.agent.head import Head, Office
 from edc_swarm.agent.knowledge import Knowledge
+from edc_swarm.agent.leadership import Leadership
 from edc_swarm.agent.node import Effect, Persist, UavNode
 from edc_swarm.emulation.multirotor import Multirotor
 from edc_swarm.experiments import fuzzing
@@ -192,7 +193,9 @@ def planning_twice_in_a_slot(patch: Patch) -> None:
         known = isinstance(message, Fix) and self._knowledge.last_slot(message.uav)
         receive(self, message, now_ns)
         if isinstance(message, Fix) and known != self.slot and message.slot == self.slot and self.slot >= 0:
-            self._leadership.head.office.planned_slot = min(self._leadership.head.office.planned_slot, self.slot - 1)
+            assert isinstance(self._leadership, Leadership)
+            office = self._leadership.head.office
+            office.planned_slot = min(office.planned_slot, self.slot - 1)
 
     patch.setattr(UavNode, "_receive", mutant)
 

@@ -47,7 +47,7 @@ def test_unknown_planners_are_refused_with_what_is_allowed(name: str) -> None:
 
 
 @pytest.mark.parametrize("lag_slots", [0, 1])
-@pytest.mark.parametrize("name", ["edc", "straight", "paper", f"{__name__}:Lazy"])
+@pytest.mark.parametrize("name", ["edc", "straight", "paper", "orca", "bvc", "cbf", "priority", f"{__name__}:Lazy"])
 def test_planners_warm_up(name: str, lag_slots: int) -> None:
     """Warming up runs a tiny plan of the mission's own planner."""
     check_planner(Mission(planner=name, lag_slots=lag_slots))

@@ -11,6 +11,7 @@ from __future__ import annotations
 from edc_swarm.analysis.guarantees.completeness import check_no_loss
 from edc_swarm.analysis.guarantees.evidence import Evidence, gather
 from edc_swarm.analysis.guarantees.fencing import check_fencing
+from edc_swarm.analysis.guarantees.headless import without_head
 from edc_swarm.analysis.guarantees.heads import check_one_head
 from edc_swarm.analysis.guarantees.holding import check_hold_on_silence
 from edc_swarm.analysis.guarantees.progress import check_progress
@@ -33,7 +34,8 @@ CHECKERS = (
 def check(recording: Recording) -> list[GuaranteeResult]:
     """Return the verdict on every guarantee, in order."""
     evidence = gather(recording)
-    return [_on_evidence(evidence, checker(evidence)) for checker in CHECKERS]
+    results = [_on_evidence(evidence, checker(evidence)) for checker in CHECKERS]
+    return results if evidence.mission.control == "head" else [without_head(result) for result in results]
 
 
 def _on_evidence(evidence: Evidence, result: GuaranteeResult) -> GuaranteeResult:
