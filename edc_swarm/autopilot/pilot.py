@@ -244,8 +244,8 @@ class Pilot:
         yield "set_position_target_global_int", set_point(self._mission, self._vehicle.altitude_m, step, now_ns)
 
     def _path_at(self, at_ns: int) -> Point | None:
-        """Return the place on the declared path at a time; None before the first step."""
-        if self.step is None:
+        """Return the place on the declared path at a time; None before the newest step."""
+        if self.step is None or at_ns < self.step.start_ns:
             return None
         place, *_ = self.step.place((at_ns - self.step.start_ns) / self._mission.slot_ns)
         return place.real, place.imag

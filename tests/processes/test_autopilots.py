@@ -166,7 +166,7 @@ def test_those_that_follow_finish_and_those_that_fail_are_told(start: Fly, stand
     assert strays == {"u002", "u006"}
     radii = [dict(zip(r.hull_uav, r.hull_r_m, strict=True)).get("u002", 0.0) for r in recording.reports if r.strays]
     grown_m = np.diff(sorted({round(radius, 1) for radius in radii if radius}))
-    assert len(grown_m) > 3, "its hull grows from slot to slot"
+    assert len(grown_m) >= 2, "its hull grows from slot to slot"
     assert np.median(grown_m) == pytest.approx(3.0, abs=0.2), "by what it can fly in one"
 
 

@@ -227,6 +227,15 @@ def test_a_pilot_is_never_fought(moment: str) -> None:
     assert flown.pilot.stage in {Stage.STRAYING, Stage.DONE}
 
 
+def test_an_old_report_is_not_held_against_a_new_step() -> None:
+    """A second without a report, in which the path went on by 8 m: nobody knows yet where the vehicle is."""
+    flown = copter()
+    flown.run(80, 100)
+    flown.pilot.step = Step(EPOCH_NS + S // 2, (6.0, 0.0), (10.0, 0.0), (12.0, 0.0))
+    flown.obey(EPOCH_NS + S)
+    assert "strayed" not in kinds(flown)
+
+
 def test_set_points_end_when_steps_end() -> None:
     """One slot after the end of the newest step nothing is sent any more, though the link lives."""
     flown = copter()
