@@ -142,6 +142,15 @@ def worst_turns(vehicle: VehicleModel, dt_s: float) -> list[int]:
     return [1 if each > 0 else -1 for each in reversed(slots)]
 
 
+def worst_gusts(vehicle: VehicleModel, dt_s: float) -> list[int]:
+    """Return the signs of the gusts in consecutive steps of the controller that make the deviation largest.
+
+    The deviation is largest at the end of the last step. The list is empty if the loop does not settle.
+    """
+    responses = _impulse(vehicle, loop_step(vehicle.lag_s, vehicle.drag_per_s, dt_s), gust=1.0)
+    return [] if responses is None else [1 if each > 0 else -1 for each in reversed(responses[0])]
+
+
 def _impulse(
     vehicle: VehicleModel,
     step: LoopStep,

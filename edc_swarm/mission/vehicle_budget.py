@@ -24,6 +24,8 @@ GROWTH_M = 0.25
 """Least growth of a tracked disc: a planner computes ways round zones anew for each radius."""
 LEAST_SHARE = 0.25
 """Least share of a vehicle's `a_max_mps2` that wind and controller may leave for the plan."""
+LEAST_A_MAX_MPS2 = 0.05
+"""Least `a_max_mps2`: with less, a vehicle needs more than a minute and a half to reach 5 m/s."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -221,6 +223,9 @@ def check_vehicles(mission: Mission) -> None:
 
 
 def _check_vehicle(mission: Mission, vehicle: VehicleModel) -> None:
+    if vehicle.a_max_mps2 < LEAST_A_MAX_MPS2:
+        allowed = f"at least {LEAST_A_MAX_MPS2:g}, or 0 for the figure of {vehicle.model}"
+        raise MissionError("vehicle.a_max_mps2", vehicle.a_max_mps2, allowed)
     if vehicle.lag_s > mission.dt_s:
         raise MissionError("vehicle.lag_s", vehicle.lag_s, f"at most a slot, dt_s ({mission.dt_s:g} s)")
     if vehicle.drift_mps > vehicle.correction_mps:

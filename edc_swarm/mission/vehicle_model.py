@@ -124,9 +124,9 @@ and others, "Model Predictive Control for Trajectory Tracking of Unmanned Aerial
 """
 HUMMINGBIRD = VehicleModel(
     model="hummingbird",
-    a_max_mps2=5.0,
-    tilt_deg=60.0,
-    lag_s=0.09,
+    a_max_mps2=3.0,
+    tilt_deg=45.0,
+    lag_s=0.14,
     drag_per_s=0.45,
     position_gain_per_s=1.6,
     velocity_gain_per_s=4.0,
@@ -136,25 +136,28 @@ HUMMINGBIRD = VehicleModel(
 """AscTec Hummingbird as in RotorPy (S. Folk, J. Paulos, V. Kumar, arXiv 2306.04485, 2023).
 
 Mass 0.5 kg; four rotors at 469 rad/s in hover with a rotor drag of 1.19e-4 kg: 0.45 per second. Attitude gains 544 and
-46.6 are two poles at 23 per second: 0.09 s. Position gains 6.5 and 4: 1.6 and 4 in cascade. Its rotors lift ten times
-its weight, so the tilt is this project's limit.
+46.6 are two poles at 23 per second, with the rotors 0.09 s. The model leaves out that their torque goes by the sine of
+the error, and forces along the body's axis in wind: 0.14 s instead. Position gains 6.5 and 4: 1.6 and 4 in cascade.
+`a_max_mps2` and tilt are this project's: with 5 m/s² and 60° the controller asks for more than RotorPy's vehicle can
+follow in wind (`benchmarks/oracle.py`).
 """
 CRAZYFLIE = VehicleModel(
     model="crazyflie",
     a_max_mps2=2.0,
     tilt_deg=30.0,
-    lag_s=0.15,
+    lag_s=0.26,
     drag_per_s=0.25,
-    position_gain_per_s=1.6,
-    velocity_gain_per_s=4.0,
+    position_gain_per_s=0.7,
+    velocity_gain_per_s=1.5,
     correction_mps=0.3,
     drift_mps=0.2,
 )
-"""Bitcraze Crazyflie 2.0 as in RotorPy, by J. Förster, "System Identification of the Crazyflie 2.0 Nano
+"""Bitcraze Crazyflie 2.0 as in RotorPy; drag by J. Förster, "System Identification of the Crazyflie 2.0 Nano
 Quadrocopter", ETH Zurich, 2015.
 
-Mass 0.03 kg; four rotors at 1788 rad/s in hover with a rotor drag of 1.03e-6 kg: 0.25 per second. Motors 0.07 s and
-attitude 0.08 s: 0.15 s.
+Mass 0.03 kg; four rotors at 1788 rad/s in hover with a rotor drag of 1.03e-6 kg: 0.25 per second. Attitude gains 310
+and 57 lag by 57 / 310 = 0.18 s, motors by 0.072 s: 0.26 s. Such a lag does not bear RotorPy's gains of the position, so
+gains, `a_max_mps2` and tilt are this project's.
 """
 M100 = VehicleModel(
     model="m100",
@@ -167,9 +170,11 @@ M100 = VehicleModel(
     correction_mps=0.3,
     drift_mps=0.2,
 )
-"""DJI Matrice 100: largest tilt 35° (data sheet); attitude identified by I. Sa and others, arXiv 1701.08623, 2017.
+"""DJI Matrice 100: largest tilt 35° (data sheet).
 
-The attitude is simplified to one lag of 0.2 s. Drag and gains are those of `arducopter`.
+I. Sa and others, arXiv 1701.08623, 2017, identified its attitude. Here it is simplified to one lag of 0.2 s; M. Kamel's
+controllers of other multirotors have 0.16 to 0.26 s. Drag and gains are those of `arducopter`, `a_max_mps2` is this
+project's.
 """
 AUTOPILOT = msgspec.structs.replace(ARDUCOPTER, model="mavlink", altitude_m=5.0, takeoff_s=20.0, free_mps=10.0)
 """What a plan assumes of an autopilot: ArduCopter's figures. Its WPNAV_SPEED is 10 m/s, its take-off takes 10 s."""

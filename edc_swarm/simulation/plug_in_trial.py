@@ -13,6 +13,7 @@ from edc_swarm.errors import MissionError
 from edc_swarm.mission.configuration import Mission
 from edc_swarm.mission.plug_ins import CRITERIA
 from edc_swarm.mission.roster_entry import RosterEntry
+from edc_swarm.mission.vehicle_budget import gps_bound_m
 from edc_swarm.protocol.messages import Fix
 
 DRAWS = 10
@@ -27,7 +28,7 @@ def try_plug_ins(mission: Mission) -> None:
         fix = Fix(uav=entry.uav, slot=0, r_m=entry.r_m, x_m=x_m, y_m=y_m, waypoint_x_m=x_m, waypoint_y_m=y_m)
         fix = msgspec.structs.replace(fix, energy_j=entry.energy_j)
         Candidates(mission).ranked([fix])
-    receiver = GpsReceiver(mission.gps_model, entry.r_m - entry.body_m, mission.dt_s, "trial")
+    receiver = GpsReceiver(mission.gps_model, gps_bound_m(mission, entry), mission.dt_s, "trial")
     for _ in range(DRAWS):
         receiver.next_error_m()
     chance = Random(0)

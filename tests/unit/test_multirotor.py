@@ -229,6 +229,10 @@ def test_steps_and_samples_fill_a_slot(dt_s: float) -> None:
     [
         ({"r_m": 2.0, "gps_m": 2.0}, "gps 2.00 + tracking 0.53 + body 0.25 > r 2: lower gps_m"),
         ({"r_m": 0.4}, "gps 0.00 + tracking 0.30 + body 0.25 > r 0.4"),
+        (
+            {"vehicle": {"model": "multirotor", "a_max_mps2": 0.01}},
+            "vehicle.a_max_mps2 = 0.01: must be at least 0.05, or 0",
+        ),
         ({"vehicle": {"model": "multirotor", "lag_s": 0.6}}, "vehicle.lag_s = 0.6: must be at most a slot"),
         ({"vehicle": {"model": "multirotor", "position_gain_per_s": 40}}, "must be gains that settle within 60 s"),
         ({"wind": {"mean_mps": 40.0}}, "wind.mean_mps, gust_mps = (40.0, 0.0): must be less than multirotor can hold"),
