@@ -1,6 +1,7 @@
 # `make run` flies the default mission, `make check` runs the linters, `make test` the tests that a change needs before
 # it is committed (six minutes on two processors), `make test-all` every test.
 # `make latency-figures` makes the figures of docs/latency.md again, in about an hour.
+# `make docs` builds the documentation as a site, in build/site.
 # All that is needed is git, make and Python >= 3.11 with venv; the first call sets everything up.
 
 PYTHON ?= python3
@@ -9,7 +10,7 @@ BIN := $(VENV)/bin
 READY := $(VENV)/.ready
 RUN ?=
 
-.PHONY: run test test-all check format clean latency-figures
+.PHONY: run test test-all check format docs clean latency-figures
 
 run: $(READY)
 	$(BIN)/edc-swarm run $(RUN)
@@ -37,6 +38,10 @@ format: $(READY)
 	$(BIN)/ruff check --fix
 	$(BIN)/ruff format
 
+docs: $(READY)
+	$(BIN)/sphinx-build -q -W --keep-going -b html -c docs . build/site
+	@echo build/site/docs/contents.html
+
 # Both sweeps go on where they were; a figure is a quantity against an axis, of the simulator or of both engines.
 latency-figures: $(READY)
 	$(BIN)/edc-swarm latency --out build/latency
@@ -58,4 +63,5 @@ $(READY): pyproject.toml constraints.txt
 		{ echo "error: PYTHON = $(PYTHON): must be Python >= 3.11 (make PYTHON=python3.12 ...)" >&2; exit 2; }
 	$(PYTHON) -m venv $(VENV)
 	$(BIN)/pip install --quiet --disable-pip-version-check -c constraints.txt -e '.[dev]'
+	$(BIN)/python -m processes.uav.compile_ahead
 	@touch $@

@@ -57,10 +57,21 @@ def frame_of(columns: Columns, library: str = "pandas") -> Any:
     InputError
         `library` is neither of the two, or is not installed.
     """
+    return new_frame(table_of(columns), library)
+
+
+def new_frame(rows: dict[str, Any] | list[dict[str, Any]], library: str = "pandas") -> Any:
+    """Return columns, or a list of rows, as a pandas or polars data frame (extra `frames`).
+
+    Raises
+    ------
+    InputError
+        `library` is neither of the two, or is not installed.
+    """
     if library not in LIBRARIES:
         raise InputError("library", library, f"one of {', '.join(LIBRARIES)}")
     try:
         frames = importlib.import_module(library)
     except ImportError:
         raise InputError("library", library, "installed: pip install 'edc-swarm[frames]'") from None
-    return frames.DataFrame(table_of(columns))
+    return frames.DataFrame(rows)

@@ -176,6 +176,9 @@ def _open_legs(
 
 def _ways_m(graph: Any, source: int) -> Floats:
     """Return the length (c,) of the shortest way from the source to each node of a sparse matrix of legs."""
+    # scipy 1.13 searches only graphs with 32-bit indices.
+    index, pointer = graph.indices.astype(np.int32), graph.indptr.astype(np.int32)
+    graph = csr_array((graph.data, index, pointer), shape=graph.shape)
     return np.asarray(dijkstra(graph, indices=np.array([source]))[0])
 
 

@@ -107,7 +107,7 @@ def open_router(
 
 def hand_over(take: Callable[[Item], None]) -> zenoh.handlers.Callback[Item]:
     """Return a callback that runs on Zenoh's receiving thread; `take` must only queue the item, never call Zenoh."""
-    return zenoh.handlers.Callback(take, indirect=False)
+    return zenoh.handlers.Callback(take, None, indirect=False)  # Zenoh 1.4 needs both.
 
 
 def put(session: zenoh.Session, key: str, payload: bytes, attachment: bytes | None = None) -> None:

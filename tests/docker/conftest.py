@@ -99,7 +99,7 @@ class Swarm:
 
     def container_of(self, uav: str) -> str:
         """The container that flies a UAV."""
-        (found,) = (each for each in self.containers("uav") if f"flying {uav} of" in logs(each))
+        (found,) = (each for each in self.containers("uav") if f"flies {uav} of" in logs(each))
         return found
 
     def await_end(self) -> int:

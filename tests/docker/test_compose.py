@@ -63,6 +63,7 @@ def test_latency_experiments(swarm: Make) -> None:
     """Tables, plots and page, where recordings go, and as their owner."""
     grid = "--delays 0,300 --jitters 0 --losses 0 --slots 0.5 --uavs 3 --repeats 1 --max-slots 60 --hold-slots 10"
     flown = swarm(OPTIONS=grid)
+    flown.compose("build", "latency")
     said_by = flown.compose("run", "--rm", "latency")
     assert "2 runs: 0 overlaps of discs" in said_by.stdout
     assert "atplotlib" not in said_by.stdout + said_by.stderr
@@ -113,7 +114,7 @@ def test_a_container_started_again_flies_the_same_uav(swarm: Make) -> None:
     said("docker", "kill", container)
     said("docker", "start", container)
     assert flown.await_end() == 0
-    assert logs(container).count("flying u003 of mission") == 2
+    assert logs(container).count("flies u003 of mission") == 2
     assert len({fix.instance for fix in flown.recording.fixes if fix.uav == "u003"}) == 2
     assert compute_metrics(flown.recording).arrived == 10
 

@@ -7,8 +7,8 @@ from pathlib import Path
 from edc_swarm.analysis.outcome import not_home_of
 from edc_swarm.foreign_text import MAX_LINE, shown
 from edc_swarm.recording.reader import read_recording
-from processes.cli.judging import judged
 from processes.cli.summary import guarantees_status, print_guarantees
+from processes.experiments.judging import judged
 from processes.runtime.console import print_json, stdout_console
 
 
@@ -36,5 +36,5 @@ def check(recording: Path, /, *, load_planner: bool = False, json: bool = False)
     else:
         print_guarantees(results, stdout_console())
         for who in not_home_of(whole):
-            print(shown(f"not home: {who}", MAX_LINE))
+            print(shown(f"{who}" if who.is_unknown else f"not home: {who}", MAX_LINE))
     return guarantees_status(results)

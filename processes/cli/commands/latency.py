@@ -21,8 +21,9 @@ from edc_swarm.experiments.latency.quantities import QUANTITIES, Quantity
 from edc_swarm.experiments.latency.table import CellRow, flat, rows_of
 from edc_swarm.experiments.sweeps import Run, command_of, mission_toml
 from edc_swarm.foreign_text import MAX_LINE, shown
+from edc_swarm.mission.stated import named_as_options
 from edc_swarm.mission.validation import load_mission, read_toml
-from processes.cli.options import named_as_options, swept
+from processes.cli.options import swept
 from processes.experiments.latency_page import baseline_notes, page, words
 from processes.experiments.latency_plots import Axis, draw_quantity
 from processes.experiments.ledger import Ledger, Scheduler, open_scheduler, sweep

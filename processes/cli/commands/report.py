@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from importlib.resources import files
 from pathlib import Path
 from typing import Annotated
 
@@ -11,9 +10,10 @@ from cyclopts import Parameter
 from edc_swarm.analysis.metrics import compute_metrics
 from edc_swarm.analysis.timings import load_timings
 from edc_swarm.recording.reader import read_recording
+from edc_swarm.report_page.assets import page_assets
 from edc_swarm.report_page.data import Page
-from edc_swarm.report_page.render import SCRIPTS, Assets, Shown, render_all
-from processes.cli.judging import judged
+from edc_swarm.report_page.render import Shown, render_all
+from processes.experiments.judging import judged
 from processes.runtime.console import note
 from processes.runtime.output import SUFFIX, check_new, new_file
 
@@ -43,7 +43,7 @@ def report(
     """
     path = out or recording.with_name(recording.name.removesuffix(SUFFIX) + HTML)
     check_new(path, HTML, force=force)
-    document = render_all([_shown(each) for each in (recording, other) if each is not None], _assets())
+    document = render_all([_shown(each) for each in (recording, other) if each is not None], page_assets())
     with new_file(path) as stream:
         stream.write(document.encode())
     print(path)
@@ -54,9 +54,3 @@ def _shown(path: Path) -> Shown:
     whole, timings = read_recording(path), load_timings(path, note)
     metrics = compute_metrics(whole, timings)
     return Shown(Page.of(whole, metrics.heads, timings), metrics, judged(whole), whole.run)
-
-
-def _assets() -> Assets:
-    folder = files("edc_swarm.report_page")
-    template, style = ((folder / f"page.{kind}").read_text("utf-8") for kind in ("html", "css"))
-    return Assets(template, style, "\n".join((folder / name).read_text("utf-8") for name in SCRIPTS))

@@ -11,22 +11,16 @@ from cyclopts import Parameter
 from edc_swarm.analysis.timings import Timing, Timings, content_hash
 from edc_swarm.mission.configuration import Mission
 from edc_swarm.mission.fault_help import fault_help
-from edc_swarm.mission.plug_ins import plug_ins_of
-from edc_swarm.protocol.codec import encode
 from edc_swarm.protocol.messages import Message, MissionMessage, mission_message
-from edc_swarm.recording.writer import RecordingWriter
 from edc_swarm.simulation.simulator import Simulation, SimulationEnd
 from edc_swarm.story.teller import Storyteller
-from edc_swarm.viz.scenery import Scenery
 from processes.cli.conclusion import conclude
 from processes.cli.options import MISSION_HELP, MissionOptions
-from processes.experiments.timed_planner import TimedPlanner
+from processes.experiments.recorded_simulation import RecordedSimulation
 from processes.runtime.compiling import CompilingNote
 from processes.runtime.display import Display
 from processes.runtime.output import Output, default_output, held_for_writing, new_file
-from processes.runtime.run_facts import CODE, code_digest, plug_in_facts, run_facts
 from processes.runtime.voice import Voice
-from processes.services.recorded_view import attach_layout, write_shown
 from processes.uav.planner_loader import warm_planner
 
 
@@ -51,30 +45,22 @@ def sim(
 
 
 def _simulate(mission: Mission, output: Output, *, viz: bool, voice: Voice) -> list[Timing]:
-    message, timings = mission_message(mission), list[Timing]()
+    message = mission_message(mission)
     compiling = CompilingNote(voice)
-    warm_planner(mission, compiling.tell)
+    warm_planner(mission, compiling.tell, helped=True)
     compiling.end()
-    code = code_digest(mission.planner, *plug_ins_of(mission))
-    facts = {**run_facts("virtual"), **plug_in_facts(mission), CODE: code}
+    teller = Storyteller(message)
+
+    def hear(said: Message) -> None:
+        if voice.shows_bar or voice.verbose:
+            teller.hear(said)
+
     with held_for_writing(output.part) as stream:
-        writer = RecordingWriter(stream, facts)
-        attach_layout(writer, message)
-        scenery, teller = Scenery(), Storyteller(message)
-
-        def record(key: str, said: Message, now_ns: int) -> None:
-            if viz:
-                write_shown(writer, scenery.advance(now_ns))
-                scenery.hear(said, now_ns)
-            writer.write(key, encode(said), now_ns)
-            if voice.shows_bar or voice.verbose:
-                teller.hear(said)
-
-        simulation = Simulation(message, lambda: TimedPlanner(message, timings), record)
-        end = _fly(simulation, message, teller, voice)
-        writer.finish({"completed": str(end.completed).lower()})
+        recorded = RecordedSimulation(message, stream, hear, viz=viz)
+        end = _fly(recorded.simulation, message, teller, voice)
+        timings = recorded.finish(end)
         output.part.replace(output.path)
-    return sorted(timings, key=lambda timing: timing.slot)
+    return timings
 
 
 def _fly(simulation: Simulation, mission: MissionMessage, teller: Storyteller, voice: Voice) -> SimulationEnd:

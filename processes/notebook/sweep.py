@@ -1,0 +1,220 @@
+"""Sweeps in a notebook: every combination of the values of some options, each with many seeds."""
+
+from __future__ import annotations
+
+import hashlib
+from collections.abc import Iterable, Mapping
+from contextlib import ExitStack
+from dataclasses import dataclass
+from itertools import product
+from pathlib import Path
+from tempfile import TemporaryDirectory
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from edc_swarm.analysis.frames import new_frame
+from edc_swarm.errors import InputError
+from edc_swarm.experiments.statistics import Kind, estimate
+from edc_swarm.experiments.sweeps import Run, mission_toml
+from edc_swarm.mission.configuration import Mission
+from edc_swarm.simulation.take_off import ready_mission
+from processes.experiments.ledger import Ledger, open_scheduler
+from processes.experiments.ledger import sweep as execute
+from processes.notebook.pictures import new_axes
+from processes.notebook.simulate import new_mission
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+
+MAX_RUNS = 100_000
+COUNTS = frozenset({"potential_collisions", "true_collisions"})
+SIGNED = frozenset({"min_disc_gap_m"})
+"""Metrics that may be negative."""
+
+
+@dataclass(frozen=True, slots=True)
+class Sweep:
+    """The missions of a sweep and their metrics.
+
+    Attributes
+    ----------
+    axes
+        Values of each option that was varied, by its name.
+    rows
+        One for each mission: the values of the axes, `seed`, and every metric that is one number or flag.
+    """
+
+    axes: dict[str, list[Any]]
+    rows: list[dict[str, Any]]
+
+    @property
+    def runs(self) -> Any:
+        """A pandas frame with a row for each mission."""
+        return new_frame(self.rows)
+
+    def summary(self, metric: str, kind: Kind | None = None) -> Any:
+        """Return a pandas frame with the mean of a metric and its 95 % interval for each point of the axes.
+
+        `unknown` counts the missions whose recording does not tell the metric; they are in no mean. A flag is given in
+        per cent of the missions.
+
+        Parameters
+        ----------
+        metric
+            Name of a column of `runs`.
+        kind
+            Kind of the quantity, which decides the interval (`edc_swarm.experiments.statistics.estimate`); by default
+            "count" for collisions, "signed" for gaps, else "amount".
+
+        Raises
+        ------
+        InputError
+            There is no such metric.
+        """
+        return new_frame(self._points(metric, kind))
+
+    def plot(self, metric: str, x: str | None = None, ax: Axes | None = None) -> Axes:
+        """Draw the mean of a metric against an axis (the first by default), with its 95 % interval; return the axes.
+
+        Each combination of the other axes is a line.
+        """
+        x = x or next(iter(self.axes), "")
+        if x not in self.axes:
+            raise InputError("x", x, f"one of {', '.join(self.axes)}")
+        ax = new_axes(ax)
+        others = [name for name in self.axes if name != x]
+        points = self._points(metric, None)
+        for key in dict.fromkeys(tuple(point[name] for name in others) for point in points):
+            line = [point for point in points if tuple(point[name] for name in others) == key]
+            label = ", ".join(f"{name} {value}" for name, value in zip(others, key, strict=True))
+            shown = [point for point in line if point["mean"] is not None]
+            means = np.array([point["mean"] for point in shown], float)
+            ends = np.array([(point["low"], point["high"]) for point in shown], float).reshape(-1, 2)
+            at = [point[x] for point in shown]
+            ax.plot(at, means, marker="o", label=label or None)
+            ax.fill_between(at, ends[:, 0], ends[:, 1], alpha=0.2)
+        ax.set(xlabel=x, ylabel=f"{metric}, % of missions" if self._is_flag(metric) else metric)
+        if others:
+            ax.legend()
+        return ax
+
+    def _is_flag(self, metric: str) -> bool:
+        return any(isinstance(row.get(metric), bool) for row in self.rows)
+
+    def _points(self, metric: str, kind: Kind | None) -> list[dict[str, Any]]:
+        if all(metric not in row for row in self.rows):
+            raise InputError("metric", metric, f"one of {', '.join(self.rows[0]) if self.rows else 'none'}")
+        flag = self._is_flag(metric)
+        kind = "share of runs" if flag else kind or _kind_of(metric)
+        points = []
+        for values in product(*self.axes.values()):
+            point = dict(zip(self.axes, values, strict=True))
+            found = [row.get(metric) for row in self.rows if all(row[name] == value for name, value in point.items())]
+            known = [100.0 * value if flag else float(value) for value in found if value is not None]
+            mean = estimate(known, kind) if known else None
+            points.append(
+                {
+                    **point,
+                    "runs": len(known),
+                    "unknown": len(found) - len(known),
+                    "mean": mean and mean.mean,
+                    "low": mean and mean.low,
+                    "high": mean and mean.high,
+                }
+            )
+        return points
+
+
+def sweep(
+    source: Mission | str | Path | None = None,
+    /,
+    *,
+    seeds: int | Iterable[int] = 10,
+    jobs: int | None = None,
+    scheduler: str | None = None,
+    folder: str | Path | None = None,
+    **options: Any,
+) -> Sweep:
+    """Simulate every combination of the options that are given as lists, each with every seed.
+
+    Parameters
+    ----------
+    source
+        A mission, or the path of a mission file; its fields hold where no option is given.
+    seeds
+        The seeds, or their number.
+    jobs
+        Number of worker processes (one for each processor).
+    scheduler
+        Address of a Dask scheduler (extra `cluster`) whose workers simulate instead.
+    folder
+        Folder for the results. A sweep that was stopped goes on from there; without one, results are kept nowhere.
+    **options
+        As of `new_mission`; a list, tuple, range or array of values is an axis. `fault` is a list by itself: a list of
+        lists is an axis.
+
+    Raises
+    ------
+    MissionError
+        A mission is not valid: no mission is simulated.
+    SweepError
+        A run failed; the folder keeps the results so far.
+    """
+    chosen = list(range(seeds)) if isinstance(seeds, int) else [int(seed) for seed in seeds]
+    axes = {name: list(values) for name, values in options.items() if _is_axis(name, values)}
+    fixed = {name: value for name, value in options.items() if name not in axes}
+    places = [dict(zip(axes, values, strict=True)) for values in product(*axes.values())]
+    if not 0 < len(places) * len(chosen) <= MAX_RUNS:
+        raise InputError("seeds", seeds, f"between 1 and {MAX_RUNS} missions in all, not {len(places) * len(chosen)}")
+    with ExitStack() as stack:
+        home = Path(folder or stack.enter_context(TemporaryDirectory(prefix="edc-swarm-")))
+        wanted = [
+            ({**place, "seed": seed}, _run(new_mission(source, **{**fixed, **place, "seed": seed}), home))
+            for place in places
+            for seed in chosen
+        ]
+        executor = stack.enter_context(open_scheduler(scheduler, jobs))
+        ledger = stack.enter_context(Ledger(home))
+        _write_missions([run for _, run in wanted])
+        results = execute([run for _, run in wanted], ledger, executor)
+    return Sweep(axes, [{**place, **_numbers(results[run.key])} for place, run in wanted])
+
+
+def _kind_of(metric: str) -> Kind:
+    return "count" if metric in COUNTS else "signed" if metric in SIGNED else "amount"
+
+
+def _is_axis(name: str, value: Any) -> bool:
+    if isinstance(value, str | bytes | Mapping) or not hasattr(value, "__iter__"):
+        return False
+    if not isinstance(getattr(Mission(), name, None), list):
+        return True
+    return any(isinstance(each, list | tuple) for each in value)
+
+
+def _run(flown: Mission, home: Path) -> Run:
+    """Return the run of a mission, after every check. Where options cannot express it, its command names a file."""
+    ready_mission(flown)
+    run = Run("fly", flown)
+    try:
+        _ = run.command
+    except InputError:
+        name = hashlib.sha256(mission_toml(flown).encode()).hexdigest()[:16]
+        return Run("fly", flown, file=str(home / "missions" / f"{name}.toml"))
+    return run
+
+
+def _write_missions(runs: Iterable[Run]) -> None:
+    for run in runs:
+        if run.file:
+            path = Path(run.file)
+            path.parent.mkdir(exist_ok=True)
+            path.write_text(mission_toml(run.mission), encoding="utf-8")
+
+
+def _numbers(metrics: Mapping[str, Any]) -> dict[str, Any]:
+    """Return the metrics that are one number, flag or text, and those that are unknown."""
+    return {
+        name: value for name, value in metrics.items() if value is None or isinstance(value, bool | int | float | str)
+    }

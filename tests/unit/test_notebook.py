@@ -1,0 +1,166 @@
+"""The door for notebooks: its names, its pages, and what it refuses."""
+
+from __future__ import annotations
+
+import doctest
+import math
+import subprocess
+import sys
+from pathlib import Path
+from typing import Any
+
+import nbformat
+import pytest
+from nbclient import NotebookClient
+
+import edc_swarm as es
+from edc_swarm.analysis.metrics import compute_metrics
+from edc_swarm.protocol.codec import encode
+from edc_swarm.protocol.keys import Keys
+from edc_swarm.recording.reader import read_recording
+from edc_swarm.recording.writer import RecordingWriter
+from processes.cli.main import main
+
+DOCS = Path(__file__).parents[2] / "docs"
+STRAIGHT: dict[str, Any] = {"uavs": 3, "planner": "straight"}
+
+
+def test_the_public_names() -> None:
+    """Names that users import stay."""
+    assert es.__all__ == [
+        "Flight", "InputError", "Mission", "MissionError", "RecordingError", "SwarmError", "Sweep", "SweepError",
+        "load", "new_mission", "simulate", "sweep",
+    ]  # fmt: skip
+    assert all(getattr(es, name) is not None for name in es.__all__)
+    with pytest.raises(AttributeError, match="no attribute 'fly'"):
+        _ = es.fly  # type: ignore[attr-defined]
+
+
+def test_importing_costs_nothing() -> None:
+    """A UAV process starts without numpy."""
+    code = (
+        "import sys, edc_swarm; print(*[name for name in sys.modules if name.startswith(('edc_swarm', 'processes'))])"
+    )
+    result = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
+    assert result.stdout.split() == ["edc_swarm"]
+
+
+def test_the_reference_is_true(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Every example of docs/python.md."""
+    monkeypatch.chdir(tmp_path)
+    failed, tried = doctest.testfile(str(DOCS / "python.md"), module_relative=False)
+    assert (failed, tried > 8) == (0, True)
+
+
+def test_the_tutorial_runs() -> None:
+    """In a kernel of its own, every cell, with the outputs that the page shows."""
+    shown, run = (nbformat.read(DOCS / "tutorial.ipynb", as_version=4) for _ in range(2))  # type: ignore[no-untyped-call]
+    NotebookClient(run, timeout=600, kernel_name="python3").execute(cwd=str(DOCS))
+    for before, after in zip(shown.cells, run.cells, strict=True):
+        assert _texts(before) == _texts(after), before.source
+
+
+def _texts(cell: nbformat.NotebookNode) -> list[str]:
+    outputs = [each for each in cell.get("outputs", []) if each.output_type == "execute_result"]
+    return [each.data.get("text/plain", "") for each in outputs]
+
+
+def test_a_flight_is_what_sim_flies(tmp_path: Path) -> None:
+    """The same options give the same messages."""
+    out = tmp_path / "a.mcap"
+    main(
+        [
+            "sim",
+            "--uavs",
+            "3",
+            "--planner",
+            "straight",
+            "--loss",
+            "0.2",
+            "--fault",
+            "kill u002 @5",
+            "--out",
+            str(out),
+            "--quiet",
+        ]
+    )
+    flight = es.simulate(**STRAIGHT, loss=0.2, fault=["kill u002 @5"])
+    assert flight.recording.lists() == read_recording(out).lists()
+    assert flight.metrics.not_living == ["u002"]
+
+
+def test_absent_evidence_is_unknown(tmp_path: Path) -> None:
+    """A recording whose messages are gone: no number stands for what is not there."""
+    said = es.simulate(**STRAIGHT).recording.mission
+    with (tmp_path / "a.mcap").open("wb") as stream:
+        writer = RecordingWriter(stream, {"clock": "virtual"})
+        writer.write(Keys(said.name).mission, encode(said), said.sent_ns)
+        writer.finish({"messages": "520"})
+    flight = es.load(tmp_path / "a.mcap")
+    assert not any(each.held for each in flight.verdicts)
+    assert flight.metrics.makespan_s is None
+    assert "- arrived" in repr(flight)
+
+
+def test_an_unknown_metric_is_in_no_mean() -> None:
+    """A mission that never completes has no makespan."""
+    sweep = es.sweep(**STRAIGHT, max_slots=[5, 200], seeds=2, jobs=1)
+    short, whole = sweep.summary("makespan_s").to_dict("records")
+    assert (short["runs"], short["unknown"], math.isnan(short["mean"])) == (0, 2, True)
+    assert (whole["runs"], whole["unknown"]) == (2, 0)
+
+
+def test_a_sweep_resumes_and_takes_any_mission(tmp_path: Path) -> None:
+    """Fields that no option sets go to a file, which the ledger names."""
+    options: dict[str, Any] = {**STRAIGHT, "fault": [[], ["kill u001 @3"]], "seeds": 1, "jobs": 1, "tau_s": 0.1}
+    first = es.sweep(folder=tmp_path / "a", **options)
+    lines = (tmp_path / "a" / "runs.jsonl").read_text(encoding="utf-8")
+    assert es.sweep(folder=tmp_path / "a", **options).rows == first.rows
+    assert (tmp_path / "a" / "runs.jsonl").read_text(encoding="utf-8") == lines
+    (file, *_) = (tmp_path / "a" / "missions").iterdir()
+    assert es.new_mission(file).tau_s == 0.1
+    assert [row["completed"] for row in first.rows] == [True, False]
+
+
+@pytest.mark.parametrize(
+    ("options", "text"),
+    [
+        ({"uavs": 0}, "uavs = 0: must be"),
+        ({"loss": 2}, "loss = 2: must be a number from 0 to 1"),
+        ({"vehicle": "brick"}, "vehicle = 'brick'"),
+        ({"planner": "nowhere:Nothing"}, "planner = 'nowhere:Nothing'"),
+    ],
+)
+def test_bad_options(options: dict[str, Any], text: str) -> None:
+    """In one line, with the name that the user wrote."""
+    with pytest.raises(es.InputError) as refused:
+        es.simulate(**options)
+    assert str(refused.value).startswith(text)
+    assert "\n" not in str(refused.value)
+
+
+def test_what_a_sweep_refuses() -> None:
+    """Before any mission flies."""
+    with pytest.raises(es.InputError, match="seeds"):
+        es.sweep(seeds=0)
+    with pytest.raises(es.MissionError, match="uavs"):
+        es.sweep(uavs=[2, 0], seeds=1)
+
+
+def test_saving_overwrites_only_when_told(tmp_path: Path) -> None:
+    """And takes the plan times along."""
+    flight = es.simulate(**STRAIGHT)
+    path = flight.save(tmp_path / "a.mcap")
+    with pytest.raises(es.InputError):
+        flight.save(path)
+    flight.save(path, force=True)
+    again = es.load(path)
+    assert again.metrics == compute_metrics(flight.recording, flight.timings)
+    assert again.timings
+
+
+def test_the_animation_is_one_frame() -> None:
+    """The page is inside an attribute: none of it reaches the notebook's own document."""
+    text = es.simulate(**STRAIGHT).animate()._repr_html_()
+    assert text.startswith('<iframe sandbox="allow-scripts"')
+    assert text.count("<") == 2
