@@ -14,6 +14,7 @@ from msgspec.structs import replace
 from edc_swarm.errors import MissionError
 from edc_swarm.mission.airspace import check_zones
 from edc_swarm.mission.configuration import Mission
+from edc_swarm.mission.passing import check_passing
 from edc_swarm.mission.zone import Zone
 from edc_swarm.planner.charts import Charts
 from edc_swarm.planner.safe import airspace_of
@@ -45,6 +46,7 @@ def _flyable(mission: Mission, zones: list[dict[str, Any]], with_ways: bool) -> 
     zoned = replace(mission, zone=[convert(zone, Zone) for zone in zones])
     try:
         check_zones(zoned)
+        check_passing(zoned)
     except MissionError:
         return False
     charts = Charts.of(airspace_of(zoned))

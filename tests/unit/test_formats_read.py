@@ -235,6 +235,22 @@ def test_curved_way_points_are_flown_to_their_ends(command: int, note: str) -> N
     assert found.notes["a.plan"][note] == ["item 1"]
 
 
+def test_no_time_to_hover_is_lost() -> None:
+    """At the start, at a spline, of a delay, and of two items at one place; the last one is that of the target."""
+    there, further = (47.3979, 8.5460), (47.3981, 8.5455)
+    items = [
+        item(93, 0, 0, params=(3, -1, -1, -1), frame=2),
+        item(82, *there, params=(4, 0, 0, None)),
+        item(93, 0, 0, params=(5, -1, -1, -1), frame=2),
+        item(16, *further, params=(6, 0, 0, None)),
+        item(16, *further, params=(7, 0, 0, None)),
+        item(20, 0, 0, frame=2),
+    ]
+    found = imported(("a.plan", plan(*items)))
+    assert_near(in_degrees(found.mission), [HOME, HOME, there, further, HOME])
+    assert found.mission["roster"][0]["hover_s"] == [3.0, 9.0, 13.0, 0.0]
+
+
 def test_a_home_at_0_0_is_not_known() -> None:
     """The UAV starts at its first way point then, and the output says so."""
     text = WPL.replace("-35.362881\t149.165222\t582.0", "0\t0\t0").replace("1\t0\t3\t22", "#")
@@ -337,6 +353,20 @@ def test_geojson_lines_polygons_circles_and_points() -> None:
     assert any("its name says so" in remark for remark in found.remarks)
 
 
+INCLUSIONS = ("inclusion", "include", "fence", "geofence", "boundary", "keep-in")
+EXCLUSIONS = ("exclusion", "exclude", "no-fly", "nofly", "obstacle", "keep-out", "No Fly", "KEEP_OUT")
+
+
+@pytest.mark.parametrize("word", INCLUSIONS + EXCLUSIONS)
+def test_every_word_for_a_kind_of_zone(word: str) -> None:
+    """As property, against the option, and as a part of the name."""
+    expected = "inclusion" if word in INCLUSIONS else "exclusion"
+    other = "exclusion" if word in INCLUSIONS else "inclusion"
+    for properties in ({"kind": word}, {"name": f"North {word} 2"}):
+        text = json.dumps(feature("Polygon", [RING], **properties))
+        assert imported(("a.geojson", text), polygons=other).mission["zone"][0]["kind"] == expected
+
+
 @pytest.mark.parametrize("kind", ["inclusion", "exclusion"])
 def test_a_polygon_that_does_not_state_its_kind_has_that_of_the_option(kind: str) -> None:
     """And the output says which it took, and why."""
@@ -433,6 +463,16 @@ def test_kmz_is_kml_in_an_archive() -> None:
     """doc.kml is read, wherever it stands."""
     data = kmz(("other.kml", b"<kml/>"), ("files/icon.png", b"\x89PNG"), ("doc.kml", kml(LINE).encode()))
     assert imported(("a.kmz", data)).mission == imported(("a.kml", kml(LINE))).mission
+
+
+def test_folders_side_by_side_and_within_each_other() -> None:
+    """All are read, in the order of the file."""
+    line = "<Placemark><LineString><coordinates>8.54{0},47.39 8.54{0},47.40</coordinates></LineString></Placemark>"
+    inner = f"<Folder>{line.format(5)}</Folder>"
+    text = kml(f"<Folder>{inner}{line.format(6)}</Folder><Document>{line.format(7)}</Document>{line.format(8)}")
+    found = imported(("a.kml", text))
+    assert [round(in_degrees(found.mission, k)[0][1], 3) for k in range(4)] == [8.545, 8.546, 8.547, 8.548]
+    assert len(found.mission["roster"]) == 4
 
 
 def test_csv_with_commas_semicolons_and_decimal_commas() -> None:

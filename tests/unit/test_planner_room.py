@@ -108,9 +108,9 @@ SOUTH = [(x, -y) for x, y in OUTER]
         ([((4, 0), (76, 0)), ((76, 0), (4, 0))], [alley(6)], 150),
         # A UAV at home between another one and its target makes room and comes back.
         ([((70, 0), (10, 0)), ((40, 0), (40, 0))], [alley(52)], 150),
-        # A ring: all must turn the same way, though each wishes to go either way.
+        # A ring: all must turn the same way, though each wishes to go either way. Four take 469 slots without that.
         ([(CORNERS[0], CORNERS[2]), (CORNERS[2], CORNERS[0])], RING, 180),
-        ([(CORNERS[k], CORNERS[(k + 2) % 4]) for k in range(4)], RING, 500),
+        ([(CORNERS[k], CORNERS[(k + 2) % 4]) for k in range(4)], RING, 180),
         # Four leave the court while four enter it.
         ([*zip(INNER, OUTER, strict=True), *zip(SOUTH, INNER, strict=True)], [COURT], 250),
     ],

@@ -13,6 +13,10 @@ last plan's hulls, may cover it; or no step leads away from where it may be; or 
 empty within the limit, since a swarm that does nothing until all batteries are empty must not pass for one that had no
 time.
 
+New goals may send two UAVs to places where their discs overlap. Whoever is not there need not arrive if the other one
+is. If none of them is there, G7 is not judged, except for UAVs elsewhere in a mission without zones, where nobody is
+closed in.
+
 With the failsafe a UAV that no longer flies keeps nobody away once it has left the airspace. A UAV that has landed need
 not arrive, if the operator ordered it to land, or a fault can be the cause: its last accepted step is before the last
 fault was over, or links lose messages for good. Any other landing is a swarm's failure to command a UAV that it could
@@ -22,8 +26,8 @@ hear: it breaks G7, and is no excuse for others.
 from __future__ import annotations
 
 import math
-from collections.abc import Collection, Mapping
-from itertools import pairwise
+from collections.abc import Collection, Mapping, Sequence
+from itertools import combinations, pairwise
 
 import msgspec
 import numpy as np
@@ -99,26 +103,38 @@ def _judged(
     if astray and prospect.obstacle:
         return not_applicable(*_G7, prospect.obstacle)
     missing = [k for k in astray if lasting[k]] if lasting.sum() >= evidence.mission.quorum else []
-    if missing and (rivals := _rivals(voyages, due)):
-        return not_judged(*_G7, f"the discs of {rivals} overlap at their targets", notes)
+    rivals = _rivals(voyages, due)
+    beaten = {k: home for k in missing if (home := [i for i in rivals.get(k, []) if i not in astray])}
+    notes += [_beside(tracks.uavs, k, home) for k, home in beaten.items()]
+    missing = [k for k in missing if k not in beaten]
+    contested = [k for k in missing if k in rivals]
+    if contested and (contested == missing or evidence.mission.zone):
+        names = " and ".join(tracks.uavs[k] for k in sorted([rivals[contested[0]][0], contested[0]]))
+        return not_judged(*_G7, f"the discs of {names} overlap at their targets, and none of them is there", notes)
+    missing = [k for k in missing if k not in rivals]
     if missing and tracks.slots < needed and not _stalled(evidence):
         return not_judged(*_G7, f"stopped after {tracks.slots} slots{_given(evidence)}, before slot {needed}", notes)
-    if astray and not missing:
+    if set(astray) - set(beaten) and not missing:
         names = ", ".join(tracks.uavs[k] for k in np.flatnonzero(due & ~lasting).tolist())
         return not_judged(*_G7, f"empty batteries before slot {needed}: {names}", notes)
     return verdict(*_G7, [_missing(evidence, voyages, k) for k in missing], notes)
 
 
-def _rivals(voyages: Voyages, due: NDArray[np.bool_]) -> str:
-    """Return two UAVs that new goals send to places where their discs overlap; "" if there are none."""
-    each = [voyages.each[k] for k in np.flatnonzero(due).tolist()]
-    if not any(voyage.course.goal for voyage in each):
-        return ""
-    for i, one in enumerate(each):
-        for other in each[:i]:
-            if math.dist(one.left[-1], other.left[-1]) < one.entry.r_m + other.entry.r_m:
-                return f"{other.entry.uav} and {one.entry.uav}"
-    return ""
+def _rivals(voyages: Voyages, due: NDArray[np.bool_]) -> dict[int, list[int]]:
+    """Return the UAVs that new goals send to places where their discs overlap, each with its rivals."""
+    each, rivals = {k: voyages.each[k] for k in np.flatnonzero(due).tolist()}, dict[int, list[int]]()
+    if not any(voyage.course.goal for voyage in each.values()):
+        return rivals
+    for i, j in combinations(each, 2):
+        if math.dist(each[i].left[-1], each[j].left[-1]) < each[i].entry.r_m + each[j].entry.r_m:
+            rivals.setdefault(i, []).append(j)
+            rivals.setdefault(j, []).append(i)
+    return rivals
+
+
+def _beside(uavs: Sequence[str], k: int, home: list[int]) -> str:
+    there = " and ".join(uavs[i] for i in home)
+    return f"{uavs[k]} need not arrive: its disc would overlap that of {there} there, which has arrived"
 
 
 def _forgotten(fix: Fix, course: Course) -> Violation:
