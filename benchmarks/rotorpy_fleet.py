@@ -106,7 +106,8 @@ class Batch:
 
     @property
     def position_m(self) -> Floats:
-        return self._state["x"].numpy()
+        at_m: Floats = self._state["x"].numpy()
+        return at_m
 
     def sense(self, wind_mps: Floats) -> tuple[Floats, Floats]:
         self._state["wind"] = self._tensor(wind_mps)
