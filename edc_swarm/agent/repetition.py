@@ -7,7 +7,7 @@ UAV. So a UAV repeats its fixes, and a head its commands, its reports while UAVs
   tell each other (`missed` in commands and fixes), so a link that loses one way only is known at both ends.
 - *As often as needed*: so often that all copies are lost with a probability of at most `MISS`, within the mission's
   `resends`. Where nothing is missed nothing is repeated, and the messages are those of a mission without repetition.
-- *Silence is loss*: a UAV that no command has reached for `lease_slots` + `PATIENCE_SLOTS` slots cannot know how many
+- *Silence is loss*: a UAV that no command has reached for `lease_slots` + `SILENCE_SLOTS` slots cannot know how many
   of its fixes arrive. It sends 2, 4, 8 ... copies, slot by slot. Without that a swarm that has no head, and so hears
   nothing, would never elect one on a network that loses most messages.
 - *In time*: copies are spread over the time that is left: those of fixes until the head plans, those of commands
@@ -33,13 +33,13 @@ from edc_swarm.protocol.messages import Command, Fix, Message, MissionMessage, R
 
 MISS = 0.02
 """Probability, with all its copies, that a message is lost."""
-PATIENCE_SLOTS = 2
+SILENCE_SLOTS = 2
 """Slots without a command, beyond the lease, after which a UAV takes silence for loss."""
 WINDOW = 64
 """Newest sequence numbers of a stream that count."""
 MOST_MISSED = 16
 """Most numbers that one hole counts: an outage that is over says little about the next message."""
-MOST_LOSS = 0.99
+WORST_LOSS = 0.99
 """Greatest loss that is reckoned with."""
 FIX_SHARE = 0.9
 """Share of `tau_s` in which fixes are repeated, and of the time left in which commands are."""
@@ -50,7 +50,7 @@ def repeats(loss: float, most: int) -> int:
     """Return how often a message is sent again, so that all copies are lost with a probability of at most `MISS`."""
     if loss <= MISS:
         return 0
-    return min(math.ceil(math.log(MISS) / math.log(min(loss, MOST_LOSS))) - 1, most)
+    return min(math.ceil(math.log(MISS) / math.log(min(loss, WORST_LOSS))) - 1, most)
 
 
 @dataclass(slots=True)
@@ -141,7 +141,7 @@ class Repetition:
         self._uav = uav
         self._clock = clock
         self._most = math.ceil(mission.resends / 2)
-        self._patience_slots = mission.lease_slots + PATIENCE_SLOTS
+        self._patience_slots = mission.lease_slots + SILENCE_SLOTS
         self._hearing = Hearing()
         self._told: dict[str, float] = {}
         self._series: dict[str, Series] = {}
