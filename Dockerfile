@@ -42,7 +42,7 @@ ENV PATH=/opt/edc-swarm/bin:$PATH PYTHONUNBUFFERED=1 EDC_SWARM_EXTRAS=$EXTRAS \
     NUMBA_CPU_NAME=generic NUMBA_CACHE_DIR=/var/cache/edc-swarm MPLCONFIGDIR=/tmp/matplotlib
 USER edc
 WORKDIR /swarm
-RUN python -c "from edc_swarm.mission.configuration import Mission; from processes.uav.planner_loader import warm_planner; warm_planner(Mission())" \
+RUN python -m processes.uav.compile_ahead \
     && chmod -R a+rwX /var/cache/edc-swarm/*
 ENTRYPOINT ["edc-swarm"]
 CMD ["--help"]

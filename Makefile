@@ -63,4 +63,5 @@ $(READY): pyproject.toml constraints.txt
 		{ echo "error: PYTHON = $(PYTHON): must be Python >= 3.11 (make PYTHON=python3.12 ...)" >&2; exit 2; }
 	$(PYTHON) -m venv $(VENV)
 	$(BIN)/pip install --quiet --disable-pip-version-check -c constraints.txt -e '.[dev]'
+	$(BIN)/python -m processes.uav.compile_ahead
 	@touch $@

@@ -71,7 +71,7 @@ class Scenario:
 
 
 def _failover_slots(flight: Flight) -> float:
-    return float(max(flight.metrics.failover_slots, default=0))
+    return float(max(flight.metrics.failover_slots or [], default=0))
 
 
 def _old_commands_flown(flight: Flight) -> float:
@@ -86,7 +86,7 @@ def _old_commands_flown(flight: Flight) -> float:
 
 def _slots_to_one_head(flight: Flight) -> float:
     """Return the number of slots from the end of the fault until every UAV grants the same head."""
-    for slot in range(HEAL_SLOT, flight.metrics.slots):
+    for slot in range(HEAL_SLOT, flight.metrics.slots or 0):
         last = {fix.uav: (fix.term, fix.head) for fix in flight.recording.fixes if fix.slot == slot}
         if len(last) == UAVS and len(set(last.values())) == 1:
             return slot - HEAL_SLOT

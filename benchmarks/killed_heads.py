@@ -117,7 +117,7 @@ def _away(
     at_m = {entry.uav: point(centre_m[k]) for k, entry in enumerate(mission.roster) if living[k]}
     away = [(e, at_m[e.uav]) for e in mission.roster if e.uav in at_m]
     away = [(e, here_m) for e, here_m in away if math.dist(here_m, (e.target_x_m, e.target_y_m)) > ARRIVED_M]
-    found = hindrances(away, places)
+    found = hindrances(away, places, mission.zone)
     for entry, _ in away:
         yield entry.uav, str(found.get(entry.uav, ""))
 

@@ -139,7 +139,7 @@ def missions(uavs: int, runs: int, area_m2: float) -> None:
             str(outside), f"{np.mean([m.extra_distance_pct or 0.0 for m in each]):.1f} %",
             f"{np.mean([m.makespan_s or np.nan for m in each]):.1f} s",
             f"{np.mean([(m.energy_propulsion_j or np.nan) / 1e3 for m in each]):.1f} kJ",
-            f"{1e3 * np.mean([took / m.slots for _, m, took in found]):.0f} ms a slot",
+            f"{1e3 * np.mean([took / (m.slots or 1) for _, m, took in found]):.0f} ms a slot",
         )  # fmt: skip
     Console().print(table)
 

@@ -48,7 +48,7 @@ class Sample(Struct, frozen=True, kw_only=True):
     """
 
     completed: bool | None
-    slots: int
+    slots: int | None
     limit_slots: int
     others_flew: int
     potential_collisions: int | None
@@ -64,7 +64,7 @@ class Sample(Struct, frozen=True, kw_only=True):
     extra_distance_pct: float | None
     makespan_s: float | None
     energy_kj: float | None
-    failover_slots: int
+    failover_slots: int | None
     terms: int
     plan_ms: float | None
     ticks_late_pct: float | None
@@ -101,7 +101,7 @@ def sample_of(recording: Recording) -> Sample:
         extra_distance_pct=metrics.extra_distance_pct if done else None,
         makespan_s=metrics.makespan_s if done else None,
         energy_kj=None if metrics.energy_propulsion_j is None else metrics.energy_propulsion_j / 1e3,
-        failover_slots=sum(metrics.failover_slots),
+        failover_slots=None if metrics.failover_slots is None else sum(metrics.failover_slots),
         terms=len(metrics.heads),
         plan_ms=metrics.plan_ms.p50,
         ticks_late_pct=metrics.ticks_late_pct,

@@ -7,8 +7,8 @@ on true positions and bodies.
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
-from dataclasses import dataclass
 from itertools import pairwise
 from typing import NamedTuple
 
@@ -19,7 +19,7 @@ from numpy.typing import NDArray
 from edc_swarm.analysis.columns import Columns, Floats, columns_from
 from edc_swarm.analysis.energy_use import compute_j, propulsion_j, straight_energy_j
 from edc_swarm.analysis.guarantees.completeness import unproved
-from edc_swarm.analysis.guarantees.evidence import Evidence, gather
+from edc_swarm.analysis.guarantees.evidence import Evidence, Known, gather
 from edc_swarm.analysis.guarantees.inside import largest_deviation_m
 from edc_swarm.analysis.holds import holds_by_cause
 from edc_swarm.analysis.information_age import Age, age_of, command_updates, fix_to_step_ms, fix_updates, sawtooth_of
@@ -77,10 +77,11 @@ class Metrics(Struct, frozen=True, kw_only=True):
     uavs: int
     inclusion_zones: int
     exclusion_zones: int
-    slots: int
-    duration_s: float
+    slots: int | None
+    duration_s: float | None
     completed: bool | None
-    arrived: int
+    arrived: int | None
+    unknown: list[str]
     not_living: list[str]
     not_home: list[NotHome]
     landed: list[Landing]
@@ -92,7 +93,7 @@ class Metrics(Struct, frozen=True, kw_only=True):
     disc_budget: str
     max_deviation_m: float | None
     path_m: float | None
-    straight_m: float
+    straight_m: float | None
     extra_distance_pct: float | None
     extra_distance_mean_pct: float | None
     makespan_s: float | None
@@ -114,17 +115,17 @@ class Metrics(Struct, frozen=True, kw_only=True):
     fetched: int | None
     duplicates: int
     heads: list[HeadTerm]
-    goals_reached: int
+    goals_reached: int | None
     goals_per_minute: float | None
     deadlines: list[Deadline]
-    failover_slots: list[int]
+    failover_slots: list[int] | None
     faults_undone: list[str]
 
 
 def compute_metrics(recording: Recording, timings: Sequence[Timing] = ()) -> Metrics:
     """Return all metrics of a run. `timings`, if given, replace the recorded plan times."""
     mission, evidence = recording.mission, gather(recording)
-    tracks, known = evidence.tracks, _Known.of(evidence)
+    tracks, known = evidence.tracks, Known.of(evidence)
     voyages = voyages_of(recording, tracks)
     living = living_at_end(recording, tracks)
     columns = columns_from(recording, tracks, living, timings)
@@ -132,13 +133,15 @@ def compute_metrics(recording: Recording, timings: Sequence[Timing] = ()) -> Met
     home = home_at_end(recording, tracks)
     settled = bool(living.any() and home[living].all())
     arrival = _arrival_slots(at_target)
-    slots = 1 + max((fix.slot for fix in recording.fixes), default=-1)
+    slots = 1 + max((fix.slot for fix in recording.fixes), default=-1) or None
+    duration_s = None if slots is None else mission.dt_s * slots
     commanded = _commanded(recording, tracks)
     first = min(commanded, default=None)
     last = int(arrival[living].max()) if settled else tracks.slots - 1
     makespan_s = _makespan_s(mission, arrival[living], first) if settled and known.motion else None
     held = _held(columns, at_target, first, last)
     heads, astray = _heads(recording), not_home(recording, tracks, living)
+    unknown = [who.uav for who in astray if who.is_unknown]
     separation = _separation(evidence, known)
     path_m, straight_m = columns.step_m.sum(axis=0), np.array([voyage.straight_m for voyage in voyages.each])
     ended_m = _ended_m(voyages, columns.centre_m[-1])
@@ -147,10 +150,11 @@ def compute_metrics(recording: Recording, timings: Sequence[Timing] = ()) -> Met
         inclusion_zones=sum(zone.kind == "inclusion" for zone in mission.zone),
         exclusion_zones=sum(zone.kind == "exclusion" for zone in mission.zone),
         slots=slots,
-        duration_s=mission.dt_s * slots,
+        duration_s=duration_s,
         completed=_completed(recording, home, known),
-        arrived=int(home.sum()),
-        not_living=[uav for uav, alive in zip(tracks.uavs, living, strict=True) if not alive],
+        arrived=int(home.sum()) or (None if unknown else 0),
+        unknown=unknown,
+        not_living=[uav for uav, lives in zip(tracks.uavs, living, strict=True) if not lives and uav not in unknown],
         not_home=astray,
         landed=landings(recording, tracks),
         beside=[who.uav for who in astray if who.cause == "beside"],
@@ -159,9 +163,9 @@ def compute_metrics(recording: Recording, timings: Sequence[Timing] = ()) -> Met
         min_disc_gap_m=separation.min_disc_gap_m,
         min_true_distance_m=separation.min_true_distance_m,
         disc_budget=_disc_budget(mission),
-        max_deviation_m=largest_deviation_m(evidence),
+        max_deviation_m=largest_deviation_m(evidence) if known.places else None,
         path_m=float(path_m.sum()) if known.fixes else None,
-        straight_m=float(straight_m.sum()),
+        straight_m=float(straight_m.sum()) if known.fixes else None,
         extra_distance_pct=_extra_pct(path_m[home], ended_m[home]) if known.fixes else None,
         extra_distance_mean_pct=(
             _extra_mean_pct(path_m[home], ended_m[home], straight_m[home]) if known.fixes else None
@@ -169,53 +173,31 @@ def compute_metrics(recording: Recording, timings: Sequence[Timing] = ()) -> Met
         makespan_s=makespan_s,
         makespan_ratio=_makespan_ratio(makespan_s, _least_s(mission, voyages, _reached_m(columns, arrival))[living]),
         energy_propulsion_j=propulsion_j(columns, arrival, first) if known.motion else None,
-        energy_compute_j=compute_j(recording, columns),
+        energy_compute_j=compute_j(recording, columns) if known.reports else None,
         energy_straight_j=straight_energy_j(mission),
         plan_ms=_quantiles(columns.plan_ms),
         fix_to_command_ms=_quantiles(columns.fix_to_command_ms),
         fix_to_step_ms=_quantiles(fix_to_step_ms(recording)),
-        fix_age_ms=age_of(sawtooth_of(fix_updates(recording))),
-        command_age_ms=age_of(sawtooth_of(command_updates(recording))),
+        fix_age_ms=age_of(sawtooth_of(fix_updates(recording))) if known.motion else Age(),
+        command_age_ms=age_of(sawtooth_of(command_updates(recording))) if known.motion else Age(),
         slots_held=int(held.sum()) if known.motion else None,
-        slots_held_by=holds_by_cause(recording, tracks, held) if known.motion else None,
+        slots_held_by=holds_by_cause(recording, tracks, held) if known.motion and known.reports else None,
         slots_missed=_slots_missed(commanded, first, last) if known.motion else None,
-        ticks_late_pct=_ticks_late_pct(recording, int(tracks.heard.sum())),
+        ticks_late_pct=_ticks_late_pct(recording, int(tracks.heard.sum())) if known.fixes else None,
         messages=recording.message_count,
         gaps=_gaps(evidence),
         fetched=recording.fetched_count,
         duplicates=recording.duplicates,
         heads=heads,
-        goals_reached=_goals_reached(mission, voyages, home),
-        goals_per_minute=_per_minute(mission, sum(len(voyage.reached_slots) for voyage in voyages.each), slots),
+        goals_reached=_goals_reached(mission, voyages, home) or (0 if known.fixes else None),
+        goals_per_minute=_per_minute(mission, voyages, duration_s) if known.fixes else None,
         deadlines=_deadlines(mission, home, arrival, known),
-        failover_slots=[max(0, new.first_slot - old.last_slot - 1) for old, new in pairwise(heads)],
-        faults_undone=_faults_undone(recording, mission.dt_s * slots),
+        failover_slots=_failover_slots(heads) if known.reports else None,
+        faults_undone=_faults_undone(recording, duration_s, known),
     )
 
 
-@dataclass(frozen=True, slots=True)
-class _Known:
-    """The kinds of messages of which the record is known to lack none: what is counted in them is then a measurement.
-
-    A count of what was found may always be told; a count of 0, a sum and a share of all may not.
-    """
-
-    fixes: bool
-    truths: bool
-    commands: bool
-
-    @classmethod
-    def of(cls, evidence: Evidence) -> _Known:
-        """Return what `evidence` is complete in."""
-        return cls(*(not any(evidence.missing(kind)) for kind in ("fix", "truth", "command")))
-
-    @property
-    def motion(self) -> bool:
-        """True if it is known who flew which command."""
-        return self.fixes and self.commands
-
-
-def _completed(recording: Recording, home: NDArray[np.bool_], known: _Known) -> bool | None:
+def _completed(recording: Recording, home: NDArray[np.bool_], known: Known) -> bool | None:
     """Return True if all are home; None where the record lacks fixes, and does not tell how the mission ended.
 
     A lifelong mission is complete if it has lasted `max_slots`.
@@ -245,13 +227,19 @@ def _slots_missed(commanded: set[int], first: int | None, last: int) -> int:
     return len(set(range(first, last + 1)) - commanded) if first is not None else 0
 
 
-def _faults_undone(recording: Recording, duration_s: float) -> list[str]:
+def _failover_slots(heads: Sequence[HeadTerm]) -> list[int]:
+    return [max(0, new.first_slot - old.last_slot - 1) for old, new in pairwise(heads)]
+
+
+def _faults_undone(recording: Recording, duration_s: float | None, known: Known) -> list[str]:
+    """Return the faults without a target, and those still to come at the end, if the record shows the end."""
     aimless = [
         event.detail
         for event in recording.events
         if event.kind == EventKind.FAULT_WITHOUT_TARGET and event.source == OPERATOR
     ]
-    return aimless + [str(fault) for fault in parse_faults(recording.mission) if fault.at_s >= duration_s]
+    end_s = duration_s if known.fixes and duration_s is not None else math.inf
+    return aimless + [str(fault) for fault in parse_faults(recording.mission) if fault.at_s >= end_s]
 
 
 def _arrival_slots(at_target: NDArray[np.bool_]) -> NDArray[np.int64]:
@@ -297,12 +285,14 @@ def _goals_reached(mission: Mission, voyages: Voyages, home: NDArray[np.bool_]) 
     return last + sum(len(voyage.reached_slots) for voyage in voyages.each)
 
 
-def _per_minute(mission: Mission, goals: int, slots: int) -> float | None:
+def _per_minute(mission: Mission, voyages: Voyages, duration_s: float | None) -> float | None:
     """Return the goals reached in a minute of a lifelong mission; None for any other."""
-    return 60 * goals / (mission.dt_s * slots) if mission.goals == "lifelong" and slots else None
+    if mission.goals != "lifelong" or duration_s is None:
+        return None
+    return 60 * sum(len(voyage.reached_slots) for voyage in voyages.each) / duration_s
 
 
-def _deadlines(mission: Mission, home: NDArray[np.bool_], arrival: NDArray[np.int64], known: _Known) -> list[Deadline]:
+def _deadlines(mission: Mission, home: NDArray[np.bool_], arrival: NDArray[np.int64], known: Known) -> list[Deadline]:
     """Return the UAVs with a time to finish by, and whether they met it; unknown where the record lacks motion."""
     found = []
     for k, entry in enumerate(mission.roster):
@@ -328,17 +318,18 @@ class _Separation(NamedTuple):
     min_true_distance_m: float | None
 
 
-def _separation(evidence: Evidence, known: _Known) -> _Separation:
+def _separation(evidence: Evidence, known: Known) -> _Separation:
     mission, tracks, paths = evidence.mission, evidence.tracks, evidence.paths
     radius_m = np.array([entry.r_m for entry in mission.roster])
     body_m = np.array([entry.body_m for entry in mission.roster])
     from_m, to_m = tracks.seen_m
     true_m = tracks.bodies_m if paths is None else paths.moves_m(*tracks.bodies_m)
+    overlaps, touches = _pairs(from_m, to_m, radius_m, -DISC_TOLERANCE_M), _pairs(*true_m, body_m, -BODY_TOLERANCE_M)
     return _Separation(
-        _pairs(from_m, to_m, radius_m, -DISC_TOLERANCE_M) or (0 if known.fixes else None),
-        _pairs(*true_m, body_m, -BODY_TOLERANCE_M) or (0 if known.fixes and known.truths else None),
-        _finite(least_gap_m(from_m, to_m, radius_m)),
-        _finite(least_gap_m(*true_m, np.zeros_like(body_m))),
+        overlaps or (0 if known.fixes else None),
+        touches or (0 if known.places else None),
+        _finite(least_gap_m(from_m, to_m, radius_m)) if known.fixes or overlaps else None,
+        _finite(least_gap_m(*true_m, np.zeros_like(body_m))) if known.places or touches else None,
     )
 
 

@@ -69,7 +69,7 @@ CAUSES: dict[str, Cause] = {"held": "held", "closed in": "closed-in"}
 
 
 class NotHome(Struct, frozen=True):
-    """A UAV that is not at its target, with the reason.
+    """A UAV that is not at its target, or of which the record does not tell that it is, with the reason.
 
     Attributes
     ----------
@@ -89,6 +89,11 @@ class NotHome(Struct, frozen=True):
     slot: int | None = None
     by: str = ""
     away_m: float | None = None
+
+    @property
+    def is_unknown(self) -> bool:
+        """True if the record does not tell whether it is at its target."""
+        return self.cause in {"never-heard", "record-incomplete"}
 
     def __str__(self) -> str:
         """Return one line with the UAV, the reason and the distance to its target."""
@@ -260,9 +265,8 @@ class _Judge:
         gone = np.flatnonzero(~self.living & ~self.tracks.grounded[-1]).tolist()
         away = np.flatnonzero(self.living & ~self.home).tolist()
         places = [place for i in gone for place in places_of(roster[i], point(centre_m[i]), self.plan)]
-        found = hindrances([(self.voyages.each[i].present, point(centre_m[i])) for i in away], places).get(
-            roster[k].uav
-        )
+        flying = [(self.voyages.each[i].present, point(centre_m[i])) for i in away]
+        found = hindrances(flying, places, self.recording.mission.zone).get(roster[k].uav)
         if found is None:
             return None
         if found.kind == "covered":

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterable
 from dataclasses import dataclass
 
@@ -9,11 +10,14 @@ import msgspec
 
 from edc_swarm.protocol.messages import Command, Fix, Message, Report
 from edc_swarm.recording.model import Recording
+from edc_swarm.recording.sequences import find_gaps, sequence_numbers
 from edc_swarm.story.happening import STATES, Happening, grouped
 from edc_swarm.story.teller import Storyteller
 
 MAX_STORY_SLOTS = 1_000_000
 """Most slots of a story."""
+NO_FIX = "the record holds no fix of it"
+"""Words for a UAV of which nothing is known."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -48,6 +52,8 @@ def story_of(recording: Recording) -> Story:
             teller.hear(message)
         teller.close(slot)
         states.append(bytes(code[state] for state in teller.states.values()))
+    _tell_unheard(teller.happenings, recording)
+    _doubt_holds(teller.happenings, recording)
     _take_back(teller.happenings, states, [entry.uav for entry in mission.roster])
     happenings = grouped(teller.happenings, [entry.uav for entry in mission.roster])
     happenings.sort(key=lambda happening: happening.time_s)
@@ -68,6 +74,42 @@ def _messages(recording: Recording, slots: int) -> Iterable[tuple[int, Message]]
     sent: list[Fix | Command | Report] = [*recording.fixes, *recording.commands, *recording.reports]
     for each in sent:
         yield each.slot, each
+
+
+def _tell_unheard(happenings: list[Happening], recording: Recording) -> None:
+    """Tell that UAVs without any recorded fix are unknown, where no event says what became of them."""
+    unheard = {entry.uav for entry in recording.mission.roster} - {fix.uav for fix in recording.fixes}
+    for each in happenings:
+        if each.kind == "silent" and unheard.issuperset(each.uavs):
+            each.kind, each.detail, each.level = "unknown", NO_FIX, "news"
+        if each.kind in {"unknown", "dead", "frozen"}:
+            unheard.difference_update(each.uavs)
+    if unheard:
+        uavs = [entry.uav for entry in recording.mission.roster if entry.uav in unheard]
+        happenings.append(Happening(kind="unknown", slot=0, time_s=0.0, uavs=uavs, detail=NO_FIX, lasts=True))
+
+
+def _doubt_holds(happenings: list[Happening], recording: Recording) -> None:
+    """Make the reasons of holds unknown that rest on the absence of commands or reports which the record lacks.
+
+    Where a later command to the UAV follows, the teller has judged by its number.
+    """
+    holds = [each for each in happenings if each.kind == "holding" and each.reason == "no-command"]
+    if not holds:
+        return
+    numbers = sequence_numbers(recording)
+    gaps = [gap for gap in find_gaps(recording) if not gap.duplicate and gap.key.startswith("head/")]
+    tails = [gap.key for gap in gaps if gap.last > max(numbers.get((gap.key, gap.instance), ()), default=-1)]
+    lacking = {key.rsplit("/", 1)[1] for key in tails}
+    lacks_all = "report" in lacking or not (recording.commands or recording.reports)
+    newest: dict[str, int] = {}
+    for command in recording.commands:
+        newest[command.uav] = max(command.slot, newest.get(command.uav, -1))
+    for hold in holds:
+        until = math.inf if hold.last_slot is None else hold.last_slot
+        is_judged = any(newest.get(uav, -1) > until for uav in hold.uavs)
+        if not is_judged and (lacks_all or not lacking.isdisjoint(hold.uavs)):
+            hold.reason, hold.detail = "unknown", "the record lacks commands for it"
 
 
 def _take_back(happenings: list[Happening], states: list[bytes], uavs: list[str]) -> None:

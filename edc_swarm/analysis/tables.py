@@ -2,8 +2,11 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+
 from edc_swarm.analysis.information_age import Age
 from edc_swarm.analysis.metrics import Deadline, Metrics, Quantiles
+from edc_swarm.analysis.outcome import NotHome
 
 MAX_HEADS = 6
 MAX_NAMED = 10
@@ -15,17 +18,18 @@ def metric_rows(m: Metrics) -> list[tuple[str, str]]:
     heads = ", ".join(f"{h.head} (term {h.term}, slots {h.first_slot}-{h.last_slot})" for h in m.heads[:MAX_HEADS])
     away = f"; beside their targets, which stay covered: {', '.join(m.beside)}" if m.beside else ""
     away += f"; not living: {', '.join(m.not_living)}" if m.not_living else ""
+    away += f"; {len(m.unknown)} unknown" if m.unknown else ""
     zones = [(m.inclusion_zones, "inclusion"), (m.exclusion_zones, "exclusion")]
     zones_said = ", ".join(f"{count} {kind}" for count, kind in zones if count)
     undone = [("faults not done", "; ".join(m.faults_undone))] if m.faults_undone else []
     return [
-        ("arrived", f"{m.arrived} of {m.uavs}{away}"),
+        ("arrived", f"{_count(m.arrived)} of {m.uavs}{away}"),
         *_not_home(m),
         *([("zones", zones_said)] if zones_said else []),
         *_landed(m),
         *_goals(m),
         *_deadlines(m),
-        ("slots", f"{m.slots} ({m.duration_s:g} s), {_count(m.slots_missed)} without commands"),
+        ("slots", f"{_slots(m)}, {_count(m.slots_missed)} without commands"),
         ("heads", (heads + (", ..." if len(m.heads) > MAX_HEADS else "")) or "none recorded"),
         ("collisions", f"{_count(m.potential_collisions)} potential, {_count(m.true_collisions)} true"),
         (
@@ -54,10 +58,18 @@ def _vehicles(m: Metrics) -> list[tuple[str, str]]:
 
 
 def _not_home(m: Metrics) -> list[tuple[str, str]]:
-    """Return a row with the UAVs that are not home and their reasons; no row if all are home."""
-    named = [str(who) for who in m.not_home[:MAX_NAMED]]
-    named += [f"and {len(m.not_home) - MAX_NAMED} more"] * (len(m.not_home) > MAX_NAMED)
-    return [("not home", "; ".join(named))] if named else []
+    """Return a row with the UAVs that are not home and their reasons, and one with those of which that is unknown."""
+    known, unknown = ([who for who in m.not_home if who.is_unknown is flag] for flag in (False, True))
+    return [(name, _named(who)) for name, who in (("not home", known), ("unknown", unknown)) if who]
+
+
+def _named(astray: Sequence[NotHome]) -> str:
+    more = [f"and {len(astray) - MAX_NAMED} more"] * (len(astray) > MAX_NAMED)
+    return "; ".join([*(str(who).replace(": unknown:", ":", 1) for who in astray[:MAX_NAMED]), *more])
+
+
+def _slots(m: Metrics) -> str:
+    return "-" if m.slots is None else f"{m.slots} ({m.duration_s:g} s)"
 
 
 def _goals(m: Metrics) -> list[tuple[str, str]]:
@@ -129,9 +141,11 @@ def _age(age: Age) -> str:
 
 
 def _held(m: Metrics) -> list[tuple[str, str]]:
-    """Return a row with the shares of the causes of holds; no row if no UAV held, or if that is unknown."""
-    if not m.slots_held or m.slots_held_by is None:
+    """Return a row with the shares of the causes of holds; no row if no UAV held."""
+    if m.slots_held == 0:
         return []
+    if m.slots_held is None or m.slots_held_by is None:
+        return [("held", f"{_count(m.slots_held)} UAV-slots, causes unknown" if m.slots_held else "-")]
     shares = [f"{100 * count / m.slots_held:.0f} % {cause}" for cause, count in m.slots_held_by.items()]
     return [("held", f"{m.slots_held} UAV-slots: {', '.join(shares)}")]
 

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import csv
 import io
+import re
 from dataclasses import dataclass
 
 from edc_swarm.errors import FormatError
@@ -27,6 +28,13 @@ NAMES = {
     "r_m": ("r_m",),
 }
 """The columns that are read, by their names in small letters."""
+UNITS = {
+    **dict.fromkeys(("lat", "lon"), ("deg", "degree", "degrees", "°")),
+    **dict.fromkeys(("x", "y", "accept_m", "r_m"), ("m", "metre", "metres", "meter", "meters")),
+    "hover_s": ("s", "sec", "second", "seconds"),
+    "v_max_mps": ("m/s", "mps"),
+}
+"""The units that a column's name may state in brackets, the first of them the usual one."""
 ONE_PER_UAV = ("accept_m", "v_max_mps", "r_m")
 """Columns of which a route takes one value."""
 
@@ -120,9 +128,18 @@ def _columns(header: list[str], content: Content) -> list[str]:
         if columns.count(column) > 1:
             raise FormatError("line 1", f"the header: must name {column} once")
     for index, (name, column) in enumerate(zip(header, columns, strict=True), 1):
+        _check_unit(name, column)
         if not column:
             content.note(f"column {name.strip()[:40]}", f"column {index}")
     return columns
+
+
+def _check_unit(name: str, column: str) -> None:
+    """Raise `FormatError` for a column whose name states another unit than its numbers are read in."""
+    stated = re.search(r"[(\[]([^)\]]*)", name)
+    units = UNITS.get(column, ())
+    if stated and units and stated[1].strip().lower() not in units:
+        raise FormatError("line 1", f"column {name.strip()[:40]!r}: must be in {units[0]}")
 
 
 def _has_positions(columns: list[str]) -> bool:

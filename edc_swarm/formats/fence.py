@@ -14,14 +14,15 @@ def read_fence(data: bytes, options: Options) -> Content:
     FormatError
     """
     del options
-    rows = [(f"line {number}", line.replace(",", " ").split()) for number, line in enumerate(lines_of(data), 1)]
-    points = [_point(place, row) for place, row in rows if row and not row[0].startswith("#")]
+    lines = [(f"line {number}", line.replace(",", " ").split()) for number, line in enumerate(lines_of(data), 1)]
+    rows = [(place, row) for place, row in lines if row and not row[0].startswith("#")]
+    points = [_point(place, row) for place, row in rows]
     if not points:
         raise FormatError("", "must hold a return point and the corners of a polygon")
     if len(points) > MAX_POINTS:
         raise FormatError("", f"{len(points)} points: must be at most {MAX_POINTS}")
     content = Content(areas=[Area("the polygon", "fence", "inclusion", points[1:])])
-    content.note("return point of the fence (its first line)", "line 1")
+    content.note("return point of the fence (its first line)", rows[0][0])
     return content
 
 

@@ -11,12 +11,13 @@ from edc_swarm.formats.content import Area, Content, Kind, Options, Point, Route
 from edc_swarm.formats.mavlink_commands import COMMANDS
 
 WAYPOINT, UNLIMITED, TURNS, LOITER, TO_HOME, LAND, TAKEOFF, TO_ALTITUDE = 16, 17, 18, 19, 20, 21, 22, 31
-SPLINE, VTOL_TAKEOFF, VTOL_LAND, DELAY, PAYLOAD, SPEED = 82, 84, 85, 93, 94, 178
-AT_A_PLACE = {WAYPOINT, UNLIMITED, TURNS, LOITER, LAND, TAKEOFF, TO_ALTITUDE, SPLINE, VTOL_TAKEOFF, VTOL_LAND, PAYLOAD}
+ARC, SPLINE, VTOL_TAKEOFF, VTOL_LAND, DELAY, PAYLOAD, SPEED = 36, 82, 84, 85, 93, 94, 178
+STRAIGHTENED = {ARC: "arcs: legs are straight", SPLINE: "splines: legs are straight"}
+VERTICAL = {LAND, TAKEOFF, VTOL_TAKEOFF, VTOL_LAND}
+AT_A_PLACE = {WAYPOINT, UNLIMITED, TURNS, LOITER, TO_ALTITUDE, PAYLOAD, *STRAIGHTENED, *VERTICAL}
 """Commands that fly to the position that they state."""
 ENDS = {TO_HOME, UNLIMITED}
 """Commands after which an autopilot flies no further item."""
-VERTICAL = {LAND, TAKEOFF, VTOL_TAKEOFF, VTOL_LAND}
 HAVE_HOLD = {WAYPOINT, SPLINE, LOITER}
 """Commands whose first parameter is a time to stay, in seconds."""
 FENCE_RETURN, RALLY = 5000, 5100
@@ -144,7 +145,7 @@ def _stops(known: Sequence[Item], home: Stop | None, content: Content) -> list[S
 
 def _check_may_be_nowhere(item: Item) -> None:
     """Raise `FormatError` for a way point without a position: only 0, 0 stands for the present one there."""
-    if item.command in {WAYPOINT, SPLINE} and (item.x is None or item.y is None):
+    if item.command in {WAYPOINT, *STRAIGHTENED} and (item.x is None or item.y is None):
         raise FormatError(item.label, f"position of {item.name}: must be two finite numbers")
 
 
@@ -190,8 +191,8 @@ def _note_rest(item: Item, content: Content) -> None:
         content.note(f"command {item.name}: only its position is flown", item.label)
     if item.command == UNLIMITED:
         content.note("hovering without an end: the route ends there", item.label)
-    if item.command == SPLINE:
-        content.note("splines: legs are straight", item.label)
+    if item.command in STRAIGHTENED:
+        content.note(STRAIGHTENED[item.command], item.label)
     if item.command in {WAYPOINT, LAND, TAKEOFF} and item.params[3]:
         content.note("heading", item.label)
     if item.command in {WAYPOINT, UNLIMITED, TURNS, LOITER} and item.params[2]:

@@ -11,6 +11,7 @@ from edc_swarm.mission.airspace import Airspace, check_goals, check_zones
 from edc_swarm.mission.baselines import check_baselines
 from edc_swarm.mission.configuration import Mission, default_tau_s
 from edc_swarm.mission.inheritance import with_charges, with_radii
+from edc_swarm.mission.passing import check_passing
 from edc_swarm.mission.prospect import default_max_slots
 from edc_swarm.mission.roster_entry import RosterEntry
 from edc_swarm.mission.validation import check_links
@@ -38,7 +39,8 @@ def complete_mission(mission: Mission) -> Mission:
     PlacementError
         The UAVs of a random mission do not fit into its area.
     MissionError
-        A link or a fault names a UAV that is not in the roster, a fault cannot be read, or zones leave a UAV no way.
+        A link or a fault names a UAV that is not in the roster, a fault cannot be read, zones leave a UAV no way, or
+        they leave two UAVs no room to pass each other.
     """
     fenced = mission if mission.roster else _fenced(mission)
     roster = _inherited(mission) if mission.roster else random_roster(fenced)
@@ -48,6 +50,7 @@ def complete_mission(mission: Mission) -> Mission:
     check_baselines(whole)
     check_zones(whole)
     check_goals(whole)
+    check_passing(whole)
     max_slots = whole.max_slots or default_max_slots(whole)
     has_inertia = any(not vehicle_of(whole, entry).is_ideal for entry in whole.roster)
     lag_slots = 1 if has_inertia else whole.lag_slots

@@ -125,6 +125,12 @@ def compiled(function: Function) -> Function:
     return compiled_function
 
 
+def is_kept(function: Callable[..., Any]) -> bool:
+    """Return True if the code of a `compiled` function is kept on disk."""
+    dispatcher: Any = function
+    return isinstance(dispatcher._cache, _Cache)
+
+
 def inner(function: Function) -> Function:
     """Compile a function for calls from compiled functions of the same file, which keep its code."""
     linked: Any = _Inner(function)

@@ -16,8 +16,12 @@ from edc_swarm.planner.pilot import momentum_of, slowed_m, step_changes
 from edc_swarm.planner.request import Arrays, checked_arrays
 from edc_swarm.planner.safe import SafeSteps, airspace_of
 from edc_swarm.solver import certificate, slot_qp
+from edc_swarm.solver.barrier_rows import barrier_rows
 from edc_swarm.solver.hull_rows import Obstacles
 from edc_swarm.solver.normals import DELTA_M
+
+TOUCH_M = 1.5 * DELTA_M
+"""Distance beyond D up to which a UAV touches a barrier."""
 
 
 def weights(mission: Mission, speed_mps: float) -> tuple[float, float]:
@@ -89,16 +93,22 @@ class Edc:
         return wish_m
 
     def _held(self, arrays: Arrays) -> NDArray[np.bool_]:
-        """(n,) UAVs within a hull, or nearer than R to hulls without a step that leads away from all of them."""
+        """(n,) UAVs within a hull, or nearer than R to hulls without a step that leads away from all of them.
+
+        No step leads towards a barrier that the UAV touches (`protocol.hindrance` has the same rule).
+        """
         if not len(arrays.obstacles.keep_m):
             return np.zeros(len(arrays.uav), dtype=bool)
-        alone = slot_qp.slot_problem(
-            arrays.position_m, arrays.position_m, arrays.r_m, self._u_max_m[arrays.uav], arrays.obstacles
-        )
+        u_max_m = self._u_max_m[arrays.uav]
+        alone = slot_qp.slot_problem(arrays.position_m, arrays.position_m, arrays.r_m, u_max_m, arrays.obstacles)
         held = alone.frozen.copy()
-        for k in np.unique(alone.row_uav[alone.row_room_m == 0]).tolist():
+        near = np.unique(alone.row_uav[alone.row_room_m == 0])
+        here_m = arrays.position_m[near]
+        walled, wall_normal, room_m, _ = barrier_rows(here_m, here_m, arrays.r_m[near], u_max_m[near], self._airspace)
+        for row, k in enumerate(near.tolist()):
             normal = alone.row_normal[(alone.row_uav == k) & (alone.row_room_m == 0)]
-            held[k] |= not ways.clearest(normal).any()
+            walls = wall_normal[(walled == row) & (room_m < TOUCH_M)]
+            held[k] |= not ways.clearest(np.concatenate([normal, walls])).any()
         return held
 
     def _leave(self, arrays: Arrays, wish_m: Floats) -> None:

@@ -191,6 +191,17 @@ class Guidance:
         self._memory.store(scene.uav, plans)
         return world.track[:, 1].copy()
 
+    def rehearse(self) -> None:
+        """Compile or load the search for plans: run it for nobody, on data of the types that it has in flight."""
+        place_m, uav = np.zeros((1, 2)), np.zeros(1, np.int64)
+        scene = Scene(0, uav, place_m, place_m, np.ones(1), Obstacles.none())
+        walls = ways.walls_of(place_m, scene.r_m, scene.obstacles)
+        self._remember(scene, np.zeros(1))
+        world, plans = self._world(scene, place_m, walls), self._memory.plans_of(uav)
+        kernel.sweep(
+            world, plans, self._scratch, self._draft, self._tuning.limits(1), np.zeros(1), np.empty(0, np.int64)
+        )
+
     def _remember(self, scene: Scene, way_m: Floats) -> None:
         """Advance the memory to this slot: lateness grows, and UAVs unheard for long are forgotten."""
         memory = self._memory = self._memory.grown(int(scene.uav.max()) + 1)

@@ -51,6 +51,9 @@ ONCE: Any = np.int64(1)
 DROPPED: Any = np.int64(-1)
 MOVED: Any = np.int64(0)
 INSERTED: Any = np.int64(1)
+PRESENT: Any = np.bool_(True)
+ABSENT: Any = np.bool_(False)
+NOWHERE: Any = np.int64(-1)
 """Numpy's numbers, since numba compiles a function anew for every literal argument."""
 
 
@@ -217,6 +220,15 @@ def uniform(seed: int, a: int, b: int) -> float:
 def norm(x: float, y: float) -> float:
     """Return the length of a vector; several times faster than hypot, and no length here is near overflow."""
     return math.sqrt(x * x + y * y)
+
+
+@inner
+def sum_of(values: Floats) -> float:
+    """Return the sum, in the order of the entries; numba's own costs more to compile."""
+    total = 0.0
+    for value in values:
+        total += value
+    return total
 
 
 @inner
@@ -490,7 +502,7 @@ def measure_ways(
         tests += spent + 1
         cost[n] = norm(goal_m[0] - x0, goal_m[1] - y0) if is_open else np.inf
     while tests <= budget:
-        node, least = -1, np.inf
+        node, least = NOWHERE, np.inf
         for n in range(len(known)):
             if not closed[n] and cost[n] < least:
                 node, least = n, cost[n]
@@ -1128,7 +1140,7 @@ def sidestep(world: World, k: int, turn: float, draft: Draft) -> tuple[int, floa
         speed = norm(vx, vy)
         if speed < 1e-9:
             break
-        n = 0
+        n = NONE
         while n < count and slot[n] < t:
             n += 1
         if n < count and slot[n] == t:
@@ -1158,10 +1170,10 @@ def install(world: World, plans: Plans, k: int, count: int, draft: Draft) -> Non
     for n in range(count):
         plans.slot[k, n] = draft.slot[n]
         plans.point_m[k, n, 0], plans.point_m[k, n, 1] = draft.point_m[n, 0], draft.point_m[n, 1]
-    register(world, k, False)
+    register(world, k, ABSENT)
     for t in range(draft.track.shape[0]):
         world.track[k, t, 0], world.track[k, t, 1] = draft.track[t, 0], draft.track[t, 1]
-    register(world, k, True)
+    register(world, k, PRESENT)
 
 
 @inner
@@ -1169,7 +1181,7 @@ def replan(world: World, plans: Plans, scratch: Scratch, draft: Draft, limits: L
     """Replace UAV k's plan by its best response to all other tracks."""
     step_m = 0.4 * world.u_max_m[k]
     straight = begin(world, k, draft, NONE)
-    conflict = draft.price.sum()
+    conflict = sum_of(draft.price)
     if conflict == 0.0:
         if plans.size[k] > 0:
             install(world, plans, k, NONE, draft)
@@ -1178,7 +1190,7 @@ def replan(world: World, plans: Plans, scratch: Scratch, draft: Draft, limits: L
     if plans.size[k] > 0:
         count = load(plans, k, draft)
         cost = begin(world, k, draft, count)
-        if draft.price.sum() == 0.0:
+        if sum_of(draft.price) == 0.0:
             count, better = polish(world, k, draft, count, cost, ONCE, 0.5 * step_m)
             if better < cost:
                 install(world, plans, k, count, draft)
@@ -1194,7 +1206,7 @@ def replan(world: World, plans: Plans, scratch: Scratch, draft: Draft, limits: L
         count, trial = polish(world, k, draft, count, trial, limits.rounds, step_m)
         if trial < cost:
             cost = trial
-            free = draft.price.sum() == 0.0
+            free = sum_of(draft.price) == 0.0
             install(world, plans, k, count, draft)
     if free and cost < plain + limits.easy:
         return
@@ -1255,4 +1267,4 @@ def populate(world: World, plans: Plans, most: int) -> None:
     for k in range(world.track.shape[0]):
         put_off(world, plans, k, most)
         fly(world, k, plans.size[k], plans.slot[k], plans.point_m[k], world.track[k])
-        register(world, k, True)
+        register(world, k, PRESENT)

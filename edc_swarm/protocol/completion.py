@@ -133,7 +133,7 @@ class MissionMonitor:
         if not away or len(flying) == len(self._mission.roster):
             return bool(flying) and not away
         places = [place for other in self._mission.roster for place in self._places(other)]
-        found = hindrances(away, places)
+        found = hindrances(away, places, self._mission.zone)
         return len(found) == len(away) and all(
             found[entry.uav].kind != "covered" or slot - self._moved_slot.get(entry.uav, -STILL_SLOTS) >= STILL_SLOTS
             for entry, _ in away

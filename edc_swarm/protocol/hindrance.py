@@ -1,12 +1,12 @@
-"""Reasons why a UAV cannot reach its target: UAVs that no longer fly, or the hulls where they can be, are in the way.
+"""Reasons why a UAV cannot reach its target: UAVs that no longer fly, or hulls, are in the way, alone or with zones.
 
 The end of a mission, G7 and the outcome share this rule. A UAV with radius r_m is hindered by places (`Place`):
 
 - *covered*: its target is nearer than R, the sum of both GPS radii, to a place;
 - *held*: it is nearer than R to places, and no step u != 0 leads away from them: u.(p - x) >= 0 for all their points x.
   Seen from p the places cover an interval of directions each. Such a step exists only if their union leaves a gap of
-  180 degrees or more. Within a hull there is none;
-- *closed in*: places that overlap once they are R wider separate it from its target.
+  180 degrees or more. Within a hull there is none. A barrier that it touches is seen too: no step comes nearer to it;
+- *closed in*: places that overlap once they are R wider, alone or with barriers, separate it from its target.
 
 The last is a question of topology: a closed curve separates two points if its winding numbers about them differ. All
 places are convex, so it is enough to look at the polylines that connect the ones which overlap.
@@ -22,19 +22,31 @@ from typing import Literal
 import numpy as np
 
 from edc_swarm.geometry import (
+    Barriers,
     Floats,
     capsule_distance_m,
     closest_points_of_segments,
     length_m,
+    nearest_on_segment,
     point_segment_distance_m,
 )
 from edc_swarm.mission.roster_entry import RosterEntry
+from edc_swarm.mission.zone import Zone
+from edc_swarm.mission.zones import barriers as barriers_of
 from edc_swarm.protocol.messages import Report
 
 Point = tuple[float, float]
 
 BUFFER_M = 0.02
-"""A planner keeps so much more than R: `DELTA_M` of the slot QP."""
+"""A planner keeps so much more than R, and than D from a barrier: `DELTA_M` of the slot QP."""
+TOUCH_M = 1.5 * BUFFER_M
+"""Distance beyond D up to which a UAV touches a barrier."""
+BESIDE_EDGE_M = 1e-6
+"""Distance from a barrier up to which it is not known on which side of a ring a point is."""
+ROUNDING = 1e-9
+"""Rounding, in radians, of a gap of 180 degrees: between a place and a barrier opposite it a UAV may fly."""
+MOST_RING_BARRIERS = 400
+"""Most barriers that are looked at as parts of a ring. With more, only rings of places alone are found."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -71,6 +83,7 @@ class Hindrance:
 
     kind: Literal["covered", "held", "closed in"]
     by: list[Place]
+    with_zones: bool = False
 
     @property
     def uavs(self) -> list[str]:
@@ -79,7 +92,7 @@ class Hindrance:
 
     def __str__(self) -> str:
         """Return why, in words."""
-        return f"{self.kind} by {' and '.join(str(place) for place in self.by)}"
+        return f"{self.kind} by {' and '.join([*map(str, self.by), *['zones'] * self.with_zones])}"
 
 
 def places_of(entry: RosterEntry, centre_m: Point, plan: Report | None) -> Iterator[Place]:
@@ -96,24 +109,29 @@ def point(centre_m: Floats) -> Point:
     return float(centre_m[0]), float(centre_m[1])
 
 
-def hindrance(position_m: Point, target_m: Point, r_m: float, places: Sequence[Place]) -> Hindrance | None:
+def hindrance(
+    position_m: Point, target_m: Point, r_m: float, places: Sequence[Place], barriers: Barriers | None = None
+) -> Hindrance | None:
     """Return why a UAV at `position_m` cannot get to its target, None if no place is in the way."""
     if covering := [place for place in places if place.gap_m(target_m, r_m) < 0]:
         return Hindrance("covered", covering)
-    if holding := _holding(position_m, r_m, places):
-        return Hindrance("held", holding)
-    closing = _ring(position_m, target_m, r_m, places) if len(places) > 1 else []
-    return Hindrance("closed in", closing) if closing else None
+    barriers = Barriers.none() if barriers is None else barriers
+    if held := _holding(position_m, r_m, places, barriers):
+        return held
+    return _closing(position_m, target_m, r_m, places, barriers)
 
 
-def hindrances(away: Sequence[tuple[RosterEntry, Point]], places: Sequence[Place]) -> dict[str, Hindrance]:
+def hindrances(
+    away: Sequence[tuple[RosterEntry, Point]], places: Sequence[Place], zones: Sequence[Zone] = ()
+) -> dict[str, Hindrance]:
     """Return why UAVs that are at these points cannot get to their targets, by id; those that can are left out.
 
     A UAV that is held is in the way of the others as if it no longer flew.
     """
+    barriers = barriers_of(list(zones)) if places else Barriers.none()
     fixed = {entry.uav: [place for place in places if place.uav != entry.uav] for entry, _ in away}
     free = list(away)
-    while held := [(entry, at_m) for entry, at_m in free if _holding(at_m, entry.r_m, fixed[entry.uav])]:
+    while held := [(entry, at_m) for entry, at_m in free if _holding(at_m, entry.r_m, fixed[entry.uav], barriers)]:
         free = [other for other in free if other not in held]
         for entry, at_m in held:
             for uav in fixed.keys() - {entry.uav}:
@@ -121,31 +139,44 @@ def hindrances(away: Sequence[tuple[RosterEntry, Point]], places: Sequence[Place
     found = {}
     for entry, at_m in away:
         target_m = (entry.target_x_m, entry.target_y_m)
-        if (why := hindrance(at_m, target_m, entry.r_m, fixed[entry.uav])) is not None:
+        if (why := hindrance(at_m, target_m, entry.r_m, fixed[entry.uav], barriers)) is not None:
             found[entry.uav] = why
     return found
 
 
-def _holding(position_m: Point, r_m: float, places: Sequence[Place]) -> list[Place]:
-    """Return the places that leave a UAV no step, [] if it has one."""
+def _holding(position_m: Point, r_m: float, places: Sequence[Place], barriers: Barriers) -> Hindrance | None:
+    """Return the places that leave a UAV no step, alone or with barriers; None if it has one."""
     near = [place for place in places if place.gap_m(position_m, r_m) < 0]
-    return near if near and not _has_way_out(position_m, near) else []
+    if not near:
+        return None
+    seen = [_directions(position_m, place) for place in near if place.gap_m(position_m, -place.r_m) > 0]
+    if len(seen) < len(near) or not _have_gap(seen):
+        return Hindrance("held", near)
+    walls = _touched(position_m, r_m, barriers)
+    return Hindrance("held", near, with_zones=True) if walls and not _have_gap([*seen, *walls]) else None
 
 
-def _has_way_out(position_m: Point, near: Sequence[Place]) -> bool:
-    """True if the directions in which the places are seen leave a gap of 180 degrees."""
-    seen = []
-    for place in near:
-        if capsule_distance_m(position_m, place.a_m, place.b_m, place.radius_m) <= 0:
-            return False
-        low, high = _directions(position_m, place)
-        seen.append((low % math.tau, low % math.tau + high - low))
-    seen.sort()
+def _touched(position_m: Point, r_m: float, barriers: Barriers) -> list[tuple[float, float]]:
+    """Return the directions, as intervals, in which a UAV sees the barriers that it touches."""
+    if not len(barriers.a_m):
+        return []
+    here_m = np.array(position_m)
+    towards_m = nearest_on_segment(here_m, barriers.a_m, barriers.b_m) - here_m
+    away_m = length_m(towards_m)
+    on_edge = (away_m < BESIDE_EDGE_M)[:, None]
+    touched = away_m < barriers.least_m(np.array([r_m]))[0] + TOUCH_M
+    bearing = np.arctan2(*np.where(on_edge, -barriers.side, towards_m)[touched].T[::-1])
+    return [(turn, turn) for turn in bearing.tolist()]
+
+
+def _have_gap(directions: Sequence[tuple[float, float]]) -> bool:
+    """True if the intervals of directions leave a gap of 180 degrees."""
+    seen = sorted((low % math.tau, low % math.tau + high - low) for low, high in directions)
     first, reach = seen[0][0], seen[0][1]
     widest = 0.0
     for low, high in seen[1:]:
         widest, reach = max(widest, low - reach), max(reach, high)
-    return max(widest, first + math.tau - reach) >= math.pi
+    return max(widest, first + math.tau - reach) >= math.pi - ROUNDING
 
 
 def _directions(position_m: Point, place: Place) -> tuple[float, float]:
@@ -159,22 +190,53 @@ def _directions(position_m: Point, place: Place) -> tuple[float, float]:
     return bearings[0] + low, bearings[0] + high
 
 
-def _ring(position_m: Point, target_m: Point, r_m: float, places: Sequence[Place]) -> list[Place]:
-    """Return the places of which some form a closed ring about either point but not about the other, [] if none do.
+def _closing(
+    position_m: Point, target_m: Point, r_m: float, places: Sequence[Place], barriers: Barriers
+) -> Hindrance | None:
+    """Return the places that separate a UAV from its target, alone or with barriers; None if they do not.
 
     A place that is nearer than R to either point counts with what is left of R.
     """
+    if not places:
+        return None
     a_m, b_m = np.array([place.a_m for place in places]), np.array([place.b_m for place in places])
-    ends_m = np.array([position_m, target_m])
     keep_m = np.array([place.radius_m + place.r_m + r_m + BUFFER_M for place in places])
-    keep_m = np.minimum(keep_m, 0.9995 * point_segment_distance_m(ends_m[:, None], a_m, b_m).min(axis=0))
-    i, j = np.triu_indices(len(places), 1)
+    ends_m, count = np.array([position_m, target_m]), len(places)
+    keep_m = np.minimum(keep_m, 0.9995 * _nearest_m(ends_m, a_m, b_m))
+    if ring := _ring(ends_m, a_m, b_m, keep_m):
+        return Hindrance("closed in", [places[k] for k in ring])
+    away_m = _nearest_m(ends_m, barriers.a_m, barriers.b_m)
+    if not 0 < len(away_m) <= MOST_RING_BARRIERS or away_m.min() < BESIDE_EDGE_M:
+        return None
+    wall_m = np.minimum(barriers.least_m(np.array([r_m]))[0] + BUFFER_M, 0.9995 * away_m)
+    ring = _ring(
+        ends_m,
+        np.concatenate([a_m, barriers.a_m]),
+        np.concatenate([b_m, barriers.b_m]),
+        np.concatenate([keep_m, wall_m]),
+    )
+    by = [places[k] for k in ring if k < count]
+    return Hindrance("closed in", by, with_zones=True) if by else None
+
+
+def _nearest_m(ends_m: Floats, a_m: Floats, b_m: Floats) -> Floats:
+    """Return the least distances (n,) of the segments from two points (2, 2)."""
+    nearest_m: Floats = point_segment_distance_m(ends_m[:, None], a_m, b_m).min(axis=0)
+    return nearest_m
+
+
+def _ring(ends_m: Floats, a_m: Floats, b_m: Floats, keep_m: Floats) -> list[int]:
+    """Return the segments (n, 2), wider by `keep_m`, of which some form a closed ring about only one of two points.
+
+    [] if none do.
+    """
+    i, j = np.triu_indices(len(a_m), 1)
     on_first, on_second = closest_points_of_segments(a_m[i], b_m[i], a_m[j], b_m[j])
     overlap = length_m(on_first - on_second) < keep_m[i] + keep_m[j]
     i, j = i[overlap], j[overlap]
     curve_m = np.stack([a_m[i], on_first[overlap], on_second[overlap], a_m[j]], axis=1)
     turns = _winding(curve_m, ends_m[0]) - _winding(curve_m, ends_m[1])
-    links: dict[int, list[tuple[int, float]]] = {k: [] for k in range(len(places))}
+    links: dict[int, list[tuple[int, float]]] = {k: [] for k in range(len(a_m))}
     for first, second, turn in zip(i.tolist(), j.tolist(), turns.tolist(), strict=True):
         links[first].append((second, turn))
         links[second].append((first, -turn))
@@ -189,7 +251,7 @@ def _ring(position_m: Point, target_m: Point, r_m: float, places: Sequence[Place
                     turned[other] = turned[k] + turn
                     group.append(other)
         if any(abs(turned[k] + turn - turned[other]) > 0.5 for k in group for other, turn in links[k]):
-            return [places[k] for k in sorted(group)]
+            return sorted(group)
     return []
 
 

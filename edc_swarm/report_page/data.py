@@ -22,6 +22,7 @@ from edc_swarm.protocol.events import EventKind
 from edc_swarm.protocol.messages import MissionMessage, Report
 from edc_swarm.recording.model import Recording
 from edc_swarm.report_page.flight_rows import FlightRow, flight_rows
+from edc_swarm.report_page.itineraries import Itinerary, itineraries
 from edc_swarm.story.happening import STATES, Level
 
 MAX_ANIMATED = 1_000_000
@@ -107,7 +108,6 @@ class Page(Struct, frozen=True, kw_only=True):
     name: str
     uavs: list[str]
     r_m: list[float]
-    target_m: list[tuple[float, float]]
     extent_m: tuple[float, float, float, float]
     zones: list[Area]
     frames: int
@@ -128,7 +128,7 @@ class Page(Struct, frozen=True, kw_only=True):
     active_s: float = 0.0
     story: list[Told] = []
     left_out: int = 0
-    routes: list[list[tuple[float, float]]] = []
+    itineraries: list[Itinerary]
     rows: list[FlightRow] = []
 
     @classmethod
@@ -141,15 +141,14 @@ class Page(Struct, frozen=True, kw_only=True):
         plans = _plans(recording, columns)
         whole_leader = _leader(plans, columns)
         leader = whole_leader[::every]
-        story = story_of(recording)
+        story, flown = story_of(recording), itineraries(recording)
         told = _told(story, mission)
         states = np.array([list(row) for row in story.states], np.uint8).reshape(-1, count)[:slots]
         return cls(
             name=shown(mission.name),
             uavs=columns.uavs,
             r_m=[entry.r_m for entry in mission.roster],
-            target_m=[(entry.target_x_m, entry.target_y_m) for entry in mission.roster],
-            extent_m=_extent_m(mission, columns),
+            extent_m=_extent_m(mission, columns, flown),
             zones=[Area.of(zone) for zone in mission.zone],
             frames=len(heard),
             frame_s=mission.dt_s * every,
@@ -168,16 +167,18 @@ class Page(Struct, frozen=True, kw_only=True):
             active_s=_active_s(mission, columns),
             story=told,
             left_out=story.left_out + len(story.happenings) - len(told),
-            routes=[entry.points if len(entry.points) > 1 else [] for entry in mission.roster],
+            itineraries=flown,
             rows=flight_rows(mission, columns, story, plans, whole_leader.tolist()),
         )
 
 
-def _extent_m(mission: MissionMessage, columns: Columns) -> tuple[float, float, float, float]:
-    """Return (left, low, right, high), the bounding box of all discs, targets and fences."""
+def _extent_m(
+    mission: MissionMessage, columns: Columns, flown: Sequence[Itinerary]
+) -> tuple[float, float, float, float]:
+    """Return (left, low, right, high), the bounding box of all discs, points of goals and fences."""
     r_m = max((entry.r_m for entry in mission.roster), default=0.0)
-    targets_m = np.array([(e.target_x_m, e.target_y_m) for e in mission.roster]).reshape(-1, 2)
-    points_m = np.concatenate([columns.centre_m.reshape(-1, 2), targets_m])
+    goals_m = [point for each in flown for route in each.routes for point in route]
+    points_m = np.concatenate([columns.centre_m.reshape(-1, 2), np.array(goals_m).reshape(-1, 2)])
     if not len(points_m):
         return 0.0, 0.0, 1.0, 1.0
     boxes_m = [(*(points_m.min(axis=0) - r_m).tolist(), *(points_m.max(axis=0) + r_m).tolist())]

@@ -29,7 +29,7 @@ class FlightRow(Struct, frozen=True):
     held_pct: float | None
     unheard_pct: float | None
     battery_pct: float | None
-    led_slots: int
+    led_slots: int | None
 
 
 def flight_rows(
@@ -54,13 +54,13 @@ def flight_rows(
                 uav=entry.uav,
                 state=STATES[states[-1, k]] if len(states) else "unknown",
                 home_s=home * mission.dt_s if home < len(states) else None,
-                way_m=None if columns.lost[:, k].any() else float(columns.step_m[:, k].sum()),
+                way_m=None if not len(heard) or columns.lost[:, k].any() else float(columns.step_m[:, k].sum()),
                 held_pct=100 * float((moving & ~columns.executed[counted, k]).sum() / moving.sum())
                 if moving.any()
                 else None,
                 unheard_pct=100 * missed / len(asked) if asked else None,
                 battery_pct=100 * float(charge[-1]) / entry.energy_j if len(charge) and entry.energy_j else None,
-                led_slots=leader.count(k),
+                led_slots=leader.count(k) if plans else None,
             )
         )
     return rows
@@ -76,7 +76,7 @@ def cells(row: FlightRow) -> list[str]:
         _text(row.held_pct, 0),
         _text(row.unheard_pct, 0),
         _text(row.battery_pct, 0),
-        str(row.led_slots),
+        _text(row.led_slots, 0),
     ]
 
 

@@ -25,7 +25,16 @@ const createMap = (page, canvas, theme, layers) => {
     return [centres[a] + share * (centres[b] - centres[a]), centres[a + 1] + share * (centres[b + 1] - centres[a + 1])];
   };
   const recorded = (k, i) => page.state_names[states[i * K + k]] ?? "unknown";
-  const isThere = (k, at) => Math.hypot(at[0] - page.target_m[k][0], at[1] - page.target_m[k][1]) <= ARRIVED_M;
+  // The route that UAV k flies at time t (its goal), and the point of it that it flies to.
+  const goalOf = (k, t) => {
+    const { routes, turns } = page.itineraries[k];
+    const [, route, leg] = turns.findLast((turn) => turn[0] * page.slot_s <= t + 1e-9) ?? [0, 0, 0];
+    return { points: routes[route], leg: Math.min(leg, routes[route].length - 1), number: route };
+  };
+  const isThere = (k, at) => {
+    const { points, leg } = goalOf(k, timeS), target = points[points.length - 1];
+    return leg === points.length - 1 && Math.hypot(at[0] - target[0], at[1] - target[1]) <= ARRIVED_M;
+  };
   const landed = (k, i) => heard[i * K + k] === 2 || recorded(k, i) === "landed";
   const overlapping = (at, i) => {
     const hit = new Set();
@@ -123,13 +132,16 @@ const createMap = (page, canvas, theme, layers) => {
     g.globalAlpha = 1;
   };
   const drawTarget = (g, v, k, at, isDown) => {
-    const route = page.routes[k] ?? [], target = page.target_m[k], [x, y] = [v.x(target[0]), v.y(target[1])];
-    g.strokeStyle = theme.of("--soft"); g.lineWidth = 1; g.setLineDash([]);
-    if (!isDown && !route.length) { g.globalAlpha = 0.35; path(g, [[v.x(at[0]), v.y(at[1])], [x, y]]); }
-    if (route.length) {
-      g.globalAlpha = 0.3; path(g, route.map((p) => [v.x(p[0]), v.y(p[1])])); g.globalAlpha = 0.8;
-      for (const p of route.slice(0, -1)) { g.beginPath(); g.arc(v.x(p[0]), v.y(p[1]), 2, 0, 2 * Math.PI); g.stroke(); }
-    }
+    const { points, leg } = goalOf(k, timeS), left = points.slice(leg).map((p) => [v.x(p[0]), v.y(p[1])]);
+    const [x, y] = left[left.length - 1], here = [v.x(at[0]), v.y(at[1])];
+    g.strokeStyle = g.fillStyle = theme.of(k === followed ? "--ink" : "--soft"); g.lineWidth = 1; g.setLineDash([]);
+    g.globalAlpha = k === followed ? 0.9 : K >= MANY ? 0.15 : 0.35;
+    path(g, isDown ? left : [here, ...left]);
+    g.globalAlpha = 0.8;
+    left.slice(0, -1).forEach((p, n) => {
+      g.beginPath(); g.arc(p[0], p[1], n ? 2 : 3, 0, 2 * Math.PI);
+      if (n || isDown) g.stroke(); else g.fill();
+    });
     g.globalAlpha = 0.9; g.lineWidth = 1.4;
     if (!isThere(k, at)) g.strokeRect(x - 3, y - 3, 6, 6);
     g.globalAlpha = 1;
@@ -212,8 +224,10 @@ const createMap = (page, canvas, theme, layers) => {
       const why = page.story.findLast((each) => each.uavs.includes(k) && each.time_s <= t + 1e-9 && (each.end_s ?? Infinity) > t && ["holding", "dead", "frozen", "silent", "cut-off", "landed"].includes(each.kind));
       const words = [`${page.uavs[k]}: ${landed(k, i) ? "landed" : recorded(k, i)}`];
       if (why) words.push(why.words.split(": ").slice(1).join(": "));
+      const { points, leg, number } = goalOf(k, t);
+      if (number || points.length > 1) words.push(`point ${leg + 1} of ${points.length}${number ? ` of its goal ${number + 1}` : ""}`);
       words.push(charge === 255 ? "battery unknown" : `battery ${charge} %`);
-      if (page.leader[i] === k) words.push("the head"); else words.push(age === 255 ? "no head has heard it" : age ? `the head's fix of it is ${age} slots old` : "the head has its fix");
+      if (page.leader[i] === k) words.push("the head"); else words.push(!page.terms.length ? "no plan is recorded" : age === 255 ? "no head has heard it" : age ? `the head's fix of it is ${age} slots old` : "the head has its fix");
       return words.join("; ");
     },
   };

@@ -84,9 +84,16 @@ def _labelled(recordings: Sequence[Shown]) -> Iterable[tuple[Shown, str]]:
 
 
 def _headline(each: Shown, label: str) -> str:
-    metrics = each.metrics
-    arrived = f"{metrics.arrived} of {metrics.uavs} UAVs arrived in {metrics.duration_s:g} s"
-    return f"{label + ': ' if label else ''}{arrived}; {headline(each.guarantees)}"
+    return f"{label + ': ' if label else ''}{_done(each.metrics)}; {headline(each.guarantees)}"
+
+
+def _done(metrics: Metrics) -> str:
+    if metrics.arrived is None or metrics.duration_s is None:
+        return f"The record does not tell how many of {metrics.uavs} UAVs arrived"
+    if metrics.goals_per_minute is not None:
+        return f"{metrics.uavs} UAVs reached {metrics.goals_reached} goals in {metrics.duration_s:g} s"
+    unknown = f", {len(metrics.unknown)} unknown" if metrics.unknown else ""
+    return f"{metrics.arrived} of {metrics.uavs} UAVs arrived in {metrics.duration_s:g} s{unknown}"
 
 
 def _map(page: Page, label: str) -> str:

@@ -200,7 +200,7 @@ class Storyteller:
 
 def _shorter(fault: str) -> str:
     """Return the text of a fault with long lists of UAVs cut."""
-    return re.sub(r"[\w-]+(?:,[\w-]+){6,}", lambda names: _cut(names[0].split(",")), fault)
+    return re.sub(r"(?<![\w-])[\w-]++(?:,[\w-]++){6,}+", lambda names: _cut(names[0].split(",")), fault)
 
 
 def _cut(names: list[str]) -> str:

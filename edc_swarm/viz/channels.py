@@ -23,13 +23,19 @@ from edc_swarm.recording.schemas import json_schema
 
 ROOT = "/viz/"
 UAVS, TRAILS, COMMANDS, HULLS, AREA = "uavs", "trails", "commands", "hulls", "area"
-LOCATION, LOG, STATUS = "location", "log", "status"
+GOALS, LABELS, LINKS, VEHICLES = "goals", "labels", "links", "vehicles"
+SCENES_OF_A_MISSION = (AREA, GOALS, TRAILS, LINKS, HULLS, COMMANDS, UAVS, VEHICLES, LABELS)
+"""Layers of the scene, the lowest first; a viewer switches each on and off."""
+LOCATION, LOG, STATUS, STORY = "location", "log", "status", "story"
 
 
 class Status(Struct, frozen=True, kw_only=True):
-    """Values for plots, one set per report of a slot; each constant `*_limit_*` is plotted beside its value.
+    """Values for plots, one set per report of a slot.
 
-    An unknown value (the plan time in a simulation, the gap of a lone UAV) is absent.
+    An unknown value (the plan time in a simulation, the gap of a lone UAV) is absent. `plan_limit_near_ms` is the limit
+    of the plan time, in slots in which the plan takes a large share of it: a plot of both stays readable. The batteries
+    are those of all UAVs heard of, in per cent of the first charge. `oldest_fix_slots` is the age of the oldest fix
+    that the head has of a UAV that is not out of action.
     """
 
     slot: int
@@ -38,6 +44,7 @@ class Status(Struct, frozen=True, kw_only=True):
     status: str
     plan_ms: float | UnsetType = UNSET
     plan_limit_ms: float
+    plan_limit_near_ms: float | UnsetType = UNSET
     gap_m: float | UnsetType = UNSET
     planned_gap_m: float
     gap_limit_m: float
@@ -45,13 +52,26 @@ class Status(Struct, frozen=True, kw_only=True):
     unheard: int
     arrived: int
     least_energy_j: float | UnsetType = UNSET
+    least_battery_pct: float | UnsetType = UNSET
+    mean_battery_pct: float | UnsetType = UNSET
+    oldest_fix_slots: int | UnsetType = UNSET
+
+
+class Told(Struct, frozen=True, kw_only=True):
+    """A happening of the story, for the rows of a timeline."""
+
+    slot: int
+    kind: str
+    level: str
+    words: str
 
 
 _SCHEMAS: dict[str, type[Protobuf] | type[Struct]] = {
-    **dict.fromkeys((UAVS, TRAILS, COMMANDS, HULLS, AREA), SceneUpdate),
+    **dict.fromkeys(SCENES_OF_A_MISSION, SceneUpdate),
     LOCATION: LocationFix,
     LOG: Log,
     STATUS: Status,
+    STORY: Told,
 }
 
 TOPICS = frozenset(_SCHEMAS)

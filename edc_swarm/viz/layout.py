@@ -9,40 +9,67 @@ from edc_swarm.geodesy import to_wgs84
 from edc_swarm.protocol.messages import MissionMessage
 from edc_swarm.viz import channels
 from edc_swarm.viz.channels import ROOT
+from edc_swarm.viz.layers import MANY_UAVS
 from edc_swarm.viz.scenery import extent_m
 
 LAYOUT_ATTACHMENT = "foxglove-layout.json"
 GRID_M = 20.0
 MAX_DIVISIONS = 50
 SCENE, PLAN, GAP, HEAD, LOG, MAP = "3D!swarm", "Plot!plan", "Plot!gap", "StateTransitions!head", "RosOut!log", "map!gps"
-HEIGHTS = {PLAN: 19, GAP: 19, HEAD: 21, MAP: 19, LOG: 22}
-"""Panels of the right-hand column with their shares of its height in per cent; two rows of transitions need 21."""
-MAP_PX = 110
+BATTERY, LINKS, PLOTS, BELOW = "Plot!battery", "Plot!links", "Tab!plots", "Tab!below"
+HEIGHTS = {PLOTS: 45, HEAD: 20, BELOW: 35}
+"""Panels of the right-hand column with their shares of its height in per cent."""
+TABS: dict[str, dict[str, tuple[str, ...]]] = {
+    PLOTS: {"Flight": (PLAN, GAP), "Batteries and links": (BATTERY, LINKS)},
+    BELOW: {"Log": (LOG,), "Map": (MAP,)},
+}
+"""Panels that share a place, by the name of their tab."""
+BUSY = frozenset({channels.LABELS, channels.GOALS, channels.LINKS})
+"""Layers that begin switched off above `MANY_UAVS`."""
+MAP_PX = 220
 """Height of the map panel at these shares, in pixels."""
 TILE_MPP = 156_543.034
 """Metres per pixel of web map tiles at zoom 0 on the equator."""
 BLUE, ORANGE, RED = "#4e98e2", "#f5a04e", "#ff4d4d"
-_SHOWN = (channels.AREA, channels.TRAILS, channels.HULLS, channels.COMMANDS, channels.UAVS)
 
 
 def layout(mission: MissionMessage) -> dict[str, Any]:
     """Return a layout for Foxglove and for Lichtblick whose camera shows the whole area of `mission`.
 
-    Viewers hide every topic that no layout shows.
+    Viewers hide every topic that no layout shows. The least gap has the scale of a disc's radius, since the gaps that
+    matter are near 0; the limit of the plan time is in the title, since a line at it would flatten the plan times.
     """
+    limit_ms = 1e3 * (mission.dt_s - mission.tau_s) / mission.time_scale
+    top_m = max((entry.r_m for entry in mission.roster), default=0.0) or 1.0
     (left_m, low_m), (right_m, high_m) = extent_m(mission)
     middle_m, size_m = [(left_m + right_m) / 2, (low_m + high_m) / 2, 0.0], max(right_m - left_m, high_m - low_m)
     return {
         "configById": {
-            SCENE: _titled("Swarm from above", _scene(middle_m, size_m)),
-            PLAN: _titled("Plan time (ms)", _plot(plan_ms=("plan", BLUE), plan_limit_ms=("limit", RED))),
-            GAP: _titled(
-                "Least gap (m)",
-                _plot(gap_m=("now", BLUE), planned_gap_m=("planned", ORANGE), gap_limit_m=("limit", RED)),
+            SCENE: _titled("Swarm from above", _scene(middle_m, size_m, len(mission.roster))),
+            PLAN: _titled(
+                f"Plan time (ms); the limit is {limit_ms:g} ms",
+                _plot(plan_ms=("plan", BLUE), plan_limit_near_ms=("limit, when near", RED)),
             ),
-            HEAD: _titled("Head and term", {"isSynced": True, "paths": [_path("head"), _path("term")]}),
+            GAP: _titled(
+                f"Least gap (m), up to {top_m:g} m",
+                {
+                    **_plot(gap_m=("now", BLUE), planned_gap_m=("planned", ORANGE), gap_limit_m=("limit", RED)),
+                    "minYValue": -top_m / 4,
+                    "maxYValue": top_m,
+                },
+            ),
+            BATTERY: _titled(
+                "Battery (%)",
+                {**_plot(least_battery_pct=("least", BLUE), mean_battery_pct=("mean", ORANGE)), "minYValue": 0},
+            ),
+            LINKS: _titled(
+                "UAVs that the head does not hear, oldest fix (slots)",
+                _plot(unheard=("not heard", BLUE), oldest_fix_slots=("oldest fix", ORANGE)),
+            ),
+            HEAD: _titled("Head, term, faults, warnings", {"isSynced": True, "paths": _rows()}),
             LOG: _titled("Log", {"searchTerms": [], "minLogLevel": 2}),
             MAP: _titled("GPS", _map(mission, middle_m, size_m)),
+            **{panel: {"activeTabIdx": 0, "tabs": _tabs(tabs)} for panel, tabs in TABS.items()},
         },
         "globalVariables": {},
         "userNodes": {},
@@ -51,7 +78,7 @@ def layout(mission: MissionMessage) -> dict[str, Any]:
             "direction": "row",
             "splitPercentage": 62,
             "first": SCENE,
-            "second": _column(list(HEIGHTS)),
+            "second": _column(HEIGHTS),
         },
     }
 
@@ -61,7 +88,7 @@ def _titled(title: str, config: dict[str, Any]) -> dict[str, Any]:
     return {**config, "foxglovePanelTitle": title, "lichtblickPanelTitle": title}
 
 
-def _scene(middle_m: list[float], size_m: float) -> dict[str, Any]:
+def _scene(middle_m: list[float], size_m: float, uavs: int) -> dict[str, Any]:
     step_m = GRID_M
     while 2 * size_m > MAX_DIVISIONS * step_m:
         step_m *= 5
@@ -98,7 +125,9 @@ def _scene(middle_m: list[float], size_m: float) -> dict[str, Any]:
         "followTf": "map",
         "scene": {"backgroundColor": "#101418", "labelScaleFactor": 1},
         "transforms": {},
-        "topics": {ROOT + name: {"visible": True} for name in _SHOWN},
+        "topics": {
+            ROOT + name: {"visible": uavs <= MANY_UAVS or name not in BUSY} for name in channels.SCENES_OF_A_MISSION
+        },
         "layers": {"grid": grid},
     }
 
@@ -135,9 +164,24 @@ def _path(name: str) -> dict[str, Any]:
     return {"value": f"{ROOT}{channels.STATUS}.{name}", "enabled": True, "timestampMethod": "receiveTime"}
 
 
-def _column(panels: list[str]) -> Any:
-    """Return the panels stacked in one column."""
-    if len(panels) == 1:
-        return panels[0]
-    share = 100 * HEIGHTS[panels[0]] / sum(HEIGHTS[panel] for panel in panels)
-    return {"direction": "column", "splitPercentage": share, "first": panels[0], "second": _column(panels[1:])}
+def _rows() -> list[dict[str, Any]]:
+    """Return the rows of the timeline: head and term, and what the story tells of faults and warnings."""
+    told = f"{ROOT}{channels.STORY}"
+    rows = {"fault": f'{told}{{kind=="fault"}}.words', "warning": f'{told}{{level=="warning"}}.words'}
+    words = [{"value": value, "enabled": True, "timestampMethod": "receiveTime"} for value in rows.values()]
+    named = zip(("head", "term", *rows), (_path("head"), _path("term"), *words), strict=True)
+    return [{**path, "label": name} for name, path in named]
+
+
+def _tabs(tabs: dict[str, tuple[str, ...]]) -> list[dict[str, Any]]:
+    return [{"title": title, "layout": _column(dict.fromkeys(panels, 1))} for title, panels in tabs.items()]
+
+
+def _column(heights: dict[str, int]) -> Any:
+    """Return the panels stacked in one column, with their shares of its height."""
+    first, *rest = heights
+    if not rest:
+        return first
+    share = 100 * heights[first] / sum(heights.values())
+    below = _column({panel: heights[panel] for panel in rest})
+    return {"direction": "column", "splitPercentage": share, "first": first, "second": below}

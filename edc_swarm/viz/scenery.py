@@ -5,32 +5,34 @@ The caller gives the time, so the same messages at the same times give the same 
 
 from __future__ import annotations
 
-import math
-from collections import deque
-from collections.abc import Iterable
-from dataclasses import dataclass, field
+from collections.abc import Iterable, Mapping
+from dataclasses import dataclass
 
 import msgspec
 from foxglove_schemas_protobuf.SceneEntity_pb2 import SceneEntity
 from msgspec import UNSET
 
-from edc_swarm.geometry import DISC_TOLERANCE_M
 from edc_swarm.mission.configuration import NS_PER_S
-from edc_swarm.mission.roster_entry import RosterEntry
 from edc_swarm.mission.routes import rectangle_m
 from edc_swarm.protocol.messages import Command, Event, Fix, Message, MissionMessage, Report, Truth
 from edc_swarm.story.happening import Happening, grouped
 from edc_swarm.story.teller import Storyteller
-from edc_swarm.viz import channels
-from edc_swarm.viz.channels import ROOT, Status
+from edc_swarm.viz import channels, layers
+from edc_swarm.viz.channels import ROOT, Status, Told
+from edc_swarm.viz.gaps import Gaps, gaps
 from edc_swarm.viz.log_lines import TOLD, event_line, happening_line
 from edc_swarm.viz.marks import location, on_the_ground, out_of_action
+from edc_swarm.viz.seen import Seen
 from edc_swarm.viz.shapes import (
     AMBER,
+    CYAN,
+    GREEN,
     GREY,
+    PURPLE,
     RED,
     WHITE,
     Point,
+    Rgb,
     colour_of,
     disc,
     entity,
@@ -48,8 +50,6 @@ SLOW_TICKS = 2
 """Ticks between scenes of trails, and between positions on the map."""
 STATIC_TICKS = 120
 """Ticks between scenes of static objects (one minute), for viewers that connect late."""
-TRAIL_S = 15.0
-MAX_TRAIL = 16
 FORGET_NS = 60 * NS_PER_S
 """Longest time without messages that is shown; a longer one is skipped."""
 LABELS_HIGH = 45
@@ -57,6 +57,12 @@ LABELS_HIGH = 45
 
 
 GONE = frozenset({"dead", "frozen", "silent"})
+OUTLINES: dict[str, Rgb] = {
+    "holding": AMBER, "arrived": GREEN, "beside": CYAN, "cut-off": PURPLE, "unknown": GREY,
+}  # fmt: skip
+"""Colours of the outlines of discs by state; a UAV that flies has its own colour."""
+NEAR_LIMIT = 0.2
+"""Share of the limit of the plan time from which a plan counts as near it."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -68,36 +74,15 @@ class Shown:
     payload: bytes
 
 
-@dataclass(slots=True)
-class _Uav:
-    """The newest state of one UAV, with its trail."""
-
-    entry: RosterEntry
-    index: int
-    fix: Fix | None = None
-    truth: Truth | None = None
-    command: Command | None = None
-    trail: deque[tuple[int, Point]] = field(default_factory=lambda: deque(maxlen=MAX_TRAIL))
-
-    @property
-    def left(self) -> list[Point]:
-        """Points that it has still to fly to, the present one first."""
-        fix = self.fix
-        return fix.course.left(self.entry) if fix is not None and fix.course.fits(self.entry) else self.entry.points
-
-    def leave_trail(self, now_ns: int, centre: Point) -> None:
-        """Add a point to the trail; a hold adds only one."""
-        if self.trail and self.trail[-1][1] == centre:
-            self.trail.pop()
-        self.trail.append((now_ns, centre))
-
-
 class Scenery:
     """The scenes of one mission. Call `advance` and `hear` with times that do not go back."""
 
-    def __init__(self) -> None:
+    def __init__(self, plan_ms: Mapping[int, float] | None = None) -> None:
+        """Take the plan times, by slot, that the reports lack: those of a simulation."""
+        self._plan_ms = plan_ms or {}
+        self._heard_in: dict[str, int] = {}
         self._mission: MissionMessage | None = None
-        self._uavs: dict[str, _Uav] = {}
+        self._uavs: dict[str, Seen] = {}
         self._teller: Storyteller | None = None
         self._zones: list[SceneEntity] = []
         self._label_m = 0.0
@@ -132,15 +117,8 @@ class Scenery:
         match message:
             case MissionMessage():
                 self._begin(message, now_ns)
-            case Fix() if (uav := self._uavs.get(message.uav)) is not None:
-                if message.voter and (uav.fix is None or message.slot >= uav.fix.slot):
-                    uav.fix = message
-            case Truth() if (uav := self._uavs.get(message.uav)) is not None:
-                if uav.truth is None or message.slot >= uav.truth.slot:
-                    uav.truth = message
-            case Command() if (uav := self._uavs.get(message.uav)) is not None:
-                if uav.command is None or (message.slot, message.term) >= (uav.command.slot, uav.command.term):
-                    uav.command = message
+            case Fix() | Truth() | Command() if (uav := self._uavs.get(message.uav)) is not None:
+                uav.hear(message)
             case Report() if self._mission is not None:
                 self._hear_report(message, now_ns)
             case Event():
@@ -155,7 +133,12 @@ class Scenery:
         while teller.next_slot < self._slot(now_ns) - 1:
             told += teller.close(teller.next_slot)
         order = [entry.uav for entry in self._mission.roster]
-        return [Shown(ROOT + channels.LOG, now_ns, happening_line(each, now_ns)) for each in grouped(told, order)]
+        shown = []
+        for each in grouped(told, order):
+            said = Told(slot=each.slot, kind=each.kind, level=each.level, words=each.words)
+            shown.append(Shown(ROOT + channels.LOG, now_ns, happening_line(each, now_ns)))
+            shown.append(Shown(ROOT + channels.STORY, now_ns, msgspec.json.encode(said)))
+        return shown
 
     def _begin(self, mission: MissionMessage, now_ns: int) -> None:
         if self._mission is None:
@@ -164,7 +147,7 @@ class Scenery:
             self._zones = list(zone_entities(mission.zone, now_ns))
             (left_m, low_m), (right_m, high_m) = extent_m(mission)
             self._label_m = max(right_m - left_m, high_m - low_m) / LABELS_HIGH
-            self._uavs = {entry.uav: _Uav(entry, index) for index, entry in enumerate(mission.roster)}
+            self._uavs = {entry.uav: Seen(entry, index) for index, entry in enumerate(mission.roster)}
             self._next_ns = now_ns
 
     def _hear_report(self, report: Report, now_ns: int) -> None:
@@ -175,6 +158,7 @@ class Scenery:
         if not report.has_quorum or (known is not None and (report.term, report.slot) < (known.term, known.slot)):
             return
         self._report = report
+        self._heard_in.update(dict.fromkeys((report.head, *report.heard), report.slot))
         payload = msgspec.json.encode(self._status(report, now_ns))
         self._said.append(Shown(ROOT + channels.STATUS, now_ns, payload))
 
@@ -184,51 +168,84 @@ class Scenery:
         centres = {name: self._centre(uav, now_ns) for name, uav in self._uavs.items()}
         scenes = {
             channels.UAVS: self._discs(centres, now_ns),
+            channels.LABELS: self._labels(centres, now_ns),
+            channels.VEHICLES: self._vehicles(now_ns),
+            channels.LINKS: self._links(centres, now_ns),
             channels.COMMANDS: self._commands(now_ns),
             channels.HULLS: self._hulls(now_ns),
         }
         if self._ticks % SLOW_TICKS == 0:
             for name, uav in self._uavs.items():
                 uav.leave_trail(now_ns, centres[name])
-            scenes[channels.TRAILS] = _trails(self._uavs.values(), now_ns)
+            scenes[channels.TRAILS] = layers.trails(self._uavs.values(), now_ns)
+            flying = [(self._uavs[name], centres[name]) for name in centres if self._flies(name)]
+            scenes[channels.GOALS] = layers.goals(flying, now_ns)
         if self._ticks % STATIC_TICKS == 0:
             scenes[channels.AREA] = self._area(now_ns)
         shown = [Shown(ROOT + name, now_ns, scene(entities, now_ns)) for name, entities in scenes.items()]
         return [*shown, *_locations(self._uavs.values(), now_ns)] if self._ticks % SLOW_TICKS == 0 else shown
 
+    @property
+    def _states(self) -> Mapping[str, str]:
+        return self._teller.states if self._teller is not None else {}
+
+    def _flies(self, name: str) -> bool:
+        return name not in self._landed and self._states.get(name) not in GONE
+
     def _discs(self, centres: dict[str, Point], now_ns: int) -> list[SceneEntity]:
-        overlapping, landed = self._gaps(centres).overlapping, self._landed
-        teller = self._teller
-        states, whys = (teller.states, teller.whys) if teller is not None else ({}, {})
+        overlapping, landed, states = self._gaps(centres).overlapping, self._landed, self._states
         return [
             on_the_ground(uav.entry, centres[name], now_ns)
             if name in landed
             else out_of_action(uav.entry, centres[name], f"{name} {states[name]}", self._label_m, now_ns)
             if states.get(name) in GONE
-            else self._disc(uav, centres[name], name in overlapping, whys.get(name, ""), now_ns)
+            else self._disc(uav, centres[name], name in overlapping, states.get(name, ""), now_ns)
             for name, uav in self._uavs.items()
         ]
+
+    def _labels(self, centres: dict[str, Point], now_ns: int) -> list[SceneEntity]:
+        """Return the names of all UAVs that fly; the other marks have their own words."""
+        whys = self._teller.whys if self._teller is not None else {}
+        return [
+            layers.label(uav, self._label_at(uav, centres[name]), whys.get(name, ""), now_ns)
+            for name, uav in self._uavs.items()
+            if self._flies(name)
+        ]
+
+    def _label_at(self, uav: Seen, centre: Point) -> Point:
+        return centre[0], centre[1] + 1.06 * uav.entry.r_m + self._label_m / 2
+
+    def _vehicles(self, now_ns: int) -> list[SceneEntity]:
+        plain = len(self._uavs) > layers.MANY_UAVS
+        return [
+            layers.vehicle(uav, self._between(uav.truth, now_ns), now_ns, plain=plain)
+            for name, uav in self._uavs.items()
+            if uav.truth is not None and self._flies(name)
+        ]
+
+    def _links(self, centres: dict[str, Point], now_ns: int) -> list[SceneEntity]:
+        """Return the links of the head; none while no head is known."""
+        report = self._report
+        if report is None or report.head not in centres:
+            return layers.links((0.0, 0.0), [], now_ns)
+        aged = layers.ages(report.slot, self._heard_in, (name for name in centres if self._flies(name)))
+        others = [(centres[name], age) for name, age in aged.items() if name != report.head]
+        return layers.links(centres[report.head], others, now_ns)
 
     @property
     def _landed(self) -> list[str]:
         """UAVs that the head knows to be out of the airspace."""
         return [] if self._report is None else self._report.landed
 
-    def _disc(self, uav: _Uav, centre: Point, overlaps: bool, why: str, now_ns: int) -> SceneEntity:
-        entry, colour = uav.entry, RED if overlaps else colour_of(uav.index)
+    def _disc(self, uav: Seen, centre: Point, overlaps: bool, state: str, now_ns: int) -> SceneEntity:
+        entry, own = uav.entry, RED if overlaps else colour_of(uav.index)
         made = entity(entry.uav, now_ns)
-        made.cylinders.append(disc(centre, entry.r_m, colour, 0.45 if overlaps else 0.22))
-        made.lines.append(ring(centre, entry.r_m, colour, 2.0))
-        made.lines.append(line([centre, *uav.left], colour, 1.0, alpha=0.5))
-        if uav.truth is not None:
-            where = self._between(uav.truth, now_ns)
-            made.cylinders.append(disc(where, max(entry.body_m, 0.15), WHITE, 0.9, z_m=0.05))
+        made.cylinders.append(disc(centre, entry.r_m, own, 0.45 if overlaps else 0.22))
+        made.lines.append(ring(centre, entry.r_m, own if overlaps else OUTLINES.get(state, own), 2.0))
         if self._report is not None and entry.uav == self._report.head:
             made.lines.append(ring(centre, entry.r_m * 1.06, WHITE, 4.0))
-        name_y_m = centre[1] + 1.06 * entry.r_m + self._label_m / 2
-        made.texts.append(text((centre[0], name_y_m), entry.uav + (f": {why}" if why else ""), AMBER if why else WHITE))
         if role := self._role(entry.uav):
-            role_y_m = min(centre[1] - 0.3 * entry.r_m, name_y_m - self._label_m)
+            role_y_m = min(centre[1] - 0.3 * entry.r_m, self._label_at(uav, centre)[1] - self._label_m)
             made.texts.append(text((centre[0], role_y_m), role, WHITE))
         return made
 
@@ -264,7 +281,7 @@ class Scenery:
         return shown
 
     def _area(self, now_ns: int) -> list[SceneEntity]:
-        """Return the zones, a frame around all starts and targets if there is no fence, and a mark at every target."""
+        """Return the zones, and a frame around all starts and targets if there is no fence."""
         assert self._mission is not None
         shown = [*self._zones]
         if not any(zone.kind == "inclusion" for zone in self._mission.zone):
@@ -273,10 +290,7 @@ class Scenery:
             corners = [(left_m, low_m), (right_m, low_m), (right_m, high_m), (left_m, high_m)]
             frame.lines.append(line(corners, GREY, 2.0, closed=True))
             shown.append(frame)
-        targets = entity("targets", now_ns)
-        for uav in self._uavs.values():
-            targets.lines.append(ring(uav.left[-1], 0.6, colour_of(uav.index), 2.0, z_m=0.02))
-        return [*shown, targets]
+        return shown
 
     # --- positions --------------------------------------------------------------------
 
@@ -290,7 +304,7 @@ class Scenery:
         begun_ns = self._mission.epoch_ns + slot * self._mission.slot_ns
         return min(1.0, max(0.0, (now_ns - begun_ns) / self._mission.slot_ns))
 
-    def _centre(self, uav: _Uav, now_ns: int) -> Point:
+    def _centre(self, uav: Seen, now_ns: int) -> Point:
         """Return the centre of the tracked disc."""
         fix = uav.fix
         if fix is None:
@@ -316,13 +330,18 @@ class Scenery:
         mission, fixes = self._mission, [uav.fix for uav in self._uavs.values() if uav.fix is not None]
         centres = {name: self._centre(uav, now_ns) for name, uav in self._uavs.items()}
         least_m = self._gaps(centres).least_m
+        plan_ms = report.plan_ms or self._plan_ms.get(report.slot, 0.0)
+        limit_ms = 1e3 * (mission.dt_s - mission.tau_s) / mission.time_scale
+        charges = [pct for uav in self._uavs.values() if (pct := uav.battery_pct) is not None]
+        aged = layers.ages(report.slot, self._heard_in, filter(self._flies, self._uavs))
         return Status(
             slot=report.slot,
             term=report.term,
             head=report.head,
             status=report.status,
-            plan_ms=report.plan_ms or UNSET,
-            plan_limit_ms=1e3 * (mission.dt_s - mission.tau_s) / mission.time_scale,
+            plan_ms=plan_ms or UNSET,
+            plan_limit_ms=limit_ms,
+            plan_limit_near_ms=limit_ms if plan_ms > NEAR_LIMIT * limit_ms else UNSET,
             gap_m=UNSET if least_m is None else least_m,
             planned_gap_m=report.min_gap_m,
             gap_limit_m=0.0,
@@ -330,31 +349,10 @@ class Scenery:
             unheard=len(report.unheard),
             arrived=sum(fix.arrived for fix in fixes),
             least_energy_j=min((fix.energy_j for fix in fixes), default=UNSET),
+            least_battery_pct=min(charges, default=UNSET),
+            mean_battery_pct=sum(charges) / len(charges) if charges else UNSET,
+            oldest_fix_slots=max(aged.values(), default=UNSET),
         )
-
-
-@dataclass(frozen=True, slots=True)
-class Gaps:
-    """The least gap between two discs (None for fewer than two), and the UAVs with overlapping discs."""
-
-    least_m: float | None
-    overlapping: set[str]
-
-
-def gaps(discs: list[tuple[Point, float, str]]) -> Gaps:
-    """Return the gaps between discs (centre, radius, name), by a sweep from left to right that skips distant pairs."""
-    ordered = sorted(discs)
-    widest_m = max((r_m for _, r_m, _ in ordered), default=0.0)
-    least_m, overlapping = math.inf, set[str]()
-    for i, ((x_m, y_m), r_m, name) in enumerate(ordered):
-        for (other_x_m, other_y_m), other_r_m, other in ordered[i + 1 :]:
-            if other_x_m - x_m - r_m - widest_m > max(least_m, 0.0):
-                break
-            gap_m = math.hypot(other_x_m - x_m, other_y_m - y_m) - r_m - other_r_m
-            least_m = min(least_m, gap_m)
-            if gap_m < -DISC_TOLERANCE_M:
-                overlapping |= {name, other}
-    return Gaps(least_m if math.isfinite(least_m) else None, overlapping)
 
 
 def extent_m(mission: MissionMessage) -> tuple[Point, Point]:
@@ -367,16 +365,6 @@ def extent_m(mission: MissionMessage) -> tuple[Point, Point]:
     return (min(xs_m), min(ys_m)), (max(xs_m), max(ys_m))
 
 
-def _trails(uavs: Iterable[_Uav], now_ns: int) -> list[SceneEntity]:
-    shown = []
-    for uav in uavs:
-        recent = [(then_ns, point) for then_ns, point in uav.trail if now_ns - then_ns <= TRAIL_S * NS_PER_S]
-        alphas = [0.8 * (1 - (now_ns - then_ns) / NS_PER_S / TRAIL_S) for then_ns, _ in recent]
-        shown.append(entity(uav.entry.uav, now_ns))
-        shown[-1].lines.append(line([p for _, p in recent], colour_of(uav.index), 2.0, alphas=alphas))
-    return shown
-
-
-def _locations(uavs: Iterable[_Uav], now_ns: int) -> list[Shown]:
+def _locations(uavs: Iterable[Seen], now_ns: int) -> list[Shown]:
     fixes = [uav.fix for uav in uavs if uav.fix is not None]
     return [Shown(f"{ROOT}{channels.LOCATION}/{fix.uav}", now_ns, location(fix, now_ns)) for fix in fixes]

@@ -30,7 +30,7 @@ FRAME = "map"
 VERTICES = 24
 LABEL_PX = 13
 WHITE, RED, AMBER, GREY = (1.0, 1.0, 1.0), (1.0, 0.15, 0.15), (1.0, 0.75, 0.2), (0.6, 0.63, 0.68)
-GREEN = (0.35, 0.8, 0.5)
+GREEN, CYAN, PURPLE = (0.35, 0.8, 0.5), (0.3, 0.82, 0.93), (0.78, 0.6, 0.98)
 _UPRIGHT = Quaternion(w=1.0)
 _UNIT_RING = [(math.cos(math.tau * i / VERTICES), math.sin(math.tau * i / VERTICES)) for i in range(VERTICES)]
 
@@ -98,6 +98,34 @@ def line(
         points=[Point3(x=x, y=y) for x, y in points],
         color=_colour(colour, alpha),
         colors=[_colour(colour, each) for each in alphas],
+    )
+
+
+def segments(ends: Sequence[tuple[Point, Point, Rgb]], thickness_px: float, alpha: float) -> LinePrimitive:
+    """Return separate lines (from, to, colour)."""
+    return LinePrimitive(
+        type=LinePrimitive.LINE_LIST,
+        pose=_pose((0.0, 0.0), 0.02),
+        thickness=thickness_px,
+        scale_invariant=True,
+        points=[Point3(x=x, y=y) for a, b, _ in ends for x, y in (a, b)],
+        colors=[_colour(colour, alpha) for _, _, colour in ends for _ in range(2)],
+    )
+
+
+def arms(centre: Point, heading_rad: float, radius_m: float, colour: Rgb) -> LinePrimitive:
+    """Return the arms of a vehicle with four rotors, and its nose; as thick as they are, so only near they show."""
+    d_m = radius_m / math.sqrt(2)
+    points = [(d_m, d_m), (-d_m, -d_m), (d_m, -d_m), (-d_m, d_m), (0.0, 0.0), (radius_m, 0.0)]
+    return LinePrimitive(
+        type=LinePrimitive.LINE_LIST,
+        pose=Pose(
+            position=Vector3(x=centre[0], y=centre[1], z=0.12),
+            orientation=Quaternion(z=math.sin(heading_rad / 2), w=math.cos(heading_rad / 2)),
+        ),
+        thickness=0.14 * radius_m,
+        points=[Point3(x=x, y=y) for x, y in points],
+        color=_colour(colour, 1.0),
     )
 
 

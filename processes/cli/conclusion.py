@@ -33,7 +33,7 @@ def conclude(path: Path, *, as_json: bool, last_slot: int = -1, load_planner: bo
         print_guarantees(guarantees, console, limit=3)
         print(path)
     _warn(recording, metrics)
-    recorded_slot = metrics.slots - 1
+    recorded_slot = (metrics.slots or 0) - 1
     if recorded_slot < last_slot:
         note(f"warning: the operator saw slot {last_slot}, the recording ends at slot {recorded_slot}")
     status = FAILED if metrics.completed is False else guarantees_status(guarantees)

@@ -183,7 +183,8 @@ def _warm(source: ForkSource) -> bool:
     start_s = time.monotonic()
     try:
         if mission := sys.stdin.buffer.read():
-            warm_planner(msgspec.json.decode(mission, type=Mission), lambda done: source.send(Compiling(done=done)))
+            flown = msgspec.json.decode(mission, type=Mission)
+            warm_planner(flown, lambda done: source.send(Compiling(done=done)), helped=True)
     except SwarmError as error:
         source.send(Failed(reason=str(error)))
         return False

@@ -9,8 +9,8 @@ from rich.console import Console
 from processes.runtime.console import note
 from processes.runtime.voice import Voice
 
-FUNCTIONS = 66
-"""Number of compilations of a first start, near enough for a user."""
+FUNCTIONS = 49
+"""Compilations of a first start in the process that tells of them, near enough for a user."""
 TELL_EVERY_S = 10.0
 
 
@@ -31,7 +31,7 @@ class CompilingNote:
             if self._status is not None:
                 self._status.start()
             elif not self._voice.quiet:
-                note("compiling the planner: once on this machine, about a minute")
+                note("compiling the planner: once on this machine, about half a minute")
         if self._status is not None:
             spent_s = now_s - self._begun_s
             self._status.update(f"compiling the planner, once on this machine: {self._share(done)}, {spent_s:.0f} s")

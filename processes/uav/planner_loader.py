@@ -10,22 +10,37 @@ from typing import Any
 
 from edc_swarm.mission.configuration import Mission
 from edc_swarm.planner.interface import Plan, Planner, PlanRequest
+from processes.uav.compiling_helper import Helper
 
+OWN_PLANNER = "edc"
+"""The planner that is compiled."""
 _warm_for: set[str] = set()
 """Planners that this process, or the process that forked it, has imported and warmed up."""
 
 
-def warm_planner(mission: Mission, tell: Callable[[int], None] = lambda _: None) -> None:
+def _nobody(_: int) -> None:
+    """Tell nobody."""
+
+
+def warm_planner(mission: Mission, tell: Callable[[int], None] = _nobody, *, helped: bool = False) -> None:
     """Import and warm up the mission's planner once; processes forked later inherit it.
 
-    `tell` is called with the number of functions compiled so far, at every one.
+    `tell` is called with the number of functions compiled so far, at every one. With `helped` a second process compiles
+    a share of them if there is anything to compile; it ends before the return.
     """
     if mission.planner in _warm_for:
         return
     from edc_swarm.planner.registry import warm_up  # noqa: PLC0415  (imports numpy: only a possible head needs it)
 
-    with _counted(mission.planner, tell):
+    if mission.planner != OWN_PLANNER:
         warm_up(mission)
+    else:
+        from edc_swarm.planner.first_start import compile_search  # noqa: PLC0415  (imports numba)
+
+        with Helper(mission, wanted=helped) as helper, _counted(tell, helper.begin):
+            compile_search()
+            helper.wait()
+            warm_up(mission)
     _warm_for.add(mission.planner)
 
 
@@ -69,11 +84,8 @@ class SlowPlanner:
 
 
 @contextmanager
-def _counted(planner: str, tell: Callable[[int], None]) -> Iterator[None]:
-    """Call `tell` with the number of functions compiled so far, whenever one more is, while the planner warms up."""
-    if planner != "edc":
-        yield
-        return
+def _counted(tell: Callable[[int], None], begins: Callable[[], None]) -> Iterator[None]:
+    """Call `tell` with the number of functions compiled so far, whenever one more is, and `begins` at the first one."""
     from numba.core import event  # noqa: PLC0415  (planners of users need no numba)
 
     numba_event: Any = event  # It has no types.
@@ -82,6 +94,7 @@ def _counted(planner: str, tell: Callable[[int], None]) -> Iterator[None]:
         done = 0
 
         def on_start(self, _: object) -> None:
+            begins()
             tell(self.done)
 
         def on_end(self, _: object) -> None:

@@ -13,6 +13,7 @@ import pytest
 from selenium import webdriver
 from selenium.webdriver.chrome.service import Service
 from selenium.webdriver.common.by import By
+from selenium.webdriver.common.keys import Keys
 from selenium.webdriver.support.ui import WebDriverWait
 
 from processes.cli.main import main
@@ -225,6 +226,31 @@ def test_zoom_and_follow_change_the_map(page: Path, browser: Any) -> None:
     assert browser.get_log("browser") == []
 
 
+def test_keys_seek_and_zoom_and_a_drag_moves_the_map(page: Path, browser: Any) -> None:
+    """Keys work wherever nothing has the focus; a drag is no click, so it follows nobody."""
+    drawn = "return document.getElementById('map').toDataURL()"
+    browser.get(page.as_uri())
+    data = json.loads(browser.execute_script("return document.getElementById('data').textContent"))
+    seek(browser, 3.0)
+    whole = browser.execute_script(drawn)
+    press(browser, "+")
+    zoomed = browser.execute_script(drawn)
+    map_ = browser.find_element(By.ID, "map")
+    webdriver.ActionChains(browser).click_and_hold(map_).move_by_offset(40, 25).release().perform()
+    assert len({whole, zoomed, browser.execute_script(drawn)}) == 3
+    assert browser.find_element(By.ID, "detail").text == ""
+    press(browser, "0")
+    assert browser.execute_script(drawn) == whole
+    press(browser, "ArrowRight")
+    assert slider(browser) == pytest.approx(3.0 + data["slot_s"])
+    press(browser, "Home")
+    assert slider(browser) == 0
+    press(browser, "n")
+    told = [each["time_s"] for each in data["story"] if each["level"] != "detail" and each["time_s"] > 0]
+    assert slider(browser) == pytest.approx(told[0])
+    assert browser.get_log("browser") == []
+
+
 def test_the_plots_show_a_part_of_the_mission(page: Path, browser: Any) -> None:
     """`10 s around now` and `whole mission` say so on the overview."""
     words = "return document.querySelector('#overview text:nth-of-type(2)').textContent"
@@ -261,6 +287,13 @@ def seek(browser: Any, time_s: float) -> None:
         "const s = document.getElementById('slider'); s.value = arguments[0]; s.dispatchEvent(new Event('input'))",
         time_s,
     )
+
+
+def press(browser: Any, key: str) -> None:
+    """Press a key while nothing has the focus."""
+    browser.execute_script("document.activeElement.blur()")
+    names = {"ArrowRight": Keys.ARROW_RIGHT, "Home": Keys.HOME}
+    webdriver.ActionChains(browser).send_keys(names.get(key, key)).perform()
 
 
 def slider(browser: Any) -> float:

@@ -60,7 +60,7 @@ def test_a_late_viewer_sees_what_does_not_move(start: Fly) -> None:
     command.await_flight(3)
     viewer, channels = connected(port)
     assert channels["/viz/uavs"]["schemaName"] == "foxglove.SceneUpdate"
-    assert {entity.id for entity in first_scene(viewer, channels["/viz/area"]).entities} == {"zone area", "targets"}
+    assert {entity.id for entity in first_scene(viewer, channels["/viz/area"]).entities} == {"zone area"}
     viewer.close()
     viewer, channels = connected(port)
     assert len(first_scene(viewer, channels["/viz/uavs"]).entities) == 3

@@ -55,10 +55,17 @@ def test_same_seed_same_bytes_with_the_view(simulated: Path) -> None:
 
 
 def test_a_view_added_later_is_the_view_recorded_at_once(simulated: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    """A view does not change any metric."""
+    """A view does not change any metric; it has the plan times of a simulation if these are beside the recording."""
     bare = simulated.with_name("bare.mcap")
     assert main(["sim", *MISSION, "--no-viz", "--json", "--out", str(bare)]) == 1
     assert not any(topic.startswith("/viz") for topic in topics(bare))
+    capsys.readouterr()
+    timed = bare.with_name("timed.mcap")
+    assert main(["visualise", str(bare), "-o", str(timed)]) == 0
+    statuses = [json.loads(payload) for c, *_, payload in McapFile(timed).messages() if c.topic == "/viz/status"]
+    assert statuses
+    assert all(status["plan_ms"] > 0 for status in statuses)
+    bare.with_suffix(".timings.json").unlink()
     capsys.readouterr()
     assert main(["visualise", str(bare)]) == 0
     seen = Path(capsys.readouterr().out.strip())

@@ -109,7 +109,7 @@ def test_hovering_takes_its_time() -> None:
     """A UAV that hovers 3 s at two points stands still for twelve slots more, within the acceptance radius."""
     plain, hovering = flown(), flown(roster=roster(hover_s=[3.0, 0.0, 3.0, 0.0, 0.0]))
     assert held(hovering) >= {"G3", "G7"}
-    more = compute_metrics(hovering).slots - compute_metrics(plain).slots
+    more = (compute_metrics(hovering).slots or 0) - (compute_metrics(plain).slots or 0)
     assert 12 <= more <= 16
     assert steps_m(hovering, "u0").count(0.0) >= 10
 

@@ -25,6 +25,7 @@ ONCE_BROKEN = {
     "705": "a process that was killed in its first step of all: nothing told who had ended it",
     "1017": "a landing that counted from a command which a newer grant had discarded",
     "999": "three UAVs in a tight fence that blocked each other for ever",
+    "654": "a UAV that a dead one's hull and the fence held for ever, which no judge knew",
     "1762": "UAVs beside a fence that blocked each other for ever",
 }
 MISSIONS = msgspec.json.decode(Path(__file__).with_name("once_broken.json").read_bytes())

@@ -15,8 +15,13 @@ GOLDEN = Path(__file__).parents[2] / "recordings" / "golden.mcap"
 UNKNOWN = ("potential_collisions", "true_collisions", "energy_propulsion_j", "path_m", "slots_missed", "slots_held")
 
 
-def rewritten(path: Path, share: float, run_end: bool = True, prefix: str = "") -> Path:
-    """Write the golden recording's messages up to `share` of its time, as the official library does, to `path`."""
+def rewritten(
+    path: Path, share: float = 1.0, run_end: bool = True, prefix: str = "", without: tuple[str, ...] = ()
+) -> Path:
+    """Write the golden recording's messages up to `share` of its time, as the official library does, to `path`.
+
+    Topics that contain one of `without` are left out.
+    """
     with GOLDEN.open("rb") as source, path.open("wb") as stream:
         reader, writer = make_reader(source), Writer(stream)
         writer.start()
@@ -25,6 +30,8 @@ def rewritten(path: Path, share: float, run_end: bool = True, prefix: str = "") 
         numbers: dict[str, int] = {}
         for schema, channel, message in messages:
             topic = prefix + channel.topic
+            if any(part in topic for part in without):
+                continue
             if topic not in numbers:
                 described = writer.register_schema(schema.name, schema.encoding, schema.data) if schema else 0
                 numbers[topic] = writer.register_channel(topic, channel.message_encoding, described)
@@ -87,3 +94,74 @@ def test_recover_tells_by_its_status_what_is_lost(tmp_path: Path, capsys: pytest
     assert main(["recover", str(torn)]) == 1
     assert "missing: torn: " in capsys.readouterr().err
     assert said(capsys, "recover", rewritten(tmp_path / "whole.mcap", 1.0), 0)["missing"] == []
+
+
+NOTHING_FOUND = (
+    "slots",
+    "duration_s",
+    "arrived",
+    "completed",
+    "goals_reached",
+    "straight_m",
+    "ticks_late_pct",
+    "path_m",
+)
+
+
+@pytest.mark.parametrize(
+    "without", [("/fix",), ("/fix", "/truth", "/report"), ("/fix", "/truth", "/report", "/command")]
+)
+def test_without_fixes_nobody_has_arrived_stayed_away_or_died(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str], without: tuple[str, ...]
+) -> None:
+    """Nothing is known of the UAVs: no row of the metrics, no line of `check`, the story or the page says otherwise."""
+    path = rewritten(tmp_path / "cut.mcap", without=without)
+    metrics, uavs = said(capsys, "metrics", path, 0), ["u001", "u002", "u003", "u004"]
+    assert {name: metrics[name] for name in NOTHING_FOUND} == dict.fromkeys(NOTHING_FOUND)
+    assert (metrics["not_living"], metrics["unknown"], metrics["landed"], metrics["faults_undone"]) == (
+        [],
+        uavs,
+        [],
+        [],
+    )
+    assert main(["metrics", str(path)]) == 0
+    rows = capsys.readouterr().out
+    assert "- of 4; 4 unknown" in rows
+    assert "not living" not in rows
+    assert "not home" not in rows
+    assert main(["check", str(path)]) == 1, "messages are missing"
+    told = capsys.readouterr().out
+    assert "not home" not in told
+    assert "u003: unknown: the record holds no fix of it" in told
+    assert main(["events", str(path)]) == 0
+    assert "u001, u002, u003, u004: the record" in capsys.readouterr().out
+    assert main(["report", str(path), "--out", str(tmp_path / "page.html")]) == 0
+    page = (tmp_path / "page.html").read_text()
+    assert "The record does not tell how many of 4 UAVs arrived" in page
+    assert "0 of 4" not in page
+
+
+def test_one_uav_without_fixes_is_unknown(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    """The others are counted; sums, shares and least values of all are unknown."""
+    path = rewritten(tmp_path / "cut.mcap", without=("u001/fix",))
+    metrics = said(capsys, "metrics", path, 0)
+    assert (metrics["arrived"], metrics["unknown"], metrics["not_living"]) == (3, ["u001"], [])
+    for name in ("completed", "min_disc_gap_m", "min_true_distance_m", "path_m", "ticks_late_pct", "slots_held"):
+        assert metrics[name] is None, name
+
+
+@pytest.mark.parametrize(
+    ("without", "unknown"),
+    [
+        ("/truth", ("true_collisions", "min_true_distance_m", "max_deviation_m")),
+        ("/command", ("slots_held", "slots_missed", "makespan_s", "energy_propulsion_j")),
+        ("/report", ("failover_slots", "energy_compute_j", "slots_held_by")),
+    ],
+)
+def test_what_only_a_missing_kind_tells_is_unknown(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str], without: str, unknown: tuple[str, ...]
+) -> None:
+    """Arrivals are told by fixes alone; each other kind takes its own metrics with it."""
+    metrics = said(capsys, "metrics", rewritten(tmp_path / "cut.mcap", without=(without,)), 0)
+    assert (metrics["arrived"], metrics["completed"], metrics["unknown"]) == (4, True, [])
+    assert {name: metrics[name] for name in unknown} == dict.fromkeys(unknown)

@@ -166,6 +166,8 @@ BAD: list[tuple[str, str | bytes, str]] = [
     ("a.csv", "lat,lon,x,y\n47,8,0,0\n", "must name lat and lon, or x and y, not both"),
     ("a.csv", "lat,lon,longitude\n47,8,8\n", "must name lon once"),
     ("a.csv", "name,where\n47,8\n", "must name lat and lon"),
+    ("a.csv", "x (ft),y (ft)\n0,0\n300,0\n", "line 1: column 'x (ft)': must be in m"),
+    ("a.csv", "lat,lon,hover [min]\n47,8,2\n", "line 1: column 'hover [min]': must be in s"),
     ("a.csv", "lat,lon\n", "0 rows"),
     ("a.csv", 'lat,lon\n47,"8\n', "must be CSV"),
     ("a.csv", "x,y\n1e9,0\n", "must be within 1e+07 m"),

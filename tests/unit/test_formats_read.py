@@ -108,6 +108,7 @@ def test_a_plan_is_route_zones_and_a_list_of_the_rest() -> None:
         vehicleType=2,
     )
     found = imported(("a.plan", text), settings=Settings())
+    assert (found.mission["origin_lat_deg"], found.mission["origin_lon_deg"]) == HOME
     assert_near(in_degrees(found.mission), [HOME, (47.3979, 8.5460), (47.3981, 8.5455), HOME])
     (entry,) = found.mission["roster"]
     assert entry["hover_s"] == [4.0, 0.0, 0.0]
@@ -212,6 +213,26 @@ def test_way_points_as_pymavlink_reads_them(text: str, tmp_path: Path) -> None:
 def test_utf_16_is_read_by_its_byte_order_mark() -> None:
     """As spreadsheets write text."""
     assert imported(("a.txt", WPL.encode("utf-16"))).mission == imported(("a.txt", WPL)).mission
+
+
+def test_home_is_the_origin_wherever_the_first_way_point_is() -> None:
+    """The first home of several files, even one that comes after a file without a home."""
+    line = json.dumps({"type": "LineString", "coordinates": [[8.5452, 47.3972], [8.5465, 47.3988]]})
+    home_alone = "\n".join(WPL.split("\n")[:2])
+    plan_text = plan(item(16, 47.3979, 8.5460))
+    found = imported(("line.geojson", line), ("b.plan", plan_text), ("c.waypoints", home_alone))
+    assert (found.mission["origin_lat_deg"], found.mission["origin_lon_deg"]) == HOME
+    alone = imported(("a.waypoints", WPL), settings=Settings(r_m=0.5, start_at_home=False))
+    assert (alone.mission["origin_lat_deg"], alone.mission["origin_lon_deg"]) == (-35.362881, 149.165222)
+
+
+@pytest.mark.parametrize(("command", "note"), [(82, "splines: legs are straight"), (36, "arcs: legs are straight")])
+def test_curved_way_points_are_flown_to_their_ends(command: int, note: str) -> None:
+    """The place of a spline or an arc is a way point; its curve is listed."""
+    curve = item(command, 47.3979, 8.5460, params=(90, 0, 0, None))
+    found = imported(("a.plan", plan(curve, item(16, 47.3981, 8.5455))))
+    assert_near(in_degrees(found.mission), [HOME, (47.3979, 8.5460), (47.3981, 8.5455)])
+    assert found.notes["a.plan"][note] == ["item 1"]
 
 
 def test_a_home_at_0_0_is_not_known() -> None:
@@ -432,6 +453,14 @@ def test_csv_with_commas_semicolons_and_decimal_commas() -> None:
     notes = imported(("a.csv", plain)).notes["a.csv"]
     assert notes["column heading"] == ["column 6"]
     assert notes["altitude: the mission is flown in a plane"] == ["line 2", "line 3", "line 4"]
+
+
+def test_csv_with_units_in_brackets() -> None:
+    """Those in which the numbers are read; others are refused (`test_formats_bad`)."""
+    text = "x (m),y [m],hover_s (s),speed_mps (m/s)\n0,1.5,0,3\n10,20,2,3\n"
+    found = imported(("a.csv", text), settings=Settings())
+    assert way(found.mission) == [(0.0, 1.5), (10.0, 20.0)]
+    assert found.mission["v_max_mps"] == 3.0
 
 
 def test_csv_in_metres() -> None:

@@ -7,8 +7,13 @@ import math
 import numpy as np
 import pytest
 
+from edc_swarm.geometry import Barriers, point_segment_distance_m
+from edc_swarm.mission.zone import Zone
+from edc_swarm.mission.zones import barriers
+from edc_swarm.planner import edc
 from edc_swarm.protocol.completion import MissionMonitor
-from edc_swarm.protocol.hindrance import BUFFER_M, Place, Point, hindrance, hindrances
+from edc_swarm.protocol.hindrance import BUFFER_M, TOUCH_M, Place, Point, hindrance, hindrances
+from edc_swarm.solver.barrier_rows import Airspace
 from edc_swarm.solver.hull_rows import Obstacles
 from edc_swarm.solver.normals import DELTA_M
 from edc_swarm.solver.slot_qp import slot_problem
@@ -47,6 +52,7 @@ def kind(position_m: Point, target_m: Point, places: list[Place]) -> str:
 def test_the_buffer_is_that_of_the_planner() -> None:
     """What the slot QP cannot fly through is no passage."""
     assert BUFFER_M == DELTA_M
+    assert TOUCH_M == edc.TOUCH_M
 
 
 @pytest.mark.parametrize(
@@ -174,3 +180,72 @@ def test_the_newest_hulls_hold() -> None:
     places = {"b": ((-32.0, 12.0), (-8.0, 0.0), 1.0), "c": ((32.0, 12.0), (8.0, 0.0), 1.0)}
     judge.hear_report(report(9, 2, "e", quorum=3, grants=["a", "d", "e"], **hulls(places)))
     assert judge.complete(9)
+
+
+# --- zones -------------------------------------------------------------------------------------
+
+AREA = Zone(name="area", kind="inclusion", polygon=[(-50.0, -50.0), (200.0, -50.0), (200.0, 50.0), (-50.0, 50.0)])
+FENCE = barriers([AREA])
+
+
+def with_zones(position_m: Point, target_m: Point, places: list[Place], walls: Barriers = FENCE) -> str:
+    """The hindrance in words, "" for none."""
+    return str(hindrance(position_m, target_m, R_M, places, walls) or "")
+
+
+def test_a_hull_and_a_fence_hold_a_uav() -> None:
+    """Fuzz seed 654: a UAV nearer than R to a wide hull may not fly along the fence that it touches."""
+    wide, target_m = hull("a", (165.0, 0.0), (165.0, 0.0), 27.5), (180.0, 45.0)
+    assert with_zones((199.98, 9.6), target_m, [wide]) == "held by a's hull and zones"
+    assert with_zones((199.9, 9.6), target_m, [wide]) == "", "it does not touch the fence"
+    assert with_zones((199.98, 9.6), target_m, [disc("a", 190.5, 9.6)]) == "", "it may fly along the fence"
+    assert with_zones((199.98, 9.6), target_m, []) == ""
+    cornered = hull("a", (165.0, 20.0), (165.0, 20.0), 27.5)
+    assert with_zones((199.9, 29.6), (180.0, -40.0), [cornered]) == "closed in by a's hull and zones"
+
+
+def test_zones_hold_only_whom_no_step_is_left() -> None:
+    """In random places at a fence and in its corner: held exactly where no direction keeps the rows of the slot QP."""
+    random, turns, held = np.random.default_rng(7), np.linspace(0, math.tau, 20001), 0
+    direction = np.stack([np.cos(turns), np.sin(turns)], axis=-1)
+    airspace = Airspace.of(FENCE, R_M, 10.0)
+    for _ in range(100):
+        here_m = np.array([[199.98, random.choice([0.0, 49.98])]])
+        a_m = here_m + random.uniform(-12, 12, (1, 2))
+        b_m, radius_m = a_m + random.uniform(-6, 6, (1, 2)), random.uniform(0, 4, 1)
+        obstacles = Obstacles(a_m, b_m, radius_m, np.full(1, R_M))
+        problem = slot_problem(here_m, here_m, np.array([R_M]), 1.0, obstacles, airspace=airspace)
+        normal = problem.row_normal[problem.row_room_m < TOUCH_M]
+        is_near = bool((point_segment_distance_m(here_m, a_m, b_m) < radius_m + 2 * R_M).all())
+        expected = is_near and (bool(problem.frozen[0]) or not (direction @ normal.T >= 0).all(axis=1).any())
+        held += expected
+        place = hull("a", tuple(a_m[0].tolist()), tuple(b_m[0].tolist()), float(radius_m[0]))
+        assert with_zones(tuple(here_m[0].tolist()), (-40.0, -40.0), [place]).startswith("held") is expected
+    assert 10 < held < 90, "the places show both"
+
+
+def test_a_hull_across_a_corridor_closes_in() -> None:
+    """It reaches from fence to fence, or leaves a passage; a zone that is no part of the ring does not matter."""
+    across = hull("a", (90.0, -30.0), (90.0, 30.0), 10.0)
+    assert kind(HERE, (180.0, 0.0), [across]) == ""
+    assert with_zones(HERE, (180.0, 0.0), [across]) == "closed in by a's hull and zones"
+    assert with_zones(HERE, (60.0, 0.0), [across]) == ""
+    short = hull("a", (90.0, -30.0), (90.0, 24.9), 10.0)
+    assert with_zones(HERE, (180.0, 0.0), [short]) == "", "20.1 m are left, and a centre needs 20"
+    block = Zone(name="block", kind="exclusion", polygon=[(30.0, -5.0), (40.0, -5.0), (40.0, 5.0), (30.0, 5.0)])
+    walls = barriers([AREA, block])
+    assert with_zones(HERE, (180.0, 0.0), [short], walls) == ""
+    assert with_zones(HERE, (60.0, 0.0), [across], walls) == ""
+
+
+def test_a_mission_ends_when_zones_and_hulls_hold_the_last_uav() -> None:
+    """A UAV beside a dead one's hull in a corner of the fence keeps nobody waiting; elsewhere it does."""
+    zones = [
+        Zone(name="area", kind="inclusion", polygon=[(-40.0, -20.0), (100.0, -20.0), (100.0, 100.0), (-40.0, 100.0)])
+    ]
+    away = [(entry("h", target_m=(0.0, 90.0), r_m=R_M), (-39.99, -19.99))]
+    places = [hull("a", (-31.0, -11.0), (-31.0, -11.0), 5.0)]
+    assert {uav: str(why) for uav, why in hindrances(away, places, zones).items()} == {
+        "h": "held by a's hull and zones"
+    }
+    assert hindrances(away, places) == {}

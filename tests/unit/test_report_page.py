@@ -15,12 +15,15 @@ from edc_swarm.analysis.guarantees.check import check
 from edc_swarm.analysis.guarantees.verdict import GuaranteeResult, Status, Violation, headline
 from edc_swarm.analysis.metrics import compute_metrics
 from edc_swarm.analysis.tables import metric_rows
+from edc_swarm.mission.routes import Course
 from edc_swarm.mission.zone import Zone
 from edc_swarm.protocol.messages import Event, Fix, Message, Report
 from edc_swarm.recording.model import Recording
 from edc_swarm.report_page import data as page_data
 from edc_swarm.report_page.data import Page
+from edc_swarm.report_page.itineraries import Itinerary, itineraries
 from edc_swarm.report_page.render import MAX_WHERE, SCRIPTS, Assets, render
+from tests import builders
 from tests.unit.synthetic import EPOCH_NS, change, flight, parallel, recorded, straight, whole
 
 
@@ -159,7 +162,7 @@ def test_long_missions_are_thinned_out(messages: list[Message], monkeypatch: pyt
 
 def test_an_empty_record_still_makes_a_page() -> None:
     """A run that ended before its first fix has a page."""
-    assert "0 of 3 UAVs arrived" in document(recorded(flight(parallel())[:1]))
+    assert "The record does not tell how many of 3 UAVs arrived" in document(recorded(flight(parallel())[:1]))
 
 
 def test_the_page_needs_no_network_and_cannot_be_broken_out_of(messages: list[Message]) -> None:
@@ -229,3 +232,23 @@ def test_the_page_says_what_the_terminal_says() -> None:
     assert '<span class="broken">broken</span>' in text
     assert f"broken: {', '.join(result.guarantee for result in check(recording) if result.broken)}" in text
     assert "u0 and u1: discs overlap by up to 1 m" in text
+
+
+def test_the_map_knows_the_goal_of_every_moment() -> None:
+    """Points of the roster's route, then a later goal and its points; a course that goes back changes nothing."""
+    roster = [builders.entry("a", route=[(1.0, 0.0), (2.0, 0.0), (0.0, 9.0)]), builders.entry("b")]
+    later = [(5.0, 5.0), (6.0, 6.0)]
+    courses = {
+        2: Course(leg=1),
+        3: Course(leg=1),
+        4: Course(),
+        6: Course(goal=4, route=later),
+        8: Course(goal=4, leg=1, route=later[1:]),
+        9: Course(leg=2),
+    }
+    said = [builders.fix("a", slot, course=course) for slot, course in reversed(courses.items())]
+    boast = builders.fix("b", 3, course=Course(leg=7))
+    first, second = itineraries(recorded([builders.mission_message(roster), *said, boast]))
+    assert first.routes == [[(1.0, 0.0), (2.0, 0.0), (0.0, 9.0)], later]
+    assert first.turns == [(2, 0, 1), (6, 1, 0), (8, 1, 1)]
+    assert second == Itinerary([[(0.0, 9.0)]], [])

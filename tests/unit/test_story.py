@@ -122,6 +122,21 @@ def test_a_hold_without_a_command_and_without_its_evidence() -> None:
     assert reasons == ["unknown", "no-command"]
     numbered = [command("a", 15, seq=0, instance="b-1", sent_ns=at(14))]
     assert only(told([*messages, *numbered]), "holding").reason == "no-command"
+    assert only(told(held()), "holding").reason == "unknown", "no command and no report at all"
+    last = '{"swarm/m/head/b/command/a":12}'
+    word = Event(source="b", instance="b-1", slot=20, kind="closed", detail=last, sent_ns=at(20))
+    assert only(told([*messages, word]), "holding").reason == "unknown", "all commands to it are missing"
+
+
+def test_a_uav_without_any_fix_is_unknown() -> None:
+    """Whatever else the record holds; a record of nothing tells so too."""
+    story = told([*everyone(range(SLOTS), "c"), *plans(range(SLOTS))])
+    assert [(each.kind, each.uavs) for each in story.happenings if "c" in each.uavs and each.kind != "take-off"] == [
+        ("unknown", ["c"])
+    ]
+    assert {row[2] for row in story.states} == {STATES.index("unknown")}
+    (nothing,) = told([]).happenings
+    assert (nothing.kind, nothing.detail) == ("unknown", "the record holds no fix of it")
 
 
 def test_a_command_that_is_not_flown() -> None:

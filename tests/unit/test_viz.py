@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import math
+import re
 from collections import Counter
 from typing import Any
 
@@ -23,12 +24,15 @@ from msgspec import UNSET
 from edc_swarm.geodesy import to_wgs84
 from edc_swarm.mission.configuration import NS_PER_S
 from edc_swarm.mission.polygons import polygon_fault
+from edc_swarm.mission.routes import Course
 from edc_swarm.mission.zone import Zone
 from edc_swarm.protocol.messages import Command, Event, Fix, Message, MissionMessage, Report, Truth
-from edc_swarm.viz.channels import Status, channel_of, topic_of
-from edc_swarm.viz.layout import MAP_PX, TILE_MPP, layout
-from edc_swarm.viz.scenery import Scenery, Shown, extent_m, gaps
-from edc_swarm.viz.shapes import RED, VERTICES, colour_of, stadium
+from edc_swarm.viz.channels import SCENES_OF_A_MISSION, Status, Told, channel_of, topic_of
+from edc_swarm.viz.gaps import gaps
+from edc_swarm.viz.layers import MANY_UAVS
+from edc_swarm.viz.layout import BUSY, MAP_PX, TILE_MPP, layout
+from edc_swarm.viz.scenery import Scenery, Shown, extent_m
+from edc_swarm.viz.shapes import AMBER, GREEN, RED, VERTICES, colour_of, stadium
 from edc_swarm.viz.zones import ears
 from tests.unit.synthetic import EPOCH_NS, OFFSET_M, SLOT_NS, at, change, flight, mission_of, parallel
 
@@ -86,9 +90,11 @@ def test_each_topic_has_its_rate(messages: list[Message]) -> None:
     assert scenery.next_ns == EPOCH_NS
     said = [each for tick in range(122) for each in scenery.advance(EPOCH_NS + tick * SLOT_NS)]
     counts = Counter(each.topic.removeprefix("/viz/") for each in said)
-    assert {name: counts[name] for name in ("uavs", "trails", "location/u1", "area")} == {
+    assert {name: counts[name] for name in ("uavs", "labels", "trails", "goals", "location/u1", "area")} == {
         "uavs": 122,
+        "labels": 122,
         "trails": 61,
+        "goals": 61,
         "location/u1": 61,
         "area": 2,
     }
@@ -116,7 +122,7 @@ def test_every_scene_is_a_full_snapshot(messages: list[Message]) -> None:
     """A viewer that seeks loads only the last message, so each scene replaces all earlier ones."""
     channels = [(each, channel_of(each.topic)) for each in shown(messages)]
     scenes = [each for each, channel in channels if channel and channel.schema_name == "foxglove.SceneUpdate"]
-    assert len({each.topic for each in scenes}) == 5
+    assert {each.topic for each in scenes} == {f"/viz/{name}" for name in SCENES_OF_A_MISSION}
     for each in scenes:
         update = SceneUpdate.FromString(each.payload)
         assert [deletion.type for deletion in update.deletions] == [1]
@@ -129,11 +135,17 @@ def test_discs_are_where_the_fixes_say(messages: list[Message]) -> None:
     change(messages, {"slot": 4}, Truth, to_x_m=14.5)
     messages[0] = msgspec.structs.replace(messages[0], sent_ns=EPOCH_NS + SLOT_NS // 2)
     drawn = scene(messages, "uavs", 4.5)["u1"]
-    (disc, body), (outline, *_) = drawn.cylinders, drawn.lines
+    (disc,), (outline, *_) = drawn.cylinders, drawn.lines
+    body, *rotors = scene(messages, "vehicles", 4.5)["u1"].cylinders
     assert [math.hypot(p.x, p.y) for p in outline.points] == pytest.approx([5.0] * len(outline.points))
     assert outline.type == LinePrimitive.LINE_LOOP
     assert (disc.pose.position.x, disc.pose.position.y, disc.size.x) == (12.0, 7.0, 10.0)
-    assert (body.pose.position.x, body.pose.position.y) == pytest.approx((13.5, 7.0 + OFFSET_M[1]))
+    where = 13.5, 7.0 + OFFSET_M[1]
+    assert (body.pose.position.x, body.pose.position.y) == pytest.approx(where)
+    for rotor in rotors:
+        from_body_m = math.dist((rotor.pose.position.x, rotor.pose.position.y), where)
+        assert from_body_m + rotor.size.x / 2 == pytest.approx(body.size.x / 2)
+    assert len(rotors) == 4
 
 
 def test_the_head_is_marked_and_standbys_are_numbered(messages: list[Message]) -> None:
@@ -141,12 +153,12 @@ def test_the_head_is_marked_and_standbys_are_numbered(messages: list[Message]) -
     change(messages, {}, Report, standby=["u2", "u1"])
     entities = scene(messages, "uavs", 3)
     assert {name: [each.text for each in entity.texts] for name, entity in entities.items()} == {
-        "u0": ["u0", "H"],
-        "u1": ["u1", "s2"],
-        "u2": ["u2", "s1"],
+        "u0": ["H"],
+        "u1": ["s2"],
+        "u2": ["s1"],
     }
     assert len(entities["u0"].lines) == len(entities["u1"].lines) + 1
-    disc, role = entities["u0"].cylinders[0], entities["u0"].texts[1].pose.position
+    disc, role = entities["u0"].cylinders[0], entities["u0"].texts[0].pose.position
     assert math.dist((role.x, role.y), (disc.pose.position.x, disc.pose.position.y)) < disc.size.x / 4
 
 
@@ -156,8 +168,8 @@ def test_labels_are_legible_at_every_zoom_and_clear_their_disc(messages: list[Me
     assert isinstance(mission, MissionMessage)
     (left_m, low_m), (right_m, high_m) = extent_m(mission)
     pixel_m = max(right_m - left_m, high_m - low_m) / 600
-    entity = scene(messages, "uavs", 3)["u1"]
-    label, disc = entity.texts[0], entity.cylinders[0]
+    (label,), (disc,) = scene(messages, "labels", 3)["u1"].texts, scene(messages, "uavs", 3)["u1"].cylinders
+    assert label.text == "u1"
     assert label.scale_invariant
     assert label.billboard
     assert label.pose.position.y - label.font_size * pixel_m / 2 > disc.pose.position.y + disc.size.y / 2
@@ -226,7 +238,24 @@ def test_the_status_is_that_of_the_last_plan(messages: list[Message]) -> None:
         unheard=0,
         arrived=2,
         least_energy_j=5e4 - 560,
+        least_battery_pct=status.least_battery_pct,
+        mean_battery_pct=status.mean_battery_pct,
+        oldest_fix_slots=0,
     )
+    assert status.least_battery_pct == pytest.approx(100 * (5e4 - 560) / 5e4)
+
+
+def test_plan_times_of_a_simulation_come_from_beside_it(messages: list[Message]) -> None:
+    """The limit is a line only where a plan comes near it, since it would flatten all others."""
+    change(messages, {}, Report, plan_ms=0.0)
+    scenery = Scenery({3: 12.5, 5: 150.0})
+    said: list[Shown] = []
+    for message in sorted(messages, key=lambda message: message.sent_ns):
+        said += scenery.advance(message.sent_ns)
+        scenery.hear(message, message.sent_ns)
+    found = [msgspec.json.decode(each.payload, type=Status) for each in said if each.topic == "/viz/status"]
+    timed = {each.slot: (each.plan_ms, each.plan_limit_near_ms) for each in found if each.plan_ms is not UNSET}
+    assert timed == {3: (12.5, UNSET), 5: (150.0, pytest.approx(300.0))}
 
 
 def test_what_nobody_measured_is_absent_from_the_status(messages: list[Message]) -> None:
@@ -238,9 +267,41 @@ def test_what_nobody_measured_is_absent_from_the_status(messages: list[Message])
 
 
 def test_targets_are_marked(messages: list[Message]) -> None:
-    """Each target has a ring."""
-    rings = scene(messages, "area", 1)["targets"].lines
-    assert [(ring.pose.position.x, ring.pose.position.y) for ring in rings] == [(0.0, 16.0), (12.0, 16.0), (24.0, 16.0)]
+    """Each target has a ring, and a line that leads there; a later goal moves both within a second."""
+    change(messages, {"uav": "u1"}, Fix, course=Course(goal=1, route=[(1.0, 2.0), (3.0, 4.0)]))
+    drawn = scene(messages, "goals", 3)
+    places = {name: each.lines[1].pose.position for name, each in drawn.items()}
+    assert {name: (at.x, at.y) for name, at in places.items()} == {
+        "u0": (0.0, 16.0),
+        "u1": (3.0, 4.0),
+        "u2": (24.0, 16.0),
+    }
+    assert [(p.x, p.y) for p in drawn["u1"].lines[0].points][1:] == [(1.0, 2.0), (3.0, 4.0)]
+
+
+def test_links_have_the_colour_of_the_age_of_the_fix(messages: list[Message]) -> None:
+    """Green in the slot itself, amber when older, red from five slots on; a UAV that no head has heard has none."""
+    for slot in range(2, 9):
+        change(messages, {"slot": slot}, Report, heard=["u0", "u1"])
+    colours = []
+    for time in (2.0, 3.9, 8.9):
+        (drawn,) = scene(messages, "links", time)["links"].lines
+        colours.append([(each.r, each.g, each.b) for each in drawn.colors[::2]])
+        assert (drawn.points[0].x, drawn.points[2].x) == (0.0, 0.0)
+    assert colours == [[pytest.approx(GREEN), pytest.approx(old)] for old in (GREEN, AMBER, RED)]
+    change(messages, {}, Report, heard=["u0", "u1"])
+    assert len(scene(messages, "links", 8)["links"].lines[0].points) == 2
+
+
+def test_a_uav_that_holds_is_outlined_in_its_colour_and_says_why(messages: list[Message]) -> None:
+    """Its disc keeps its own colour, by which its trail and its goal are known."""
+    messages = [m for m in messages if not (isinstance(m, Command) and m.uav == "u1" and m.slot >= 3)]
+    change(messages, {"uav": "u1"}, Fix, waypoint_y_m=4.0, from_y_m=4.0, executing=False)
+    drawn, label = scene(messages, "uavs", 7)["u1"], scene(messages, "labels", 7)["u1"].texts[0]
+    outline, fill = drawn.lines[0].color, drawn.cylinders[0].color
+    assert (outline.r, outline.g, outline.b) == pytest.approx(AMBER)
+    assert (fill.r, fill.g, fill.b) == pytest.approx(colour_of(1))
+    assert label.text.startswith("u1: ")
 
 
 def test_the_area_holds_all_starts_and_targets() -> None:
@@ -260,7 +321,7 @@ def test_zones_are_drawn_once_a_minute_with_their_names(messages: list[Message])
     mission = msgspec.structs.replace(messages[0], zone=[fence, corner, tower, ring])
     said = [mission, *messages[1:]]
     drawn = scene(said, "area", 8)
-    assert drawn.keys() == {"targets", "zone fence", "zone corner", "zone tower", "zone ring"}
+    assert drawn.keys() == {"zone fence", "zone corner", "zone tower", "zone ring"}
     outline = drawn["zone fence"].lines[0]
     assert [(p.x, p.y) for p in outline.points] == fence.polygon
     assert outline.type == LinePrimitive.LINE_LOOP
@@ -271,7 +332,7 @@ def test_zones_are_drawn_once_a_minute_with_their_names(messages: list[Message])
     disc = drawn["zone tower"].cylinders[0]
     assert (disc.pose.position.x, disc.size.x, disc.size.y) == (40, 14, 14)
     assert max(p.x for p in drawn["zone ring"].lines[0].points) == pytest.approx(70)
-    assert {e.texts[0].text for name, e in drawn.items() if name != "targets"} == {"fence", "corner", "tower", "ring"}
+    assert {e.texts[0].text for e in drawn.values()} == {"fence", "corner", "tower", "ring"}
     assert sum(each.topic == "/viz/area" for each in shown(said)) == 1
 
 
@@ -357,7 +418,7 @@ def test_every_topic_is_described_by_a_schema_that_stands_alone(messages: list[M
         channel = channel_of(each.topic)
         assert channel is not None
         if channel.encoding == "json":
-            assert json.loads(each.payload).keys() == json.loads(channel.schema_data)["properties"].keys()
+            assert json.loads(each.payload).keys() <= json.loads(channel.schema_data)["properties"].keys()
             continue
         pool = DescriptorPool()
         for file in FileDescriptorSet.FromString(channel.schema_data).file:
@@ -379,12 +440,25 @@ def test_the_layout_shows_only_what_there_is(messages: list[Message]) -> None:
     topics, panels = {each.topic for each in shown(messages)}, whole["configById"]
     assert set(panels["3D!swarm"]["topics"]) <= topics
     for config in panels.values():
+        if "tabs" in config:
+            continue
         assert config["foxglovePanelTitle"] == config["lichtblickPanelTitle"]
         for path in config.get("paths", []):
-            topic, _, name = path["value"].rpartition(".")
+            topic, _, name = re.sub(r"\{.*\}", "", path["value"]).rpartition(".")
             assert topic in topics
-            assert name in Status.__struct_fields__
-    assert _leaves(whole["layout"]) == set(panels)
+            assert name in (Status if topic == "/viz/status" else Told).__struct_fields__
+    tabs = [tab["layout"] for config in panels.values() for tab in config.get("tabs", [])]
+    assert set.union(*map(_leaves, [whole["layout"], *tabs])) == set(panels)
+
+
+@pytest.mark.parametrize("uavs", [MANY_UAVS, MANY_UAVS + 1])
+def test_names_goals_and_links_of_many_uavs_begin_switched_off(uavs: int) -> None:
+    """All other layers are on for any number of UAVs."""
+    mission = mission_of([[(12.0 * k, 0.0), (12.0 * k, 9.0)] for k in range(uavs)])
+    seen = layout(mission)["configById"]["3D!swarm"]["topics"]
+    assert {name for name, topic in seen.items() if not topic["visible"]} == (
+        set() if uavs <= MANY_UAVS else {f"/viz/{name}" for name in BUSY}
+    )
 
 
 @pytest.mark.parametrize(("area_m2", "step_m"), [(10_000.0, 20.0), (160_000.0, 20.0), (9e6, 500.0)])
@@ -398,7 +472,8 @@ def test_the_grid_is_coarser_over_larger_areas(area_m2: float, step_m: float) ->
 def test_roles_stand_below_their_name_where_discs_are_small() -> None:
     """In a large area a label is higher than a disc."""
     messages = flight(parallel(), area_m2=9e6)
-    name, role = scene([msgspec.structs.replace(messages[0], sent_ns=EPOCH_NS), *messages[1:]], "uavs", 3)["u0"].texts
+    messages[0] = msgspec.structs.replace(messages[0], sent_ns=EPOCH_NS)
+    name, role = (scene(messages, layer, 3)["u0"].texts[0] for layer in ("labels", "uavs"))
     assert name.pose.position.y - role.pose.position.y > 3000 * name.font_size / 600 * 0.9
 
 

@@ -162,6 +162,35 @@ class Evidence:
                 yield f"no {name} of {_named(silent)}" + (": bodies cannot be judged" if kind == "truth" else "")
 
 
+@dataclass(frozen=True, slots=True)
+class Known:
+    """The kinds of messages of which the record is known to lack none: what is counted in them is then a measurement.
+
+    A count of what was found may always be told; a count of 0, a sum, a share of all and a least or largest value may
+    not.
+    """
+
+    fixes: bool
+    truths: bool
+    commands: bool
+    reports: bool
+
+    @classmethod
+    def of(cls, evidence: Evidence) -> Known:
+        """Return what `evidence` is complete in."""
+        return cls(*(not any(evidence.missing(kind)) for kind in ("fix", "truth", "command", "report")))
+
+    @property
+    def motion(self) -> bool:
+        """True if it is known who flew which command."""
+        return self.fixes and self.commands
+
+    @property
+    def places(self) -> bool:
+        """True if it is known where all bodies truly were."""
+        return self.fixes and self.truths
+
+
 def gather(recording: Recording) -> Evidence:
     """Return the evidence of a recording."""
     index = roster_index(recording.mission.roster)

@@ -210,7 +210,7 @@ def _excuses(evidence: Evidence, voyages: Voyages, away: list[int], bound: NDArr
     plan = max(evidence.plans, key=lambda report: (report.term, report.slot), default=None)
     there = np.flatnonzero(~bound & ~evidence.tracks.grounded[-1]).tolist()
     places = [place for k in there for place in places_of(roster[k], point(centre_m[k]), plan)]
-    found = hindrances([(voyages.each[k].present, point(centre_m[k])) for k in away], places)
+    found = hindrances([(voyages.each[k].present, point(centre_m[k])) for k in away], places, evidence.mission.zone)
     living = {roster[k].uav for k in np.flatnonzero(bound).tolist()}
     return {k: _excuse(found[roster[k].uav], living) if roster[k].uav in found else "" for k in away}
 
@@ -223,9 +223,9 @@ def _excuse(found: Hindrance, living: Collection[str]) -> str:
         case "covered":
             return f"its target is, or may be, covered by {who}"
         case "held":
-            return f"it must hold, since no step leads away from {who}"
+            return f"it must hold, since no step leads away from {'zones and ' * found.with_zones}{who}"
         case "closed in":
-            return f"there is no way to its target round {who}"
+            return f"there is no way to its target round {'zones and ' * found.with_zones}{who}"
 
 
 def _missing(evidence: Evidence, voyages: Voyages, k: int) -> Violation:

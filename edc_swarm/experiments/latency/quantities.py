@@ -28,6 +28,10 @@ def _fix_age_ms(sample: Sample) -> float | None:
     return sample.fix_age_ms if sample.terms else None
 
 
+def _failover_slots(sample: Sample) -> float | None:
+    return None if sample.failover_slots is None else float(sample.failover_slots)
+
+
 def _command_age_ms(sample: Sample) -> float | None:
     """Return the age of commands, None if only heads flew, since the age is the mission's declared length then."""
     return sample.command_age_ms if sample.others_flew else None
@@ -47,5 +51,5 @@ QUANTITIES = (
     Quantity("makespan_s", "Makespan [s]", lambda s: s.makespan_s),
     Quantity("energy_kj", "Propulsion energy [kJ]", lambda s: s.energy_kj if s.completed else None),
     Quantity("min_disc_gap_m", "Least gap of two discs [m]", lambda s: s.min_disc_gap_m, "signed"),
-    Quantity("failover_slots", "Fail-over slots per mission", lambda s: float(s.failover_slots), "count"),
+    Quantity("failover_slots", "Fail-over slots per mission", _failover_slots, "count"),
 )

@@ -36,5 +36,5 @@ def check(recording: Path, /, *, load_planner: bool = False, json: bool = False)
     else:
         print_guarantees(results, stdout_console())
         for who in not_home_of(whole):
-            print(shown(f"not home: {who}", MAX_LINE))
+            print(shown(f"{who}" if who.is_unknown else f"not home: {who}", MAX_LINE))
     return guarantees_status(results)

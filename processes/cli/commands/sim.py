@@ -47,7 +47,7 @@ def sim(
 def _simulate(mission: Mission, output: Output, *, viz: bool, voice: Voice) -> list[Timing]:
     message = mission_message(mission)
     compiling = CompilingNote(voice)
-    warm_planner(mission, compiling.tell)
+    warm_planner(mission, compiling.tell, helped=True)
     compiling.end()
     teller = Storyteller(message)
 

@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from contextlib import suppress
 from pathlib import Path
 from typing import Annotated, BinaryIO
 
 from cyclopts import Parameter
 
+from edc_swarm.analysis.timings import load_timings, measured
 from edc_swarm.errors import MessageError
 from edc_swarm.protocol.codec import decode
 from edc_swarm.protocol.keys import kind_of
@@ -18,6 +20,7 @@ from edc_swarm.recording.writer import MISSION_ATTACHMENT, RecordingWriter
 from edc_swarm.viz.channels import ROOT
 from edc_swarm.viz.layout import LAYOUT_ATTACHMENT
 from edc_swarm.viz.scenery import Scenery
+from processes.runtime.console import note
 from processes.runtime.output import SUFFIX, check_output, new_file
 from processes.services.recorded_view import attach_layout, write_shown
 
@@ -29,7 +32,9 @@ def visualise(
     out: Annotated[Path | None, Parameter(name=["--out", "-o"])] = None,
     force: bool = False,
 ) -> int:
-    """Add the view for Foxglove and Lichtblick to a recording made without it, in a new file.
+    """Add the view for Foxglove and Lichtblick to a recording, in a new file.
+
+    The view of a simulated mission gets the plan times of FILE.timings.json, which the simulation's own view lacks.
 
     Parameters
     ----------
@@ -43,14 +48,15 @@ def visualise(
     path = out or recording.with_name(recording.name.removesuffix(SUFFIX) + ".viz" + SUFFIX)
     check_output(path, force=force)
     whole = read_recording(recording)
+    plan_ms = {timing.slot: timing.plan_ms for timing in measured(whole, load_timings(recording, note))}
     with new_file(path) as stream:
-        _visualise(McapFile(recording), whole, stream)
+        _visualise(McapFile(recording), whole, plan_ms, stream)
     print(path)
     return 0
 
 
-def _visualise(file: McapFile, whole: Recording, stream: BinaryIO) -> None:
-    writer, scenery = RecordingWriter(stream, whole.run), Scenery()
+def _visualise(file: McapFile, whole: Recording, plan_ms: Mapping[int, float], stream: BinaryIO) -> None:
+    writer, scenery = RecordingWriter(stream, whole.run), Scenery(plan_ms)
     attach_layout(writer, whole.mission)
     for channel, _, log_ns, sent_ns, payload in file.messages():
         if channel.topic.startswith(ROOT):
