@@ -162,13 +162,16 @@ def draw(measured: dict[tuple[Cell, int], dict[str, Any]], cells: Sequence[Cell]
                 shifted = [each + (place - 1.5) * 0.012 * span for each in x]  # Bars that do not cover each other.
                 axis.errorbar(shifted, y, [low, high], label=control, color=COLOURS[control], marker="o", ms=3, lw=1.2,
                               capsize=2, elinewidth=0.8)  # fmt: skip
-            axis.set_ylim(bottom=0)
             axis.grid(alpha=0.25)
             axis.spines[["top", "right"]].set_visible(False)
+        axes[row][0].set_ylim(0, 105 if quantity.kind == "share of runs" else None)
         axes[row][0].set_ylabel(quantity.title)
     axes[-1][0].set_xlabel(f"delay of every message, ms (loss {100 * least_loss:g} %)")
     axes[-1][1].set_xlabel(f"loss of messages, % (delay {least_ms:g} ms)")
-    figure.suptitle(f"A head or local control, K = {cells[0].uavs}, 95 % intervals")
+    runs = [sum(of == cell for of, _ in measured) for cell in cells]
+    figure.suptitle(
+        f"A head or local control, K = {cells[0].uavs}, runs a cell: {min(runs)}-{max(runs)}, 95 % intervals"
+    )
     handles, labels = axes[0][0].get_legend_handles_labels()
     figure.legend(handles, labels, loc="outside lower center", ncols=4, frameon=False)
     figure.savefig(path.with_suffix(".svg"), metadata={"Date": None})
