@@ -106,8 +106,8 @@ class Batch:
 
     @property
     def position_m(self) -> Floats:
-        at_m: Floats = self._state["x"].numpy()
-        return at_m
+        found: Floats = self._state["x"].numpy()
+        return found
 
     def sense(self, wind_mps: Floats) -> tuple[Floats, Floats]:
         self._state["wind"] = self._tensor(wind_mps)
