@@ -165,7 +165,7 @@ class Guidance:
         self._seed = seed
         self._tuning = tuning
         self._memory = _Memory.empty(0, max(tuning.layers, kernel.SIDESTEPS))
-        self._scratch = _scratch(tuning)
+        self._scratch = _scratch(tuning, self._charts.barred)
         self._draft = _draft(tuning)
 
     def wishes(self, scene: Scene) -> Floats:
@@ -347,7 +347,7 @@ def _draft(tuning: Tuning) -> kernel.Draft:
     )
 
 
-def _scratch(tuning: Tuning) -> kernel.Scratch:
+def _scratch(tuning: Tuning, barred: kernel.Barred) -> kernel.Scratch:
     nodes = (tuning.layers + 1) * tuning.side**2
     moves = np.array(
         [(0, 0)]
@@ -364,4 +364,5 @@ def _scratch(tuning: Tuning) -> kernel.Scratch:
         epoch=np.zeros(1, np.int64),
         move=moves,
         move_length=np.hypot(moves[:, 0], moves[:, 1]),
+        guards=np.zeros((int(np.diff(barred.begin).max(initial=0)), 5)),
     )

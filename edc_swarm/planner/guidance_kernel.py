@@ -190,7 +190,7 @@ class Scratch(NamedTuple):
     """Work space of the lattice search, kept from call to call.
 
     `stamp` of a node less the call's epoch is OPEN, PRICED (its own conflicts are in its cost) or
-    CLOSED; anything less belongs to an earlier call.
+    CLOSED; anything less belongs to an earlier call. `guards` has room for all barriers of a cell.
     """
 
     stamp: NDArray[np.int64]
@@ -202,6 +202,7 @@ class Scratch(NamedTuple):
     epoch: Ints
     move: Ints
     move_length: Floats
+    guards: Floats
 
 
 @compiled
@@ -346,6 +347,13 @@ def to_barrier(barred: Barred, w: int, x0: float, y0: float, x: float, y: float)
 
 
 @inner
+def is_far(barred: Barred, w: int, x: float, y: float, far: float) -> bool:
+    """Return True if a point is at least `far` from the segment of barrier w; it costs a fifth of `to_barrier`."""
+    a, b = barred.a_m, barred.b_m
+    return to_segment(x - a[w, 0], y - a[w, 1], a[w, 0] - b[w, 0], a[w, 1] - b[w, 1]) >= far * far
+
+
+@inner
 def bar_of(barred: Barred, w: int, keep: float, x: float, y: float) -> float:
     """Return the distance that a UAV at (x, y) must keep: `keep`, or 0.9995 of the present one if that is less."""
     a, b = barred.a_m, barred.b_m
@@ -354,18 +362,26 @@ def bar_of(barred: Barred, w: int, keep: float, x: float, y: float) -> float:
 
 
 @inner
-def barrier_conflict(world: World, k: int, x0: float, y0: float, x: float, y: float) -> float:
-    """Return the price of the barriers near vehicle k's step from (x0, y0) to (x, y), as `wall_conflict` does."""
-    rules, barred = world.rules, world.barred
-    cell = barred_cell(barred, 0.5 * (x0 + x), 0.5 * (y0 + y))
+def barrier_conflict(
+    barred: Barred, rules: Rules, r_m: float, sx: float, sy: float, x0: float, y0: float, x: float, y: float
+) -> float:
+    """Return the price of the barriers near the step from (x0, y0) to (x, y) of a vehicle that is now at (sx, sy).
+
+    It prices as `wall_conflict` does. It takes no `World`, since to pass that costs more than most answers.
+    """
+    mx, my = 0.5 * (x0 + x), 0.5 * (y0 + y)
+    cell = barred_cell(barred, mx, my)
     price = 0.0
+    half = 0.5 * norm(x - x0, y - y0)
     for e in range(barred.begin[cell], barred.begin[cell + 1]):
         w = barred.which[e]
-        keep = barred.radius_m[w] + barred.disc[w] * world.r_m[k] + rules.delta_m
+        keep = barred.radius_m[w] + barred.disc[w] * r_m + rules.delta_m
+        if is_far(barred, w, mx, my, keep + half):
+            continue
         squared = to_barrier(barred, w, x0, y0, x, y)
         if squared < (keep - ROUNDING_M) * (keep - ROUNDING_M):
             away = math.sqrt(squared)
-            bar = bar_of(barred, w, keep, world.start_m[k, 0], world.start_m[k, 1])
+            bar = bar_of(barred, w, keep, sx, sy)
             if away < bar:
                 price += UNYIELDING * (rules.touch + rules.depth * (bar - away) / keep)
             else:
@@ -374,30 +390,40 @@ def barrier_conflict(world: World, k: int, x0: float, y0: float, x: float, y: fl
 
 
 @inner
-def bars_move(world: World, k: int, x0: float, y0: float, x: float, y: float) -> bool:
-    """Return True if a barrier near (x0, y0) forbids vehicle k the straight way to (x, y)."""
-    barred = world.barred
-    cell = barred_cell(barred, x0, y0)
+def near_barriers(
+    barred: Barred, delta_m: float, r_m: float, far_m: float, sx: float, sy: float, x: float, y: float, guards: Floats
+) -> int:
+    """Write the barriers that a move of up to `far_m` from (x, y) can come too close to; return their number.
+
+    A row of `guards` (c, 5) is (ax, ay, bx, by, the distance that a vehicle now at (sx, sy) must keep).
+    """
+    cell = barred_cell(barred, x, y)
+    count = 0
     for e in range(barred.begin[cell], barred.begin[cell + 1]):
         w = barred.which[e]
-        keep = barred.radius_m[w] + barred.disc[w] * world.r_m[k] + world.rules.delta_m
-        squared = to_barrier(barred, w, x0, y0, x, y)
-        if squared < keep * keep:
-            bar = bar_of(barred, w, keep, world.start_m[k, 0], world.start_m[k, 1])
-            if bar > 0.0 and squared < bar * bar:
-                return True
-    return False
+        keep = barred.radius_m[w] + barred.disc[w] * r_m + delta_m
+        if not is_far(barred, w, x, y, keep + far_m):
+            bar = bar_of(barred, w, keep, sx, sy)
+            if bar > 0.0:
+                guards[count, 0], guards[count, 1] = barred.a_m[w, 0], barred.a_m[w, 1]
+                guards[count, 2], guards[count, 3] = barred.b_m[w, 0], barred.b_m[w, 1]
+                guards[count, 4] = bar
+                count += 1
+    return count
 
 
 @inner
-def near_barrier(world: World, k: int, x: float, y: float) -> bool:
-    """Return True if a move of two full steps from (x, y) can come too close to a barrier."""
-    barred = world.barred
-    cell = barred_cell(barred, x, y)
-    for e in range(barred.begin[cell], barred.begin[cell + 1]):
-        w = barred.which[e]
-        far = barred.radius_m[w] + barred.disc[w] * world.r_m[k] + world.rules.delta_m + 2 * world.u_max_m[k]
-        if to_barrier(barred, w, x, y, x, y) < far * far:
+def bars_move(guards: Floats, count: int, x0: float, y0: float, x: float, y: float) -> bool:
+    """Return True if one of the first `count` rows of `guards` forbids the straight way from (x0, y0) to (x, y)."""
+    mx, my = 0.5 * (x0 + x), 0.5 * (y0 + y)
+    half = 0.5 * norm(x - x0, y - y0)
+    for e in range(count):
+        ax, ay, bar = guards[e, 0], guards[e, 1], guards[e, 4]
+        dx, dy = ax - guards[e, 2], ay - guards[e, 3]
+        far = bar + half + ROUNDING_M
+        if to_segment(mx - ax, my - ay, dx, dy) >= far * far:
+            continue
+        if clearance(x0 - ax, y0 - ay, x - x0, y - y0, dx, dy) < bar * bar:
             return True
     return False
 
@@ -409,7 +435,8 @@ def still_conflict(world: World, k: int, x0: float, y0: float, x: float, y: floa
     if world.walls.a_m.shape[0] > 0:
         price = wall_conflict(world.rules, world.walls, k, x0, y0, x, y)
     if world.barred.a_m.shape[0] > 0:
-        price += barrier_conflict(world, k, x0, y0, x, y)
+        sx, sy = world.start_m[k, 0], world.start_m[k, 1]
+        price += barrier_conflict(world.barred, world.rules, world.r_m[k], sx, sy, x0, y0, x, y)
     return price
 
 
@@ -768,7 +795,7 @@ def search(  # noqa: PLR0912, PLR0915 (one loop: splitting it costs a third of t
     imminent, gamma, head, link = world.imminent, world.gamma, world.head, world.link
     stamp, cost, price, parent = scratch.stamp, scratch.cost, scratch.price, scratch.parent
     heap_cost, heap_node = scratch.heap_cost, scratch.heap_node
-    move, move_length = scratch.move, scratch.move_length
+    move, move_length, guards = scratch.move, scratch.move_length, scratch.guards
     zoned = world.barred.a_m.shape[0] > 0
     walled = world.walls.a_m.shape[0] > 0 or zoned
     half = side // 2
@@ -836,7 +863,10 @@ def search(  # noqa: PLR0912, PLR0915 (one loop: splitting it costs a third of t
         at_goal = a == ga and b == gb
         so_far = cost[node]
         px, py = sx + a * spacing, sy + b * spacing
-        guarded = zoned and near_barrier(world, k, px, py)
+        guarded = NONE
+        if zoned:
+            far = 2 * world.u_max_m[k]
+            guarded = near_barriers(world.barred, rules.delta_m, r_m[k], far, sx, sy, px, py, guards)
         for m in range(len(move_length)):
             na = a + move[m, 0]
             nb = b + move[m, 1]
@@ -846,7 +876,7 @@ def search(  # noqa: PLR0912, PLR0915 (one loop: splitting it costs a third of t
             state = stamp[after] - epoch
             if state == CLOSED:
                 continue
-            if guarded and m > 0 and bars_move(world, k, px, py, sx + na * spacing, sy + nb * spacing):
+            if guarded > 0 and m > 0 and bars_move(guards, guarded, px, py, sx + na * spacing, sy + nb * spacing):
                 continue
             g = so_far + wd * move_length[m] * unit
             if na != ga or nb != gb:
@@ -924,15 +954,18 @@ def reprice(world: World, k: int, draft: Draft, first: int, end: int, total: flo
     rules, tracks, start_m, r_m, luck = world.rules, world.track, world.start_m, world.r_m, world.luck
     imminent, gamma, head, link = world.imminent, world.gamma, world.head, world.link
     track, price = draft.new_track, draft.new_price
-    walled = world.walls.a_m.shape[0] > 0 or world.barred.a_m.shape[0] > 0
+    walls, barred, sx, sy = world.walls, world.barred, start_m[k, 0], start_m[k, 1]
+    walled, zoned = walls.a_m.shape[0] > 0, barred.a_m.shape[0] > 0
     x0, y0 = draft.track[first - 1, 0], draft.track[first - 1, 1]
     for t in range(first, end):
         if total > limit:
             break
         x, y = track[t, 0], track[t, 1]
         price[t] = step_conflict(rules, tracks, start_m, r_m, luck, imminent, gamma, head, link, k, t, x0, y0, x, y)
-        if walled:
-            price[t] += still_conflict(world, k, x0, y0, x, y)
+        still = wall_conflict(rules, walls, k, x0, y0, x, y) if walled else 0.0
+        if zoned:
+            still += barrier_conflict(barred, rules, r_m[k], sx, sy, x0, y0, x, y)
+        price[t] += still
         total += price[t]
         draft.work[0] += 1
         x0, y0 = x, y

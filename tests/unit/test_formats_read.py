@@ -353,6 +353,14 @@ def test_geojson_lines_polygons_circles_and_points() -> None:
     assert any("its name says so" in remark for remark in found.remarks)
 
 
+def test_the_hole_of_an_exclusion_is_closed_and_listed() -> None:
+    """Nobody could fly into it."""
+    text = json.dumps(feature("Polygon", [RING, HOLE], kind="exclusion"))
+    found = imported(("a.geojson", text))
+    assert [zone["kind"] for zone in found.mission["zone"]] == ["exclusion"]
+    assert found.notes["a.geojson"] == {"hole of an exclusion zone: it is closed": ["the feature"]}
+
+
 INCLUSIONS = ("inclusion", "include", "fence", "geofence", "boundary", "keep-in")
 EXCLUSIONS = ("exclusion", "exclude", "no-fly", "nofly", "obstacle", "keep-out", "No Fly", "KEEP_OUT")
 
