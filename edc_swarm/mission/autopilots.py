@@ -11,7 +11,7 @@ from edc_swarm.mission.configuration import Mission
 from edc_swarm.mission.faults import OrderLanding, VehicleFault, parse_fault
 from edc_swarm.mission.roster_entry import RosterEntry
 from edc_swarm.mission.vehicle_budget import vehicle_of
-from edc_swarm.mission.vehicle_model import VehicleModel
+from edc_swarm.mission.vehicle_model import MAVLINK, VehicleModel
 
 FORMS = "udpin:HOST:PORT, udpout:HOST:PORT, tcp:HOST:PORT or /dev/DEVICE[,BAUD]"
 DESCENT_MPS = 0.5
@@ -61,6 +61,8 @@ def check_autopilots(mission: Mission) -> None:
             )
         found[place] = entry.uav
         _check_mission(mission, vehicle)
+    if mission.vehicle.autopilot and not found:
+        raise MissionError("vehicle.autopilot", mission.vehicle.autopilot, f"left out, or vehicle = {MAVLINK}")
     for text in mission.fault if found else ():
         fault = parse_fault(text, mission.dt_s)
         if isinstance(fault, VehicleFault) and not isinstance(fault, OrderLanding):

@@ -28,8 +28,9 @@ def said_once(messages: Iterable[Said]) -> Iterator[Said]:
 
 
 def plans_of(recording: Recording) -> list[Report]:
-    """Return the reports of all plans, each once."""
-    return list(said_once(report for report in recording.reports if report.status in PLANNED))
+    """Return the reports of all plans, each once; without `resends` a second equal one is a second plan."""
+    reports = [report for report in recording.reports if report.status in PLANNED]
+    return list(said_once(reports)) if recording.mission.resends else reports
 
 
 def _repeats(message: Said, other: Said) -> bool:

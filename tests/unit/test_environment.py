@@ -454,7 +454,8 @@ BAD_VALUES: dict[str, dict[str, str | None]] = {
     "export": {"format": "x", "out": ANY, "force": ANY},
     "sim": {
         "uavs": "0", "area": "0", "area-x": "-1", "area-y": "-1", "fence": "x", "failsafe": "x", "land-after": "-1",
-        "quiet": ANY, "verbose": ANY, "vehicle": "x", "wind-mps": "-1", "gust-mps": "-1",
+        "quiet": ANY, "verbose": ANY, "vehicle": "x", "autopilot": "x", "resends": "-1",
+        "wind-mps": "-1", "gust-mps": "-1",
         "gps-error": "-1", "gps-model": "x", "seed": "-1", "slot": "0", "speed-max": "0",
         "planner": "x", "control": "x", "minimise": "x", "elect": "x", "fault": "x", "fault-help": ANY,
         "delay-ms": "-1", "jitter-ms": "-1", "loss": "1.5", "time-scale": "0", "max-slots": "-1", "out": "x",

@@ -84,7 +84,8 @@ def _second_plans(evidence: Evidence) -> Iterator[Violation]:
     for (uav, slot), commands in evidence.commands.items():
         if len(commands) == 1:
             continue
-        for term, count in Counter(command.term for command in said_once(commands)).items():
+        said = said_once(commands) if evidence.mission.resends else commands
+        for term, count in Counter(command.term for command in said).items():
             if count > 1:
                 yield Violation("planned-twice", f"{count} commands of term {term} to {uav}", slot, [uav])
 
