@@ -138,9 +138,9 @@ class UavNode:
     def wakeup_ns(self, now_ns: int) -> int:
         """Return the time of the next `Tick`, in nanoseconds of the clock of `step`."""
         leadership, clock = self._leadership, self._clock
-        if self._strays:
+        if self._strays or self.ended:
             return clock.start_ns(max(self.slot, clock.slot_at(now_ns)) + 1)
-        if leadership.own_command is not None or (not self.ended and leadership.plan_due(self.slot, now_ns)):
+        if leadership.own_command is not None or leadership.plan_due(self.slot, now_ns):
             return now_ns
         due_ns = [clock.start_ns(clock.slot_at(now_ns) + 1)]
         if self._again_ns is not None:

@@ -292,6 +292,16 @@ def leader() -> tuple[UavNode, North]:
     return uav, planner
 
 
+def test_a_head_that_lands_does_not_wake_for_its_own_command() -> None:
+    """It takes no step any more, so a wake-up for it would be followed by the next one at once, for ever."""
+    uav, _ = leader()
+    planned_ns = uav.wakeup_ns(at(5.5))
+    uav.step(Tick(), planned_ns)
+    assert uav.wakeup_ns(planned_ns) == planned_ns
+    uav.ground([])
+    assert uav.wakeup_ns(planned_ns) == at(6)
+
+
 def test_a_head_plans_with_a_quorum_and_once() -> None:
     """Commands for the heard of this very slot, then the report; a later fix makes no second plan."""
     uav, planner = leader()
