@@ -25,7 +25,8 @@ def _check_baseline(mission: Mission) -> None:
     planner = mission.planner
     if mission.zone:
         names = ", ".join(zone.name or zone.kind for zone in mission.zone[:3])
-        raise MissionError("zone", names, f'none with planner {planner}, which knows no zones (fence = "none")')
+        allowed = f'none with planner {planner}, which knows no zones (fence = "none", option --fence none)'
+        raise MissionError("zone", names, allowed)
     if mission.lag_slots:
         raise MissionError("lag_slots", mission.lag_slots, f"0 with planner {planner}")
     if model := _model_with_inertia(mission):
@@ -34,7 +35,7 @@ def _check_baseline(mission: Mission) -> None:
 
 def _check_local(mission: Mission) -> None:
     if mission.planner not in LOCAL_PLANNERS and ":" not in mission.planner:
-        local = f'one of {", ".join(LOCAL_PLANNERS)}, or package.module:Class, with control = "local"'
+        local = f'one of {", ".join(LOCAL_PLANNERS)}, or package.module:Class (--planner), with control = "local"'
         raise MissionError("planner", mission.planner, local)
     if model := _model_with_inertia(mission):
         raise MissionError("control", "local", f"head with vehicles that have inertia ({model})")

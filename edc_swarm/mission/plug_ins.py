@@ -49,6 +49,8 @@ def made(field: str, name: str, method: str, *arguments: object) -> Any:
     MissionError
         About `field`: there is no such class, it cannot be made, or it lacks the method.
     """
+    if not _NAME.fullmatch(name):
+        raise MissionError(field, name, _allowed(()))
     module, _, attribute = name.partition(":")
     factory = called(field, name, lambda: getattr(importlib.import_module(module), attribute))
     found = called(field, name, lambda: factory(*arguments))

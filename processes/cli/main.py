@@ -144,9 +144,11 @@ def _in_one_line(error: CycloptsError) -> str:
         case MissingArgumentError():
             said = (error.keyword or _name(error), "", "given")
         case UnknownOptionError():
-            said = ("option", error.token.keyword or error.token.value, "one of those in --help")
+            typed = error.token.keyword or error.token.value
+            options = [name for argument in error.argument_collection for name in argument.names]
+            said = ("option", typed, f"one of those in --help{_meant(typed, options, alike=0.7)}")
         case UnknownCommandError():
-            said = ("command", unused[0], f"one of {', '.join(_commands())}{_meant(unused[0])}")
+            said = ("command", unused[0], f"one of {', '.join(_commands())}{_meant(unused[0], _commands())}")
         case UnusedCliTokensError():
             said = ("arguments", " ".join(unused), "left out")
         case RepeatArgumentError():
@@ -173,9 +175,9 @@ def _kind(target: Any) -> str:
 _KINDS = {int: "a whole number", float: "a number"}
 
 
-def _meant(word: str) -> str:
-    """Return a question after the command that is most like `word`, "" if none is."""
-    nearest = get_close_matches(word, _commands(), n=1)
+def _meant(word: str, known: Sequence[str], alike: float = 0.6) -> str:
+    """Return a question after the command or option of `known` that is most like `word`, "" if none is `alike`."""
+    nearest = get_close_matches(word, known, n=1, cutoff=alike)
     return f" (do you mean {nearest[0]}?)" if nearest else ""
 
 

@@ -147,7 +147,7 @@ def test_the_wheel_of_orca_may_be_missing(monkeypatch: pytest.MonkeyPatch, capsy
 @pytest.mark.parametrize(
     ("fields", "field", "said"),
     [
-        ({"planner": "bvc"}, "zone", 'fence = "none"'),
+        ({"planner": "bvc"}, "zone", "--fence none"),
         ({"planner": "cbf", "lag_slots": 1}, "lag_slots", "cbf"),
         ({"planner": "orca", "vehicle": {"model": "arducopter"}, "r_m": 9.0}, "planner", "arducopter"),
         ({"control": "local"}, "planner", "orca, bvc, cbf"),

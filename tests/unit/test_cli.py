@@ -61,6 +61,7 @@ def elsewhere(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
         ("--planner best", "planner = 'best'"),
         ("--fault explode", "fault = 'explode'"),
         ("--bogus 1", "option = '--bogus'"),
+        ("--los 0.1", "do you mean --loss?"),
         ("--uavs", "--uavs = ''"),
         ("--seed 1 --seed 2", "--seed = '2'"),
         ("missing.toml", "mission file = 'missing.toml'"),

@@ -122,6 +122,8 @@ def test_own_metrics() -> None:
     for name in ("Raises", "Late", "Odd", "Bare", "Absent"):
         with pytest.raises(InputError, match="--metric"):
             own_metrics(recording, [f"broken_parts:{name}"])
+    with pytest.raises(InputError, match=r"must be package\.module:Class"):
+        own_metrics(recording, ["obedience"])
 
 
 def test_names_and_hashes_are_recorded(tmp_path: Path) -> None:
