@@ -84,6 +84,8 @@ def with_stated(base: Mission, stated: Mapping[str, Any]) -> Mission:
     elif "area_x_m" in given or "area_y_m" in given:
         given["area_m2"] = AREA_M2
     if "fault" in given:
+        if not isinstance(given["fault"], list | tuple):
+            raise MissionError("fault", given["fault"], "a list of texts")
         given["fault"] = [*base.fault, *given["fault"]]
     for key, names in TABLE_FIELDS.items():
         if values := _of(stated, names):

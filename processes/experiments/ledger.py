@@ -339,8 +339,8 @@ def open_scheduler(address: str | None, jobs: int | None) -> Iterator[Scheduler]
     InputError
         The number of jobs is out of range, or the Dask scheduler does not answer.
     """
-    if jobs is not None and not 1 <= jobs <= MAX_JOBS:
-        raise InputError("--jobs", jobs, f"between 1 and {MAX_JOBS}")
+    if jobs is not None and not (isinstance(jobs, int) and 1 <= jobs <= MAX_JOBS):
+        raise InputError("--jobs", jobs, f"a whole number between 1 and {MAX_JOBS}")
     with ExitStack() as stack:
         yield Local(jobs or os.cpu_count() or 1) if address is None else Dask(stack.enter_context(_client(address)))
 

@@ -9,8 +9,10 @@ from tempfile import mkdtemp
 from typing import Any
 
 import msgspec
+import numpy as np
 
 from edc_swarm.analysis.timings import Timings, content_hash
+from edc_swarm.errors import MissionError
 from edc_swarm.mission.configuration import Mission
 from edc_swarm.mission.stated import attribute_of, fields_by_option, named_as_options, with_stated
 from edc_swarm.mission.validation import load_mission
@@ -40,13 +42,17 @@ def new_mission(source: Mission | str | Path | None = None, /, **options: Any) -
     MissionError
         With the field, the value and what is allowed.
     """
+    if not isinstance(source, Mission | str | Path | None):
+        raise MissionError("source", source, "a Mission, or the path of a mission file")
     base = source if isinstance(source, Mission) else Mission() if source is None else load_mission(source)
     with named_as_options(_OPTIONS):
         return with_stated(base, {name: _named(value) for name, value in options.items()})
 
 
 def _named(value: Any) -> Any:
-    """Return the name of a class as a mission states it, `package.module:Class`; other values as they are."""
+    """Return a value as a mission states it: a class as `package.module:Class`, a number of NumPy as one of Python."""
+    if isinstance(value, np.generic):
+        return value.item()
     return f"{value.__module__}:{value.__qualname__}" if inspect.isclass(value) else value
 
 

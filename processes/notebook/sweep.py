@@ -3,13 +3,14 @@
 from __future__ import annotations
 
 import hashlib
+import math
 from collections.abc import Iterable, Mapping
 from contextlib import ExitStack
 from dataclasses import dataclass
-from itertools import product
+from itertools import islice, pairwise, product
 from pathlib import Path
 from tempfile import TemporaryDirectory
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, SupportsIndex
 
 import numpy as np
 
@@ -130,7 +131,7 @@ def sweep(
     source: Mission | str | Path | None = None,
     /,
     *,
-    seeds: int | Iterable[int] = 10,
+    seeds: SupportsIndex | Iterable[int] = 10,
     jobs: int | None = None,
     scheduler: str | None = None,
     folder: str | Path | None = None,
@@ -143,7 +144,7 @@ def sweep(
     source
         A mission, or the path of a mission file; its fields hold where no option is given.
     seeds
-        The seeds, or their number.
+        The seeds, or their number. A seed or value that is given twice is refused: the same mission is no new evidence.
     jobs
         Number of worker processes (one for each processor).
     scheduler
@@ -158,15 +159,20 @@ def sweep(
     ------
     MissionError
         A mission is not valid: no mission is simulated.
+    InputError
+        The seeds, the jobs, or the values of an axis are not valid.
     SweepError
         A run failed; the folder keeps the results so far.
     """
-    chosen = list(range(seeds)) if isinstance(seeds, int) else [int(seed) for seed in seeds]
-    axes = {name: list(values) for name, values in options.items() if _is_axis(name, values)}
+    if "seed" in options:
+        raise InputError("seed", options["seed"], "given as seeds")
+    chosen = _seeds(seeds)
+    axes = {name: _values(name, values) for name, values in options.items() if _is_axis(name, values)}
     fixed = {name: value for name, value in options.items() if name not in axes}
+    count = math.prod(map(len, axes.values())) * len(chosen)
+    if count > MAX_RUNS:
+        raise InputError("seeds", seeds, f"at most {MAX_RUNS} missions in all, not {count}")
     places = [dict(zip(axes, values, strict=True)) for values in product(*axes.values())]
-    if not 0 < len(places) * len(chosen) <= MAX_RUNS:
-        raise InputError("seeds", seeds, f"between 1 and {MAX_RUNS} missions in all, not {len(places) * len(chosen)}")
     with ExitStack() as stack:
         home = Path(folder or stack.enter_context(TemporaryDirectory(prefix="edc-swarm-")))
         wanted = [
@@ -179,6 +185,34 @@ def sweep(
         _write_missions([run for _, run in wanted])
         results = execute([run for _, run in wanted], ledger, executor)
     return Sweep(axes, [{**place, **_numbers(results[run.key])} for place, run in wanted])
+
+
+def _seeds(given: Any) -> list[int]:
+    allowed = f"a number from 1 to {MAX_RUNS}, or different whole numbers"
+    if _is_whole(given) and 1 <= given <= MAX_RUNS:
+        return list(range(given))
+    if isinstance(given, str | bytes) or not isinstance(given, Iterable):
+        raise InputError("seeds", given, allowed)
+    found = _values("seeds", given)
+    if not all(map(_is_whole, found)):
+        raise InputError("seeds", given, allowed)
+    return [int(seed) for seed in found]
+
+
+def _is_whole(value: Any) -> bool:
+    """Return True for an integer, of NumPy too."""
+    return isinstance(value, int | np.integer) and not isinstance(value, bool)
+
+
+def _values(name: str, values: Iterable[Any]) -> list[Any]:
+    """Return the values of an axis, which differ from each other."""
+    found = list(islice(values, MAX_RUNS + 1))
+    if not 1 <= len(found) <= MAX_RUNS:
+        raise InputError(name, values, f"a list of 1 to {MAX_RUNS} values")
+    twice = [value for value, other in pairwise(sorted(found, key=repr)) if value == other]
+    if twice:
+        raise InputError(name, twice[0], "in the list once")
+    return found
 
 
 def _kind_of(metric: str) -> Kind:

@@ -10,6 +10,7 @@ from pathlib import Path
 from typing import Any
 
 import nbformat
+import numpy as np
 import pytest
 from nbclient import NotebookClient
 
@@ -129,6 +130,8 @@ def test_a_sweep_resumes_and_takes_any_mission(tmp_path: Path) -> None:
         ({"loss": 2}, "loss = 2: must be a number from 0 to 1"),
         ({"vehicle": "brick"}, "vehicle = 'brick'"),
         ({"planner": "nowhere:Nothing"}, "planner = 'nowhere:Nothing'"),
+        ({"fault": "kill head @10"}, "fault = 'kill head @10': must be a list of texts"),
+        ({"fault": 3}, "fault = 3: must be a list of texts"),
     ],
 )
 def test_bad_options(options: dict[str, Any], text: str) -> None:
@@ -139,12 +142,43 @@ def test_bad_options(options: dict[str, Any], text: str) -> None:
     assert "\n" not in str(refused.value)
 
 
-def test_what_a_sweep_refuses() -> None:
+@pytest.mark.parametrize(
+    ("options", "field"),
+    [
+        ({"seeds": 0}, "seeds"),
+        ({"seeds": 10**12}, "seeds"),  # No list of all of them is made first.
+        ({"seeds": 1.5}, "seeds"),
+        ({"seeds": [1.5]}, "seeds"),
+        ({"seeds": "12"}, "seeds"),
+        ({"seeds": True}, "seeds"),
+        ({"seeds": [1, 2, 1]}, "seeds"),
+        ({"seeds": 1, "seed": [7, 8]}, "seed"),
+        ({"seeds": 1, "loss": []}, "loss"),
+        ({"seeds": 1, "loss": [0.1, 0.2, 0.1]}, "loss"),
+        ({"seeds": 1, "loss": range(10**12)}, "loss"),
+        ({"seeds": 1, "uavs": range(1, 1001), "loss": range(1000), "jitter_ms": range(1000)}, "seeds"),
+        ({"seeds": 1, "uavs": [2, 0]}, "uavs"),
+        ({"seeds": 1, "jobs": 1.5}, "--jobs"),
+    ],
+)
+def test_what_a_sweep_refuses(options: dict[str, Any], field: str) -> None:
     """Before any mission flies."""
-    with pytest.raises(es.InputError, match="seeds"):
-        es.sweep(seeds=0)
-    with pytest.raises(es.MissionError, match="uavs"):
-        es.sweep(uavs=[2, 0], seeds=1)
+    with pytest.raises(es.InputError) as refused:
+        es.sweep(**options)
+    assert refused.value.field == field
+
+
+def test_numbers_of_numpy_are_numbers() -> None:
+    """Arrays are axes, so their elements are values."""
+    assert es.new_mission(uavs=np.int64(3), loss=np.float64(0.1)) == es.new_mission(uavs=3, loss=0.1)
+    swept = es.sweep(**STRAIGHT, max_slots=np.array([5]), seeds=np.int64(1), jobs=1)
+    assert [row["seed"] for row in swept.rows] == [0]
+
+
+def test_a_source_is_a_mission_or_a_path() -> None:
+    """A table of options is neither."""
+    with pytest.raises(es.MissionError, match="source"):
+        es.simulate({"uavs": 3})  # type: ignore[arg-type]
 
 
 def test_saving_overwrites_only_when_told(tmp_path: Path) -> None:
