@@ -29,6 +29,8 @@ def _check_baseline(mission: Mission) -> None:
         raise MissionError("zone", names, allowed)
     if mission.lag_slots:
         raise MissionError("lag_slots", mission.lag_slots, f"0 with planner {planner}")
+    if mission.minimise != "distance":
+        raise MissionError("minimise", mission.minimise, f"distance with planner {planner}")
     if model := _model_with_inertia(mission):
         raise MissionError("planner", planner, f"edc, straight or an own one: it plans no acceleration of {model}")
 
@@ -37,6 +39,10 @@ def _check_local(mission: Mission) -> None:
     if mission.planner not in LOCAL_PLANNERS and ":" not in mission.planner:
         local = f'one of {", ".join(LOCAL_PLANNERS)}, or package.module:Class (--planner), with control = "local"'
         raise MissionError("planner", mission.planner, local)
+    if mission.elect != "energy":
+        raise MissionError("elect", mission.elect, 'left out with control = "local", which elects nobody')
+    if mission.resends:
+        raise MissionError("resends", mission.resends, '0 with control = "local", which repeats no message')
     if model := _model_with_inertia(mission):
         raise MissionError("control", "local", f"head with vehicles that have inertia ({model})")
     for fault in parse_faults(mission):

@@ -154,6 +154,9 @@ def test_the_wheel_of_orca_may_be_missing(monkeypatch: pytest.MonkeyPatch, capsy
         ({"control": "local", "planner": "straight"}, "planner", "package.module:Class"),
         ({"control": "local", "planner": "bvc", "fault": ["kill head @5"]}, "fault", "no head"),
         ({"control": "local", "planner": "bvc", "fault": ["slow u001 5 @5"]}, "fault", "solver"),
+        ({"control": "local", "planner": "bvc", "resends": 4}, "resends", "repeats no message"),
+        ({"control": "local", "planner": "bvc", "elect": "response-time"}, "elect", "elects nobody"),
+        ({"planner": "priority", "minimise": "energy"}, "minimise", "distance"),
         ({"control": "locally"}, "control", "head, local"),
     ],
 )
