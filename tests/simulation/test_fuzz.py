@@ -14,6 +14,7 @@ from edc_swarm.mission.validation import mission_from_dict
 
 ONCE_BROKEN = {
     "126": "a step accepted, never said, and then forgotten with the promise",
+    "1743": "the same, and landed by that step: the judge counted from the step before",
     "1194": "a normal that separates nothing from the end of a previous step",
     "1220": "the same, without any fault",
     "1316": "the same, at a partition",

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 
 import numpy as np
 
@@ -37,16 +37,18 @@ def check_fencing(evidence: Evidence) -> GuaranteeResult:
 def _risen(evidence: Evidence) -> Iterator[Violation]:
     """Yield a violation for each UAV that executes a step, or still publishes fixes, after it had to land.
 
-    A slot with a command and without a fix may have had an accepted step. A stray goes on saying where it is.
+    A slot with a command may have had an accepted step if it has no fix, or if its fix is the first one of a new
+    process: the one before may have died between the step and its fix. A stray goes on saying where it is.
     """
     failsafe, tracks = failsafe_of(evidence.mission), evidence.tracks
     if failsafe is None:
         return
     maybe, strays = tracks.executed | tracks.lost, strays_of(evidence.recording)
+    begun = {uav: _first_slots(fixes) for uav, fixes in evidence.fixes.items()}
     for uav, slot in evidence.commands:
         k = evidence.index.get(uav, -1)
         if k >= 0 and 0 <= slot < tracks.slots:
-            maybe[slot, k] |= not tracks.heard[slot, k]
+            maybe[slot, k] |= not tracks.heard[slot, k] or slot in begun.get(uav, ())
     for k, uav in enumerate(tracks.uavs):
         if uav in evidence.fixes_lost() or uav in strays:
             continue
@@ -58,6 +60,14 @@ def _risen(evidence: Evidence) -> Iterator[Violation]:
                 first, what = (landing_slot + int(fixes[0]), "still flies") if len(fixes) else (slot, "executes a step")
                 text = f"{uav} {what} although it had to land in slot {landing_slot}"
                 yield Violation("after-landing", text, first, [uav])
+
+
+def _first_slots(fixes: Iterable[Fix]) -> set[int]:
+    """Return the slot of the first fix of each process of a UAV."""
+    first: dict[str, int] = {}
+    for fix in fixes:
+        first[fix.instance] = min(fix.slot, first.get(fix.instance, fix.slot))
+    return set(first.values())
 
 
 def _absent(evidence: Evidence) -> dict[str, set[int]]:
