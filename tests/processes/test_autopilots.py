@@ -15,7 +15,6 @@ from typing import Any
 
 import numpy as np
 import pytest
-from msgspec import UNSET
 
 from edc_swarm.analysis.guarantees.check import check
 from edc_swarm.analysis.metrics import compute_metrics
@@ -121,17 +120,14 @@ def toml(value: dict[str, Any]) -> str:
 
 
 def least_reported_m(recording: Recording) -> float:
-    """Return the least distance between two positions that autopilots reported for the same moment."""
-    places: dict[tuple[int, int], list[tuple[float, float]]] = {}
-    for truth in recording.truths:
-        assert truth.between_x_m is not UNSET
-        assert truth.between_y_m is not UNSET
-        xs, ys = [truth.from_x_m, *truth.between_x_m], [truth.from_y_m, *truth.between_y_m]
-        for part, place in enumerate(zip(xs, ys, strict=True)):
-            places.setdefault((truth.slot, part), []).append(place)
-    return min(math.dist(a, b) for found in places.values() for a, b in combinations(found, 2))
+    """Return the least distance between two positions that autopilots reported for the start of the same slot."""
+    places: dict[int, dict[str, tuple[float, float]]] = {}
+    for fix in recording.fixes:
+        places.setdefault(fix.slot, {}).setdefault(fix.uav, (fix.x_m, fix.y_m))
+    return min(math.dist(a, b) for found in places.values() for a, b in combinations(found.values(), 2))
 
 
+@pytest.mark.timing
 def test_those_that_follow_finish_and_those_that_fail_are_told(start: Fly, stand: Stand, tmp_path: Path) -> None:
     """Seven stand-ins: one refuses to arm, one falls silent, a pilot takes over one; four fly there and land."""
     starts_m = [(20.0 * index, 0.0) for index in range(7)]
