@@ -10,23 +10,26 @@ BIN := $(VENV)/bin
 READY := $(VENV)/.ready
 RUN ?=
 
+# Tests start hundreds of processes of this package: each would compile every module anew.
+unexport PYTHONDONTWRITEBYTECODE
+
 .PHONY: run test test-all check format docs clean latency-figures
 
 run: $(READY)
 	$(BIN)/edc-swarm run $(RUN)
 
-# Tests of real processes wait more than they compute, so three run side by side; those marked `timing` run alone. A machine
-# may stall: one of them that fails is run once more, and named at the end; never one that says that a guarantee is broken.
+# Tests of real processes wait more than they compute, so four run side by side; of those marked `timing` only two, and
+# one of a file. A machine may stall: one of them that fails is run once more, and named at the end; never one that says that a guarantee is broken.
 RETRY := --reruns 1 --rerun-except broken -raR
 
 test: $(READY)
 	$(BIN)/pytest -n auto -m "not long" --ignore tests/processes --ignore tests/docker
-	$(BIN)/pytest -n 3 $(RETRY) -m "not timing and not long" tests/processes
+	$(BIN)/pytest -n 4 $(RETRY) -m "not timing and not long" tests/processes
 
 test-all: $(READY)
 	$(BIN)/pytest -n auto --ignore tests/processes --ignore tests/docker
-	$(BIN)/pytest -n 3 $(RETRY) -m "not timing" tests/processes
-	$(BIN)/pytest $(RETRY) -m timing tests/processes tests/docker
+	$(BIN)/pytest -n 4 $(RETRY) -m "not timing" tests/processes
+	$(BIN)/pytest -n 2 --dist loadfile $(RETRY) -m timing tests/processes tests/docker
 
 check: $(READY)
 	$(BIN)/ruff check
@@ -62,6 +65,7 @@ $(READY): pyproject.toml constraints.txt
 	@$(PYTHON) -c 'import sys; sys.exit(sys.version_info < (3, 11))' || \
 		{ echo "error: PYTHON = $(PYTHON): must be Python >= 3.11 (make PYTHON=python3.12 ...)" >&2; exit 2; }
 	$(PYTHON) -m venv $(VENV)
-	$(BIN)/pip install --quiet --disable-pip-version-check -c constraints.txt -e '.[dev]'
+	@# Most modules of the tools are never imported: Python compiles the others when they are.
+	$(BIN)/pip install --no-compile --quiet --disable-pip-version-check -c constraints.txt -e '.[dev]'
 	$(BIN)/python -m processes.uav.compile_ahead
 	@touch $@

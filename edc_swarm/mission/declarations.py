@@ -15,6 +15,7 @@ from typing import Annotated, get_args, get_origin, get_type_hints
 
 import msgspec
 from msgspec import Struct
+from msgspec.structs import FieldInfo
 
 from edc_swarm.mission.field_types import Option
 from edc_swarm.mission.wording import in_words, plain_number, type_at
@@ -89,7 +90,7 @@ def declarations(kind: type[Struct]) -> dict[str, Declaration]:
     tree = ast.parse(inspect.getsource(kind)).body[0]
     assert isinstance(tree, ast.ClassDef)
     general = _sections(ast.get_docstring(tree) or "")
-    options = option_names(kind)
+    options, fields = option_names(kind), {field.name: field for field in msgspec.structs.fields(kind)}
     found = {}
     for name, text in _documented(tree):
         said = _sections(text)
@@ -98,7 +99,7 @@ def declarations(kind: type[Struct]) -> dict[str, Declaration]:
             name,
             _flowing(summary).removesuffix("."),
             _flowing(effect),
-            _flowing(said["Default"] if "Default" in said else _default(kind, name)).removesuffix("."),
+            _flowing(said["Default"] if "Default" in said else _default(fields[name])).removesuffix("."),
             _flowing(said.get("Source", general["Source"])).removesuffix("."),
             in_words(type_at(kind, name)),
             options.get(name, ""),
@@ -134,9 +135,8 @@ def _flowing(text: str) -> str:
     return " ".join(text.split())
 
 
-def _default(kind: type[Struct], name: str) -> str:
+def _default(field: FieldInfo) -> str:
     """Return the default of a field in words."""
-    field = next(field for field in msgspec.structs.fields(kind) if field.name == name)
     match field.default:
         case str(text):
             return text

@@ -15,14 +15,15 @@ from edc_swarm.geometry import Floats, length_m
 from edc_swarm.mission.configuration import Mission
 from edc_swarm.mission.roster_entry import ARRIVED_M
 from edc_swarm.planner.interface import Plan, Planner, PlanRequest, Stopwatch
-from edc_swarm.planner.paper import Paper
 from edc_swarm.protocol.events import EventKind
 from edc_swarm.protocol.messages import Command, Event, Fix, Message, MissionMessage
 from edc_swarm.recording.model import Recording
 
 
-def as_printed(mission: Mission, stopwatch: Stopwatch) -> Paper:
+def as_printed(mission: Mission, stopwatch: Stopwatch) -> Planner:
     """Make the planner `paper` with eq. 29-43 as printed, none of their variables eliminated."""
+    from edc_swarm.planner.paper import Paper  # noqa: PLC0415  (imports OSQP, which few callers of this module need)
+
     return Paper(mission, stopwatch, eliminate=False)
 
 

@@ -12,10 +12,8 @@ from tests.processes.conftest import Fly, FlyToEnd
 pytestmark = pytest.mark.timing
 
 FAULTS = {
-    "head killed": ["kill head @10"],
     "two heads killed within three slots": ["kill head @10", "kill head @12"],
     "head frozen and resumed": ["freeze head @10 for 10s"],
-    "head cut off": ["partition head|rest @10 for 10"],
     "nobody has a quorum": ["partition halves @10 for 10"],
     "cut off and healed": ["partition head|rest @10", "heal @16"],
     "restarted, one of them without memory": ["kill u003 @6", "restart u003 @12", "restart u005 lose-memory @4.2s"],

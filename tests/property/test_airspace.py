@@ -131,7 +131,7 @@ def mazes(draw: st.DrawFn) -> list[Zone]:
     return made
 
 
-@settings(max_examples=100, deadline=None)
+@settings(max_examples=40, deadline=None)
 @given(st.one_of(mazes(), zones()), st.sampled_from([0.5, 1.98, 2.02, 5.0]))
 def test_ways_exist_where_shapely_says_so(made: list[Zone], r_m: float) -> None:
     """Two free places have a way if and only if they lie in one connected part of the free space."""

@@ -14,7 +14,7 @@ from edc_swarm.solver.normals import DELTA_M
 from edc_swarm.solver.slot_qp import Problem, slot_problem
 from edc_swarm.solver.solution import Memory, active_program, solve
 
-R_M, U_MAX_M, CASES = 5.0, 2.5, 1000
+R_M, U_MAX_M, CASES = 5.0, 2.5, 400
 
 
 def case(rng: np.random.Generator, radius_m: float) -> tuple[Problem, Obstacles]:

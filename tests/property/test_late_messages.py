@@ -71,7 +71,7 @@ def expected(said: list[Message]) -> Read:
     return computed(read(said, {"fetched": "0"}))
 
 
-@settings(max_examples=15, deadline=None)
+@settings(max_examples=6, deadline=None)
 @given(data=st.data())
 def test_late_messages_change_no_reader(said: list[Message], expected: Read, data: st.DataObject) -> None:
     """Metrics, guarantees, plans made again and the report page are the same, whatever came how late."""

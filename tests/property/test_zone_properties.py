@@ -157,7 +157,7 @@ def test_the_airspace_is_that_of_shapely(seed: int) -> None:
         assert is_open == (shapely.distance(lines, way) >= bar_m - kernel.ROUNDING_M).all()
 
 
-@settings(max_examples=120, deadline=None)
+@settings(max_examples=30, deadline=None)
 @given(seed=seeds, broken=st.booleans())
 def test_no_part_of_a_step_breaks_a_zone(seed: int, broken: bool) -> None:
     """From any place that keeps to the zones, touching ones included; whatever the solver returned."""

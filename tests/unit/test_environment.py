@@ -149,10 +149,15 @@ def test_a_reader_that_has_left(tmp_path: Path, recording: Path) -> None:
 @pytest.mark.parametrize(
     "environment",
     [
-        {"PYTHONIOENCODING": "ascii"},
-        {"LANG": "C", "LC_ALL": "C", "PYTHONUTF8": "0", "PYTHONCOERCECLOCALE": "0"},
-        {"TERM": "dumb", "COLUMNS": "1"},
-        {"HOME": "/nonexistent", "TMPDIR": "/nonexistent"},
+        {"PYTHONIOENCODING": "ascii", "TERM": "dumb", "COLUMNS": "1"},
+        {
+            "LANG": "C",
+            "LC_ALL": "C",
+            "PYTHONUTF8": "0",
+            "PYTHONCOERCECLOCALE": "0",
+            "HOME": "/nonexistent",
+            "TMPDIR": "/nonexistent",
+        },
     ],
     ids=lambda given: next(iter(given)),
 )

@@ -12,8 +12,6 @@ from edc_swarm.analysis.timings import load_timings
 from edc_swarm.foreign_text import shown
 from edc_swarm.recording.reader import read_recording
 from processes.cli.summary import print_metrics
-from processes.experiments.network_plots import draw_ages, draw_links
-from processes.experiments.plots import check_plots
 from processes.runtime.console import note, print_json, stdout_console
 from processes.runtime.output import unwritten
 from processes.runtime.run_facts import source_hash
@@ -36,6 +34,8 @@ def metrics(
         Metric of your own, package.module:Class; may be given several times.
     """
     if plots is not None:
+        from processes.experiments.plots import check_plots  # noqa: PLC0415  (imports the statistics of scipy)
+
         check_plots()
         try:
             plots.mkdir(parents=True, exist_ok=True)
@@ -48,6 +48,8 @@ def metrics(
         note(f"warning: {whole.garbage_count} payloads are no messages and are left out; {what}")
     found = compute_metrics(whole, load_timings(recording, note))
     if plots is not None:
+        from processes.experiments.network_plots import draw_ages, draw_links  # noqa: PLC0415  (the same)
+
         draw_ages(whole, plots / "age-of-information")
         draw_links(whole, plots / "link-delays")
     own = own_metrics(whole, metric or [])
