@@ -64,11 +64,10 @@ class Charts:
     def of(airspace: Airspace) -> Charts:
         """Return charts without any node yet."""
         barriers, index = airspace.barriers, airspace.index
+        size_m = np.stack([barriers.radius_m, barriers.keeps_disc.astype(np.float64)], axis=-1)
+        edge = np.concatenate([barriers.a_m, barriers.b_m, barriers.side, size_m], axis=1)
         barred = kernel.Barred(
-            np.ascontiguousarray(barriers.a_m),
-            np.ascontiguousarray(barriers.b_m),
-            barriers.radius_m,
-            barriers.keeps_disc.astype(np.float64),
+            np.ascontiguousarray(edge),
             index.begin,
             index.which,
             *index.low_m,

@@ -177,7 +177,7 @@ class Guidance:
             scene.position_m, scene.goal_m, walls, scene.slot, scene.uav, scene.r_m, self._charts
         )
         self._remember(scene, way_m + scene.rest_m)
-        if len(self._charts.barred.a_m):
+        if len(self._charts.barred.edge):
             goal_m = self._room.aims(
                 scene.slot, scene.uav, scene.position_m, scene.goal_m, goal_m, way_m, scene.r_m, walls
             )
@@ -364,5 +364,5 @@ def _scratch(tuning: Tuning, barred: kernel.Barred) -> kernel.Scratch:
         epoch=np.zeros(1, np.int64),
         move=moves,
         move_length=np.hypot(moves[:, 0], moves[:, 1]),
-        guards=np.zeros((int(np.diff(barred.begin).max(initial=0)), 5)),
+        guards=np.zeros((int(np.diff(barred.begin).max(initial=0)), 8)),
     )

@@ -91,15 +91,14 @@ class Walls(NamedTuple):
 
 
 class Barred(NamedTuple):
-    """Barriers of zones: the segments a_m-b_m (m, 2) with `radius_m` (m,), and the index of `geometry.BarrierIndex`.
+    """Barriers of zones, and the index of `geometry.BarrierIndex`.
 
-    `disc` (m,) is 1 where a UAV keeps its radius in addition, else 0.
+    A row of `edge` (m, 8) is (ax, ay, bx, by: the ends of the segment, sx, sy: the unit vector across it, zero for a
+    point, its radius, and 1 where a UAV keeps its own radius in addition, else 0). It is one array, since every call
+    passes each array on as eight numbers.
     """
 
-    a_m: Floats
-    b_m: Floats
-    radius_m: Floats
-    disc: Floats
+    edge: Floats
     begin: Ints
     which: Ints
     low_x_m: float
@@ -342,22 +341,40 @@ def barred_cell(barred: Barred, x: float, y: float) -> int:
 @inner
 def to_barrier(barred: Barred, w: int, x0: float, y0: float, x: float, y: float) -> float:
     """Return the squared distance of the straight way from (x0, y0) to (x, y) from the segment of barrier w."""
-    a, b = barred.a_m, barred.b_m
-    return clearance(x0 - a[w, 0], y0 - a[w, 1], x - x0, y - y0, a[w, 0] - b[w, 0], a[w, 1] - b[w, 1])
+    edge = barred.edge[w]
+    return clearance(x0 - edge[0], y0 - edge[1], x - x0, y - y0, edge[0] - edge[2], edge[1] - edge[3])
 
 
 @inner
 def is_far(barred: Barred, w: int, x: float, y: float, far: float) -> bool:
     """Return True if a point is at least `far` from the segment of barrier w; it costs a fifth of `to_barrier`."""
-    a, b = barred.a_m, barred.b_m
-    return to_segment(x - a[w, 0], y - a[w, 1], a[w, 0] - b[w, 0], a[w, 1] - b[w, 1]) >= far * far
+    edge = barred.edge[w]
+    return to_segment(x - edge[0], y - edge[1], edge[0] - edge[2], edge[1] - edge[3]) >= far * far
+
+
+@inner
+def is_beside(barred: Barred, w: int, x0: float, y0: float, x: float, y: float, far: float) -> bool:
+    """Return True if a straight way is on one side of the line of barrier w, at least `far` away from it.
+
+    Most ways near a barrier are, and it costs a third of `is_far`. A point has no line: False.
+    """
+    edge = barred.edge[w]
+    here = (x0 - edge[0]) * edge[4] + (y0 - edge[1]) * edge[5]
+    there = (x - edge[0]) * edge[4] + (y - edge[1]) * edge[5]
+    return bool(min(here, there) >= far or max(here, there) <= -far)
+
+
+@inner
+def keep_of(barred: Barred, w: int, r_m: float, delta_m: float) -> float:
+    """Return the distance that a UAV should keep from the segment of barrier w."""
+    return barred.edge[w, 6] + barred.edge[w, 7] * r_m + delta_m
 
 
 @inner
 def bar_of(barred: Barred, w: int, keep: float, x: float, y: float) -> float:
     """Return the distance that a UAV at (x, y) must keep: `keep`, or 0.9995 of the present one if that is less."""
-    a, b = barred.a_m, barred.b_m
-    away = math.sqrt(to_segment(x - a[w, 0], y - a[w, 1], a[w, 0] - b[w, 0], a[w, 1] - b[w, 1]))
+    edge = barred.edge[w]
+    away = math.sqrt(to_segment(x - edge[0], y - edge[1], edge[0] - edge[2], edge[1] - edge[3]))
     return float(min(keep, 0.9995 * away) - ROUNDING_M)
 
 
@@ -375,8 +392,9 @@ def barrier_conflict(
     half = 0.5 * norm(x - x0, y - y0)
     for e in range(barred.begin[cell], barred.begin[cell + 1]):
         w = barred.which[e]
-        keep = barred.radius_m[w] + barred.disc[w] * r_m + rules.delta_m
-        if is_far(barred, w, mx, my, keep + half):
+        keep = keep_of(barred, w, r_m, rules.delta_m)
+        # Nearer than `keep` less the tolerance is a conflict: half of it is for the rounding of `is_beside`.
+        if is_beside(barred, w, x0, y0, x, y, keep - 0.5 * ROUNDING_M) or is_far(barred, w, mx, my, keep + half):
             continue
         squared = to_barrier(barred, w, x0, y0, x, y)
         if squared < (keep - ROUNDING_M) * (keep - ROUNDING_M):
@@ -395,19 +413,26 @@ def near_barriers(
 ) -> int:
     """Write the barriers that a move of up to `far_m` from (x, y) can come too close to; return their number.
 
-    A row of `guards` (c, 5) is (ax, ay, bx, by, the distance that a vehicle now at (sx, sy) must keep).
+    A row of `guards` (c, 8) is (ax, ay, bx, by, the distance that a vehicle now at (sx, sy) must keep, the unit vector
+    across the barrier to the side of (x, y), the distance of (x, y) from its line).
     """
     cell = barred_cell(barred, x, y)
     count = 0
     for e in range(barred.begin[cell], barred.begin[cell + 1]):
         w = barred.which[e]
-        keep = barred.radius_m[w] + barred.disc[w] * r_m + delta_m
+        keep = keep_of(barred, w, r_m, delta_m)
         if not is_far(barred, w, x, y, keep + far_m):
             bar = bar_of(barred, w, keep, sx, sy)
             if bar > 0.0:
-                guards[count, 0], guards[count, 1] = barred.a_m[w, 0], barred.a_m[w, 1]
-                guards[count, 2], guards[count, 3] = barred.b_m[w, 0], barred.b_m[w, 1]
+                edge = barred.edge[w]
+                guards[count, 0], guards[count, 1] = edge[0], edge[1]
+                guards[count, 2], guards[count, 3] = edge[2], edge[3]
                 guards[count, 4] = bar
+                nx, ny = edge[4], edge[5]
+                beside = (x - edge[0]) * nx + (y - edge[1]) * ny
+                if beside < 0.0:
+                    nx, ny, beside = -nx, -ny, -beside
+                guards[count, 5], guards[count, 6], guards[count, 7] = nx, ny, beside
                 count += 1
     return count
 
@@ -420,6 +445,9 @@ def bars_move(guards: Floats, count: int, x0: float, y0: float, x: float, y: flo
     for e in range(count):
         ax, ay, bar = guards[e, 0], guards[e, 1], guards[e, 4]
         dx, dy = ax - guards[e, 2], ay - guards[e, 3]
+        beside = guards[e, 7]
+        if min(beside, beside + (x - x0) * guards[e, 5] + (y - y0) * guards[e, 6]) >= bar + ROUNDING_M:
+            continue
         far = bar + half + ROUNDING_M
         if to_segment(mx - ax, my - ay, dx, dy) >= far * far:
             continue
@@ -434,7 +462,7 @@ def still_conflict(world: World, k: int, x0: float, y0: float, x: float, y: floa
     price = 0.0
     if world.walls.a_m.shape[0] > 0:
         price = wall_conflict(world.rules, world.walls, k, x0, y0, x, y)
-    if world.barred.a_m.shape[0] > 0:
+    if world.barred.edge.shape[0] > 0:
         sx, sy = world.start_m[k, 0], world.start_m[k, 1]
         price += barrier_conflict(world.barred, world.rules, world.r_m[k], sx, sy, x0, y0, x, y)
     return price
@@ -467,7 +495,7 @@ def open_leg(barred: Barred, r_m: float, delta_m: float, x0: float, y0: float, x
             cell = i * barred.columns + j
             for e in range(barred.begin[cell], barred.begin[cell + 1]):
                 w = barred.which[e]
-                keep = barred.radius_m[w] + barred.disc[w] * r_m + delta_m
+                keep = keep_of(barred, w, r_m, delta_m)
                 squared = to_barrier(barred, w, x0, y0, x, y)
                 tests += 1
                 if squared < keep * keep:
@@ -488,7 +516,7 @@ def clear_ways(
     for k in range(len(r_m)):
         x0, y0, x, y = position_m[k, 0], position_m[k, 1], goal_m[k, 0], goal_m[k, 1]
         clear[k] = open_way(walls, k, x0, y0, x, y)
-        if clear[k] and barred.a_m.shape[0] > 0:
+        if clear[k] and barred.edge.shape[0] > 0:
             clear[k] = open_leg(barred, r_m[k], delta_m, x0, y0, x, y)[0]
 
 
@@ -634,7 +662,7 @@ def way_round(  # noqa: PLR0912 (one loop over arrays)
                 if node >= base and n >= base and known[node - base]:
                     if leg_m[node - base, n - base] == np.inf:
                         continue
-                elif barred.a_m.shape[0] > 0:
+                elif barred.edge.shape[0] > 0:
                     is_open, spent = open_leg(barred, r_m, delta_m, x, y, node_m[n, 0], node_m[n, 1])
                     tests += spent + 1
                     if not is_open:
@@ -702,7 +730,7 @@ def first_conflict(world: World, k: int, track: Floats) -> int:
     """Return the first slot with a conflict of vehicle k's track, W + 1 if there is none."""
     rules, tracks, start_m, r_m, luck = world.rules, world.track, world.start_m, world.r_m, world.luck
     imminent, gamma, head, link = world.imminent, world.gamma, world.head, world.link
-    walled = world.walls.a_m.shape[0] > 0 or world.barred.a_m.shape[0] > 0
+    walled = world.walls.a_m.shape[0] > 0 or world.barred.edge.shape[0] > 0
     for t in range(1, track.shape[0]):
         x0, y0, x, y = track[t - 1, 0], track[t - 1, 1], track[t, 0], track[t, 1]
         if step_conflict(rules, tracks, start_m, r_m, luck, imminent, gamma, head, link, k, t, x0, y0, x, y) > 0.0:
@@ -796,8 +824,8 @@ def search(  # noqa: PLR0912, PLR0915 (one loop: splitting it costs a third of t
     stamp, cost, price, parent = scratch.stamp, scratch.cost, scratch.price, scratch.parent
     heap_cost, heap_node = scratch.heap_cost, scratch.heap_node
     move, move_length, guards = scratch.move, scratch.move_length, scratch.guards
-    zoned = world.barred.a_m.shape[0] > 0
-    walled = world.walls.a_m.shape[0] > 0 or zoned
+    walls, barred = world.walls, world.barred
+    walled, zoned = walls.a_m.shape[0] > 0, barred.edge.shape[0] > 0
     half = side // 2
     area = side * side
     last = tracks.shape[1] - 1
@@ -840,15 +868,17 @@ def search(  # noqa: PLR0912, PLR0915 (one loop: splitting it costs a third of t
                     here += step_conflict(
                         rules, tracks, start_m, r_m, luck, imminent, gamma, head, link, k, t, x0, y0, x1, y1
                     )
-                    if walled:
+                    if walled or zoned:
                         here += still_conflict(world, k, x0, y0, x1, y1)
                     x0, y0 = x1, y1
             else:
                 # A layer is two slots: the three nearest slots stand for it.
                 for t in range(2 * layer - 1, min(2 * layer + 1, last) + 1):
                     here += conflict_at(rules, tracks, start_m, r_m, luck, imminent, gamma, head, link, k, t, x, y)
-                if walled:
-                    here += (min(1, last - 2 * layer) + 2) * still_conflict(world, k, x, y, x, y)
+                still = wall_conflict(rules, walls, k, x, y, x, y) if walled else 0.0
+                if zoned:
+                    still += barrier_conflict(barred, rules, r_m[k], sx, sy, x, y, x, y)
+                here += (min(1, last - 2 * layer) + 2) * still
                 here *= 2.0 / 3.0
             price[node] = here
             stamp[node] = epoch + PRICED
@@ -866,7 +896,7 @@ def search(  # noqa: PLR0912, PLR0915 (one loop: splitting it costs a third of t
         guarded = NONE
         if zoned:
             far = 2 * world.u_max_m[k]
-            guarded = near_barriers(world.barred, rules.delta_m, r_m[k], far, sx, sy, px, py, guards)
+            guarded = near_barriers(barred, rules.delta_m, r_m[k], far, sx, sy, px, py, guards)
         for m in range(len(move_length)):
             na = a + move[m, 0]
             nb = b + move[m, 1]
@@ -875,8 +905,6 @@ def search(  # noqa: PLR0912, PLR0915 (one loop: splitting it costs a third of t
             after = (layer + 1) * area + (na + half) * side + nb + half
             state = stamp[after] - epoch
             if state == CLOSED:
-                continue
-            if guarded > 0 and m > 0 and bars_move(guards, guarded, px, py, sx + na * spacing, sy + nb * spacing):
                 continue
             g = so_far + wd * move_length[m] * unit
             if na != ga or nb != gb:
@@ -889,10 +917,16 @@ def search(  # noqa: PLR0912, PLR0915 (one loop: splitting it costs a third of t
                 stamp[after] = epoch
                 cost[after] = np.inf
             if g < cost[after]:
+                away = norm(na - ga, nb - gb)
+                leads_on = g + true_per_cell * away <= bound
+                if not leads_on and state != PRICED:
+                    continue
+                # Last, since it costs most.
+                if guarded > 0 and m > 0 and bars_move(guards, guarded, px, py, sx + na * spacing, sy + nb * spacing):
+                    continue
                 cost[after] = g
                 parent[after] = m
-                away = norm(na - ga, nb - gb)
-                if g + true_per_cell * away <= bound:
+                if leads_on:
                     size = push(heap_cost, heap_node, size, g + per_cell * away, after)
     found = cost[node]
     count = node // area
@@ -955,7 +989,7 @@ def reprice(world: World, k: int, draft: Draft, first: int, end: int, total: flo
     imminent, gamma, head, link = world.imminent, world.gamma, world.head, world.link
     track, price = draft.new_track, draft.new_price
     walls, barred, sx, sy = world.walls, world.barred, start_m[k, 0], start_m[k, 1]
-    walled, zoned = walls.a_m.shape[0] > 0, barred.a_m.shape[0] > 0
+    walled, zoned = walls.a_m.shape[0] > 0, barred.edge.shape[0] > 0
     x0, y0 = draft.track[first - 1, 0], draft.track[first - 1, 1]
     for t in range(first, end):
         if total > limit:

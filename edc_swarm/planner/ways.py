@@ -113,7 +113,7 @@ def routed(
     The first point is the goal if the straight way is free, or if no way is known.
     """
     way_m = length_m(goal_m - position_m)
-    if not walls.keep_m.size and not len(charts.barred.a_m):
+    if not walls.keep_m.size and not len(charts.barred.edge):
         return goal_m, way_m
     first_m, budget, count = goal_m.copy(), _Budget(), len(goal_m)
     clear = np.empty(count, dtype=bool)
