@@ -11,10 +11,11 @@ from typing import Any
 
 import pytest
 
-from edc_swarm.emulation import multirotor
+from edc_swarm.emulation import multirotor, slot_flight
 from edc_swarm.emulation.body import BodyState, Flown
 from edc_swarm.emulation.energy import flight_power_w, propulsion_power_w
 from edc_swarm.emulation.multirotor import Multirotor
+from edc_swarm.emulation.slot_flight import flight
 from edc_swarm.errors import MissionError
 from edc_swarm.mission.configuration import Mission
 from edc_swarm.mission.control_loop import loop_bounds, loop_step, worst_turns
@@ -312,3 +313,24 @@ def test_the_command_line_says_why_in_one_line(
     *_, error = capsys.readouterr().err.strip().splitlines()
     assert error.startswith("error: ")
     assert said in error
+
+
+def test_responses_add_up_to_the_flight_step_by_step() -> None:
+    """A slot is flown by responses, with a limit that it could reach step by step: the flight is the same.
+
+    A limit that it does reach saturates it.
+    """
+    rng, vehicle = Random(3), SETS["hummingbird"]
+    cut = 0
+    for _ in range(50):
+        y, dv, a, rv, ra, shift, wind, dwind = (cmath.rect(rng.random(), rng.uniform(0.0, math.tau)) for _ in range(8))
+        given = (0.2 * y, 4.0 * rv + 0.3 * dv, 2.0 * a, 4.0 * rv, 2.0 * ra, 0.3 * shift, 3.0 * wind, 0.01 * dwind)
+        summed, summed_cut = flight(vehicle, 0.5, given, 100.0)
+        _, sizes = slot_flight._stepped(vehicle, loop_step(vehicle.lag_s, vehicle.drag_per_s, 0.5), given, math.inf)
+        stepped, stepped_cut = flight(vehicle, 0.5, given, max(sizes))
+        assert (summed_cut, stepped_cut) == (False, False)
+        for one, other in zip(summed, stepped, strict=True):
+            assert one == pytest.approx(other, abs=1e-12)
+        cut_samples, was_cut = flight(vehicle, 0.5, given, 0.9 * max(sizes))
+        cut += was_cut and cut_samples != summed
+    assert cut == 50
