@@ -27,6 +27,7 @@ from random import Random
 from typing import Any
 
 import numpy as np
+from msgspec import to_builtins
 from numpy.typing import NDArray
 from rich.console import Console
 from rich.table import Table
@@ -34,6 +35,7 @@ from rotorpy_fleet import GRAVITY_MPS2, HAS_TORCH, Batch, Fleet, One, turbulence
 from scipy.optimize import linprog
 
 from edc_swarm.emulation.multirotor import Multirotor
+from edc_swarm.mission.braking import BRAKE_SLACK
 from edc_swarm.mission.configuration import Mission
 from edc_swarm.mission.control_loop import loop_step, worst_gusts
 from edc_swarm.mission.declared_path import declared
@@ -41,6 +43,7 @@ from edc_swarm.mission.roster import complete_mission
 from edc_swarm.mission.roster_entry import RosterEntry
 from edc_swarm.mission.validation import mission_from_dict
 from edc_swarm.mission.vehicle_budget import Budget, budget_of, step_change_m, vehicle_of
+from edc_swarm.mission.wind_model import WindModel
 from edc_swarm.planner.registry import make_planner
 from edc_swarm.protocol.messages import Fix, Message, mission_message
 from edc_swarm.simulation.simulator import Simulation
@@ -106,12 +109,17 @@ def deviations_m(flights: list[Flight], fleet: Fleet, *, cancels: bool = True) -
     step = loop_step(vehicle.lag_s, vehicle.drag_per_s, dt_s)
     h, kp, kv = step.step_s, vehicle.position_gain_per_s, vehicle.velocity_gain_per_s
     ends = np.concatenate([np.zeros((len(flights), 2)), np.cumsum(steps_m, axis=1)], axis=1)
+    start_m = -errors_m[:, 0]  # Where the estimate is at the first waypoint.
+
+    def flat_m() -> Vectors:
+        x = fleet.position_m
+        return start_m + x[:, 0] + 1j * x[:, 1]
 
     def control(ref: tuple[Any, Any, Any], error: Any, wind_mps: Floats) -> None:
         x, (v, felt) = fleet.position_m, fleet.sense(wind_mps)
         ref_x, ref_v, ref_a = ref
-        flat_x, flat_v = x[:, 0] + 1j * x[:, 1], v[:, 0] + 1j * v[:, 1]
-        command = ref_a + kv * (ref_v - flat_v + kp * (ref_x - flat_x - error))
+        flat_v = v[:, 0] + 1j * v[:, 1]
+        command = ref_a + kv * (ref_v - flat_v + kp * (ref_x - flat_m() - error))
         up = -HEIGHT_GAINS[0] * x[:, 2] - HEIGHT_GAINS[1] * v[:, 2]
         if cancels:
             command = command - (felt[:, 0] + 1j * felt[:, 1])
@@ -131,8 +139,7 @@ def deviations_m(flights: list[Flight], fleet: Fleet, *, cancels: bool = True) -
             error = (1 - share) * errors_m[:, slot] + share * errors_m[:, slot + 1]
             control((ref_x, ref_v, ref_a), error, winds_mps[:, slot * step.steps + n])
             ref_x, ref_v = ref_x + ref_v * h + 0.5 * ref_a * h * h, ref_v + ref_a * h
-            x = fleet.position_m
-            found.append(np.abs(x[:, 0] + 1j * x[:, 1] - ref_x))
+            found.append(np.abs(flat_m() - ref_x))
     return np.stack(found, axis=1)
 
 
@@ -162,9 +169,18 @@ def random_steps(mission: Mission, rng: Random) -> Vectors:
 
 
 @cache
-def recorded_steps(seed: int) -> list[Vectors]:
-    """Steps that UAVs of a simulated mission flew, from their first slot on, in parts of `SLOTS`."""
-    fields = {"uavs": 20, "area_m2": 8000.0, "seed": seed, "vehicle": {"model": "hummingbird"}}
+def recorded_steps(wind: WindModel, seed: int) -> list[Vectors]:
+    """Return the first `SLOTS` steps of the UAVs of a simulated mission in `wind`.
+
+    Wind lowers the acceleration of plans, so steps that were planned for calm air are not allowed in it.
+    """
+    fields = {
+        "uavs": 20,
+        "area_m2": 8000.0,
+        "seed": seed,
+        "vehicle": {"model": "hummingbird"},
+        "wind": to_builtins(wind),
+    }
     message = mission_message(complete_mission(mission_from_dict(fields)))
     said: list[Message] = []
     planner = make_planner(message.planner, message)
@@ -288,8 +304,16 @@ def flights_of(count: int) -> list[Flight]:
 
 
 def flight_of(case: str, kind: str, seed: int, course: Course) -> Flight:
-    """Return the flight of a course of steps and winds; the errors of its GPS depend on the seed."""
-    errors_m, off_m = _own_flight(mission_of(case, seed), course[0])
+    """Return the flight of a course of steps and winds; the errors of its GPS depend on the seed.
+
+    Its steps must be ones that a mission in this wind may command.
+    """
+    mission, steps_m = mission_of(case, seed), course[0]
+    change_m = step_change_m(mission, UAV)
+    assert change_m is not None
+    assert np.abs(np.diff(steps_m, prepend=0j)).max() <= change_m * (1 + BRAKE_SLACK) + BRAKE_SLACK
+    assert np.abs(steps_m).max() <= mission.u_max_m + BRAKE_SLACK
+    errors_m, off_m = _own_flight(mission, steps_m)
     return Flight(case, kind, *course, errors_m, float(np.abs(off_m).max()))
 
 
@@ -302,7 +326,7 @@ def _random(mission: Mission, rng: Random) -> Iterator[Course]:
 def _recorded(mission: Mission, rng: Random) -> Iterator[Course]:
     winds = Winds(mission, rng)
     for seed in range(1000):
-        for steps_m in recorded_steps(seed):
+        for steps_m in recorded_steps(mission.wind, seed):
             yield steps_m, winds.turbulence()
 
 

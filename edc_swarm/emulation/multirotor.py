@@ -1,7 +1,8 @@
 """A body with inertia: a point mass in the plane with limited acceleration, a lag, drag, and a controller.
 
 `mission.control_loop` has the equations, `mission.vehicle_budget` the bound on the deviation that follows from them.
-Here they fly: 100 times a second or more, the controller sets the acceleration for one exact step of the vehicle.
+Here they fly: 100 times a second or more, the controller sets the acceleration for one exact step of the vehicle
+(`slot_flight`).
 
 In each slot the reference is the parabola of the quadratic B-spline of the waypoints (`vehicle_budget.step_change_m`).
 The controller never sees the true position. It steers by an estimate, whose error changes in two ways. After a fix, the
@@ -21,6 +22,7 @@ import random
 from edc_swarm.emulation.body import BodyState, Flown, Point
 from edc_swarm.emulation.energy import flight_power_w
 from edc_swarm.emulation.gps import Gps
+from edc_swarm.emulation.slot_flight import flight
 from edc_swarm.emulation.wind import Wind, gust_share
 from edc_swarm.mission.configuration import Mission
 from edc_swarm.mission.control_loop import loop_step
@@ -166,36 +168,20 @@ class Multirotor:
     ) -> tuple[list[tuple[complex, complex, complex, complex]], bool]:
         """Return position, velocity, acceleration by the motors and air velocity at the samples, from the start on.
 
-        The second value is True if the command was more than `limit`. The loop has no calls but `abs`: it takes most of
-        a UAV's processor time.
+        The second value is True if the command was more than `limit`.
         """
-        step, vehicle, state = self._step, self._vehicle, self.state
-        xv, xa, xc, xw, vv, va, vc, vw = step.xv, step.xa, step.xc, step.xw, step.vv, step.va, step.vc, step.vw
-        aa, ac, h = step.aa, 1.0 - step.aa, step.step_s
-        kp, kv, drag = vehicle.position_gain_per_s, vehicle.velocity_gain_per_s, vehicle.drag_per_s
-        x, v, a = _vector(state.position_m), _vector(state.velocity_mps), _vector(state.acceleration_mps2)
+        state, step = self.state, self._step
+        x, v, a, error = map(_vector, (state.position_m, state.velocity_mps, state.acceleration_mps2, state.error_m))
         ref_x, ref_v, ref_a = reference
-        dref_x, dref_v = 0.5 * ref_a * h * h, ref_a * h
-        error, derror = _vector(state.error_m), shift_mps * h
         wind, dwind = winds[0], (winds[1] - winds[0]) / step.steps
-        wind += 0.5 * dwind
-        saturated = False
-        samples = [(x, v, a, v - winds[0])]
-        for _ in range(step.samples):
-            for _ in range(step.steps // step.samples):
-                command = ref_a + kv * (ref_v - v + kp * (ref_x - x - error)) + drag * (v - wind)
-                size = abs(command)
-                if size > limit:
-                    command *= limit / size
-                    saturated = True
-                x += xv * v + xa * a + xc * command + xw * wind
-                v = vv * v + va * a + vc * command + vw * wind
-                a = aa * a + ac * command
-                ref_x += ref_v * h + dref_x
-                ref_v += dref_v
-                error += derror
-                wind += dwind
-            samples.append((x, v, a, v - wind))
+        given = (x + error - ref_x, v, a, ref_v, ref_a, shift_mps, wind + 0.5 * dwind, dwind)
+        found, saturated = flight(self._vehicle, self._dt_s, given, limit)
+        samples = [(x, v, a, v - wind)]
+        for number, (y, v, a) in enumerate(found, 1):
+            share = number / step.samples
+            time_s = share * self._dt_s
+            x = y - error - shift_mps * time_s + ref_x + ref_v * time_s + 0.5 * ref_a * time_s**2
+            samples.append((x, v, a, v - wind - share * (winds[1] - wind)))
         return samples, saturated
 
     def _propulsion_j(self, samples: list[tuple[complex, complex, complex, complex]]) -> float:

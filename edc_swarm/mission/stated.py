@@ -18,7 +18,7 @@ from edc_swarm.mission.configuration import AREA_M2, Mission
 from edc_swarm.mission.declarations import option_names
 from edc_swarm.mission.link import Link
 from edc_swarm.mission.reference import TABLES
-from edc_swarm.mission.validation import with_options
+from edc_swarm.mission.validation import refuse_idle, with_options
 
 FIELDS = option_names(Mission)
 """Name of the option that sets each field of the mission, for fields that have one."""
@@ -78,6 +78,7 @@ def with_stated(base: Mission, stated: Mapping[str, Any]) -> Mission:
             raise MissionError(name, stated[name], f"an option of edc-swarm sim or a field of the mission ({hint})")
     # `vehicle` is a table, and an option for the model in it.
     given = {name: value for name, value in stated.items() if name in Mission.__struct_fields__}
+    refuse_idle(given.get("vehicle"))
     given.update(_of(stated, FIELDS))
     if "area_m2" in given:
         given = {"area_x_m": 0.0, "area_y_m": 0.0, **given}

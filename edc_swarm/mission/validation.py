@@ -27,6 +27,7 @@ from edc_swarm.mission.roles import RESERVED_IDS
 from edc_swarm.mission.roster_entry import LACKS_TARGET, RosterEntry
 from edc_swarm.mission.trace import Trace, check_traces, pack
 from edc_swarm.mission.trace_file import MAX_TRACE_BYTES, read_trace
+from edc_swarm.mission.vehicle_model import FIGURES, IDEAL
 from edc_swarm.mission.wording import in_words, type_at
 from edc_swarm.mission.zone_shapes import check_shapes
 
@@ -44,7 +45,9 @@ def load_mission(path: str | Path, what: str = "mission file") -> Mission:
     MissionError
         The file is missing, too large, not TOML, or a field is not acceptable.
     """
-    return with_traces(mission_from_dict(read_toml(what, path, MissionError)), Path(path).parent)
+    raw = read_toml(what, path, MissionError)
+    refuse_idle(raw.get("vehicle"))
+    return with_traces(mission_from_dict(raw), Path(path).parent)
 
 
 def with_traces(mission: Mission, folder: Path) -> Mission:
@@ -179,6 +182,18 @@ def refuse_non_finite(raw: Any, where: str = "") -> None:
     elif isinstance(raw, list):
         for index, value in enumerate(raw):
             refuse_non_finite(value, f"{where}[{index}]")
+
+
+def refuse_idle(vehicle: Any) -> None:
+    """Raise `MissionError` for a table `vehicle` of the user that states 0 for a figure of a vehicle with inertia.
+
+    Such a vehicle cannot fly. In a `Mission` 0 stands for the figure of the parameter set, so only what the user states
+    can be judged.
+    """
+    if isinstance(vehicle, Mapping) and vehicle.get("model") != IDEAL:
+        for name in FIGURES:
+            if vehicle.get(name) == 0:
+                raise MissionError(f"vehicle.{name}", vehicle[name], "above 0, or left out for the figure of the model")
 
 
 def validate_mission(mission: Mission) -> None:

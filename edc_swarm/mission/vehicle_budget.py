@@ -224,7 +224,7 @@ def check_vehicles(mission: Mission) -> None:
 
 def _check_vehicle(mission: Mission, vehicle: VehicleModel) -> None:
     if vehicle.a_max_mps2 < LEAST_A_MAX_MPS2:
-        allowed = f"at least {LEAST_A_MAX_MPS2:g}, or 0 for the figure of {vehicle.model}"
+        allowed = f"at least {LEAST_A_MAX_MPS2:g}, or left out for the figure of {vehicle.model}"
         raise MissionError("vehicle.a_max_mps2", vehicle.a_max_mps2, allowed)
     if vehicle.lag_s > mission.dt_s:
         raise MissionError("vehicle.lag_s", vehicle.lag_s, f"at most a slot, dt_s ({mission.dt_s:g} s)")

@@ -16,6 +16,17 @@ IDEAL = "ideal"
 MAVLINK = "mavlink"
 OF_AUTOPILOTS = ("autopilot", "altitude_m", "takeoff_s", "free_mps", "at_end")
 """Fields that count for autopilots alone."""
+FIGURES = (
+    "a_max_mps2",
+    "tilt_deg",
+    "lag_s",
+    "drag_per_s",
+    "position_gain_per_s",
+    "velocity_gain_per_s",
+    "correction_mps",
+    "drift_mps",
+)
+"""Fields that a parameter set fills in."""
 GRAVITY_MPS2 = 9.81
 AtEnd = Literal["land", "return"]
 Tilt = Annotated[float, Meta(ge=0, le=80)]
@@ -25,7 +36,8 @@ Rate = Annotated[float, Meta(ge=0, le=50)]
 class VehicleModel(Struct, frozen=True, kw_only=True):
     """The vehicle of all UAVs that name none of their own: exact motion, or a multirotor with inertia.
 
-    A field that is 0 has the value of the parameter set that `model` names (docs/vehicles.md).
+    A figure that is left out has the value of the parameter set that `model` names (docs/vehicles.md). Inside it is 0
+    then, so a mission may not state 0 (`validation.refuse_idle`).
 
     Source: the parameter set.
     """

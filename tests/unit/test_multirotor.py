@@ -5,15 +5,17 @@ from __future__ import annotations
 import cmath
 import math
 from collections.abc import Iterator
+from pathlib import Path
 from random import Random
 from typing import Any
 
 import pytest
 
-from edc_swarm.emulation import multirotor
+from edc_swarm.emulation import multirotor, slot_flight
 from edc_swarm.emulation.body import BodyState, Flown
 from edc_swarm.emulation.energy import flight_power_w, propulsion_power_w
 from edc_swarm.emulation.multirotor import Multirotor
+from edc_swarm.emulation.slot_flight import flight
 from edc_swarm.errors import MissionError
 from edc_swarm.mission.configuration import Mission
 from edc_swarm.mission.control_loop import loop_bounds, loop_step, worst_turns
@@ -21,9 +23,11 @@ from edc_swarm.mission.declared_path import declared
 from edc_swarm.mission.faults import ChangeGps, Gust, WeakMotor
 from edc_swarm.mission.roster import complete_mission
 from edc_swarm.mission.roster_entry import RosterEntry
-from edc_swarm.mission.validation import mission_from_dict
+from edc_swarm.mission.stated import with_stated
+from edc_swarm.mission.validation import load_mission, mission_from_dict
 from edc_swarm.mission.vehicle_budget import budget_of, step_change_m, vehicle_of
-from edc_swarm.mission.vehicle_model import SETS
+from edc_swarm.mission.vehicle_model import FIGURES, SETS
+from processes.cli.main import main
 from tests.builders import entry
 
 NAMES = [name for name in SETS if name != "multirotor"]
@@ -231,7 +235,7 @@ def test_steps_and_samples_fill_a_slot(dt_s: float) -> None:
         ({"r_m": 0.4}, "gps 0.00 + tracking 0.30 + body 0.25 > r 0.4"),
         (
             {"vehicle": {"model": "multirotor", "a_max_mps2": 0.01}},
-            "vehicle.a_max_mps2 = 0.01: must be at least 0.05, or 0",
+            "vehicle.a_max_mps2 = 0.01: must be at least 0.05, or left out",
         ),
         ({"vehicle": {"model": "multirotor", "lag_s": 0.6}}, "vehicle.lag_s = 0.6: must be at most a slot"),
         ({"vehicle": {"model": "multirotor", "position_gain_per_s": 40}}, "must be gains that settle within 60 s"),
@@ -269,3 +273,64 @@ def test_an_entry_has_a_vehicle_of_its_own() -> None:
     assert vehicle_of(mixed, UAV).is_ideal
     assert vehicle_of(mixed, entry("b", vehicle="hummingbird")) == SETS["hummingbird"]
     assert loop_bounds(SETS["hummingbird"], 0.5) is not None
+
+
+@pytest.mark.parametrize("name", FIGURES)
+def test_a_file_that_states_a_vehicle_without_a_figure_is_refused(name: str, tmp_path: Path) -> None:
+    """Zero would stand for the figure of the set, so the user would fly another vehicle than the file states."""
+    file = tmp_path / "mission.toml"
+    for model in ('model = "multirotor"\n', ""):
+        file.write_text(f"[vehicle]\n{model}{name} = 0\n", encoding="utf-8")
+        with pytest.raises(MissionError, match=rf"^vehicle.{name} = 0: must be above 0, or left out"):
+            load_mission(file)
+    file.write_text(f'[vehicle]\nmodel = "ideal"\n{name} = 0\n', encoding="utf-8")
+    assert load_mission(file) == Mission()
+    with pytest.raises(MissionError, match=rf"^vehicle.{name} = 0: must be above 0"):
+        with_stated(Mission(), {"vehicle": {"model": "multirotor", name: 0}})
+
+
+@pytest.mark.parametrize(
+    ("options", "said"),
+    [
+        (["[vehicle]", 'model = "multirotor"', "a_max_mps2 = 0"], "vehicle.a_max_mps2 = 0: must be above 0"),
+        (["[vehicle]", 'model = "multirotor"', "lag_s = 0.6"], "vehicle.lag_s = 0.6: must be at most a slot"),
+        (["--vehicle", "multirotor", "--slot", "0.1"], "vehicle.lag_s = 0.15: must be at most a slot"),
+        (["--vehicle", "multirotor", "--wind-mps", "40"], "must be less than multirotor can hold"),
+        (["[vehicle]", 'model = "multirotor"', "[wind]", "mean_mps = 40"], "must be less than multirotor can hold"),
+        (["--vehicle", "multirotor", "--gps-error", "0.5"], "gps 0.00 + tracking 0.30 + body 0.25 > r 0.5"),
+        (["gps_m = 4.9", "[vehicle]", 'model = "multirotor"'], "gps 4.90 + tracking 0.64 + body 0.25 > r 5"),
+    ],
+)
+def test_the_command_line_says_why_in_one_line(
+    options: list[str], said: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """An impossible vehicle, wind that it cannot hold, and a budget that does not fit; by options and by file."""
+    file = tmp_path / "mission.toml"
+    if not options[0].startswith("--"):
+        file.write_text("\n".join(options), encoding="utf-8")
+        options = [str(file)]
+    assert main(["sim", *options, "--out", str(tmp_path / "a.mcap")]) == 2
+    *_, error = capsys.readouterr().err.strip().splitlines()
+    assert error.startswith("error: ")
+    assert said in error
+
+
+def test_responses_add_up_to_the_flight_step_by_step() -> None:
+    """A slot is flown by responses, with a limit that it could reach step by step: the flight is the same.
+
+    A limit that it does reach saturates it.
+    """
+    rng, vehicle = Random(3), SETS["hummingbird"]
+    cut = 0
+    for _ in range(50):
+        y, dv, a, rv, ra, shift, wind, dwind = (cmath.rect(rng.random(), rng.uniform(0.0, math.tau)) for _ in range(8))
+        given = (0.2 * y, 4.0 * rv + 0.3 * dv, 2.0 * a, 4.0 * rv, 2.0 * ra, 0.3 * shift, 3.0 * wind, 0.01 * dwind)
+        summed, summed_cut = flight(vehicle, 0.5, given, 100.0)
+        _, sizes = slot_flight._stepped(vehicle, loop_step(vehicle.lag_s, vehicle.drag_per_s, 0.5), given, math.inf)
+        stepped, stepped_cut = flight(vehicle, 0.5, given, max(sizes))
+        assert (summed_cut, stepped_cut) == (False, False)
+        for one, other in zip(summed, stepped, strict=True):
+            assert one == pytest.approx(other, abs=1e-12)
+        cut_samples, was_cut = flight(vehicle, 0.5, given, 0.9 * max(sizes))
+        cut += was_cut and cut_samples != summed
+    assert cut == 50
