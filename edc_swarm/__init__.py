@@ -5,8 +5,8 @@ random generator. `processes` puts the same classes on a real bus. Every package
 `__init__` what it decides, what it may import and which file to open first. No `__init__` imports
 anything, so a UAV process starts without numpy.
 
-The names of `__all__` are for notebooks and scripts (docs/python.md). Each is imported when it is first used. They come
-from `processes.notebook`, the one place that this package takes anything from `processes`: it is the door of both.
+The public names, for notebooks and scripts (docs/python.md), are those of `processes.notebook.api`: the one place that
+this package takes anything from `processes`, which is the door of both. They are imported when one is first used.
 
 >>> import edc_swarm as es
 >>> run = es.simulate(uavs=20, loss=0.1)  # doctest: +SKIP
@@ -18,45 +18,27 @@ doi 10.1109/GLOCOM.2018.8647223 ("the paper" in every docstring).
 
 from typing import TYPE_CHECKING
 
+__version__ = "0.1.0"
+
 if TYPE_CHECKING:
-    from processes.notebook.api import (
-        Flight,
-        InputError,
-        Mission,
-        MissionError,
-        RecordingError,
-        SwarmError,
-        Sweep,
-        SweepError,
-        load,
-        new_mission,
-        simulate,
-        sweep,
-    )
+    from processes.notebook.api import *  # noqa: F403
+    from processes.notebook.api import __all__ as __all__
 else:
 
     def __getattr__(name: str) -> object:
-        """Return a public name from its module."""
-        from importlib import import_module  # noqa: PLC0415  (only for who uses a name)
+        """Return a public name, or the list of all; a package of this one is imported without the public names."""
+        from importlib.util import find_spec  # noqa: PLC0415  (only for who uses a name)
 
-        if name not in __all__:
-            raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
-        return getattr(import_module("processes.notebook.api"), name)
+        special = name.startswith("__") and name != "__all__"
+        if not special and (name == "__all__" or find_spec(f"{__name__}.{name}") is None):
+            from processes.notebook import api  # noqa: PLC0415  (a UAV starts without it)
 
+            if name == "__all__" or name in api.__all__:
+                return getattr(api, name)
+        raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
 
-__version__ = "0.1.0"
+    def __dir__() -> list[str]:
+        """Return the names that a notebook completes."""
+        from processes.notebook import api  # noqa: PLC0415
 
-__all__ = [
-    "Flight",
-    "InputError",
-    "Mission",
-    "MissionError",
-    "RecordingError",
-    "SwarmError",
-    "Sweep",
-    "SweepError",
-    "load",
-    "new_mission",
-    "simulate",
-    "sweep",
-]
+        return sorted({*globals(), *api.__all__})

@@ -7,6 +7,7 @@ import warnings
 import weakref
 from collections.abc import Iterable
 from functools import cached_property
+from os import PathLike
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -17,6 +18,7 @@ from edc_swarm.analysis.frames import frame_of, new_frame
 from edc_swarm.analysis.guarantees.verdict import GuaranteeResult
 from edc_swarm.analysis.metrics import Metrics, compute_metrics
 from edc_swarm.analysis.timings import Timing, load_timings
+from edc_swarm.errors import InputError
 from edc_swarm.mission.configuration import Mission
 from edc_swarm.recording.model import Recording
 from edc_swarm.recording.reader import read_recording
@@ -139,14 +141,18 @@ class Flight:
         return path
 
 
-def load(path: str | Path) -> Flight:
+def load(path: str | PathLike[str]) -> Flight:
     """Return the flight of a recording.
 
     Raises
     ------
     RecordingError
         The file cannot be read, or is not a recording.
+    InputError
+        `path` is no path.
     """
+    if not isinstance(path, (str, PathLike)) or "\0" in str(path):
+        raise InputError("path", path, "the path of a recording")
     flight = Flight(Path(path))
     _ = flight.recording
     return flight

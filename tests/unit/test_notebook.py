@@ -142,6 +142,13 @@ def test_bad_options(options: dict[str, Any], text: str) -> None:
     assert "\n" not in str(refused.value)
 
 
+@pytest.mark.parametrize("path", [5, None, b"flown.mcap", "a\0b", ["flown.mcap"]])
+def test_a_recording_is_a_path(path: Any) -> None:
+    """What is no path is refused in one line."""
+    with pytest.raises(es.InputError, match=r"^path = .*: must be the path of a recording$"):
+        es.load(path)
+
+
 @pytest.mark.parametrize(
     ("options", "field"),
     [

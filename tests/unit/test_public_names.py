@@ -8,7 +8,7 @@ from importlib import import_module
 
 import pytest
 
-PACKAGES = ("edc_swarm.planner", "edc_swarm.recording")
+PACKAGES = ("edc_swarm", "edc_swarm.planner", "edc_swarm.recording")
 
 
 def test_planner_of_a_user_imports_what_the_docs_promise() -> None:
@@ -43,4 +43,22 @@ def test_importing_the_package_imports_no_module_of_it(package: str) -> None:
     """A process pays for a name when it uses it: a UAV that plans nothing starts without numpy."""
     code = f"import sys, {package}; print(*[name for name in sys.modules if name.startswith('edc_swarm')])"
     result = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
-    assert result.stdout.split() == ["edc_swarm", package]
+    assert result.stdout.split() == list(dict.fromkeys(["edc_swarm", package]))
+
+
+def test_a_package_is_imported_without_the_public_names() -> None:
+    """`from edc_swarm import mission` asks for an attribute first, which must not import what notebooks need."""
+    code = "import sys; from edc_swarm import mission; print({'processes', 'numpy'} & set(sys.modules))"
+    result = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
+    assert result.stdout.strip() == "set()"
+
+
+def test_notebooks_complete_the_public_names() -> None:
+    """`dir(edc_swarm)` has the names of the door, and `from edc_swarm import *` takes them."""
+    import edc_swarm  # noqa: PLC0415
+    from processes.notebook import api  # noqa: PLC0415
+
+    assert set(api.__all__) <= set(dir(edc_swarm))
+    taken: dict[str, object] = {}
+    exec("from edc_swarm import *", taken)
+    assert set(api.__all__) == set(taken) - {"__builtins__"}
