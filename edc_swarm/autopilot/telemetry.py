@@ -6,10 +6,10 @@ One thread feeds it; others read its attributes, each of which is replaced as a 
 from __future__ import annotations
 
 import math
+from bisect import bisect_left
 from collections import deque
 from collections.abc import Mapping
 from dataclasses import dataclass
-from itertools import pairwise
 from typing import Any
 
 from edc_swarm.geodesy import from_wgs84
@@ -26,8 +26,10 @@ COPTER_GUIDED, PX4_OFFBOARD = 4, 6
 ARMED_FLAG = 128
 PREARM_CHECK = 0x10000000
 """MAV_SYS_STATUS_PREARM_CHECK."""
-TRACK_S = 4.0
-"""Time for which reported positions are kept."""
+TRACK_S, TRACK_SLOTS = 4.0, 3
+"""Least time and least number of slots for which reported positions are kept."""
+MAX_TRACK = 10_000
+"""Most reported positions that are kept."""
 TEXTS_KEPT = 5
 COPTER_MODES = {
     0: "STABILIZE", 1: "ACRO", 2: "ALT_HOLD", 3: "AUTO", 4: "GUIDED", 5: "LOITER", 6: "RTL", 7: "CIRCLE", 9: "LAND",
@@ -52,6 +54,11 @@ class Sighting:
     height_m: float
 
 
+def track_s(mission: Mission) -> float:
+    """Return for how long reported positions are kept."""
+    return max(TRACK_S, TRACK_SLOTS * mission.dt_s)
+
+
 class Telemetry:
     """What one autopilot says.
 
@@ -66,6 +73,7 @@ class Telemetry:
     """
 
     def __init__(self, mission: Mission) -> None:
+        self._track_ns = round(track_s(mission) * NS_PER_S)
         self._origin_deg = (mission.origin_lat_deg, mission.origin_lon_deg)
         self.system: tuple[int, int] | None = None
         self.others: set[int] = set()
@@ -81,10 +89,9 @@ class Telemetry:
         self.prearm_ok: bool | None = None
         self.home: tuple[float, float, float] | None = None
         self.landed_state = 0
-        self.track: deque[Sighting] = deque()
+        self.track: deque[Sighting] = deque(maxlen=MAX_TRACK)
         self.texts: deque[str] = deque(maxlen=TEXTS_KEPT)
         self.acks: dict[int, int] = {}
-        self._sequences: deque[int] = deque(maxlen=8)
 
     @property
     def newest(self) -> Sighting | None:
@@ -165,7 +172,7 @@ class Telemetry:
             return
         x_m, y_m = from_wgs84(lat_deg, lon_deg, *self._origin_deg)
         self.track.append(Sighting(now_ns, x_m, y_m, fields["relative_alt"] / 1e3))
-        while now_ns - self.track[0].at_ns > TRACK_S * NS_PER_S:
+        while now_ns - self.track[0].at_ns > self._track_ns:
             self.track.popleft()
 
     def _hear_status(self, fields: Mapping[str, Any]) -> None:
@@ -181,11 +188,14 @@ class Telemetry:
     def at(self, when_ns: int) -> tuple[float, float] | None:
         """Return the reported position at a time, between two reports at most half a second apart; None if unknown."""
         track = list(self.track)
-        for before, after in pairwise(track):
-            if before.at_ns <= when_ns <= after.at_ns and after.at_ns - before.at_ns <= NS_PER_S // 2:
-                share = (when_ns - before.at_ns) / max(1, after.at_ns - before.at_ns)
-                return before.x_m + share * (after.x_m - before.x_m), before.y_m + share * (after.y_m - before.y_m)
-        return None
+        place = bisect_left(track, when_ns, key=lambda sighting: sighting.at_ns)
+        if place == len(track) or (place == 0 and track[0].at_ns > when_ns):
+            return None
+        before, after = track[max(0, place - 1)], track[place]
+        if after.at_ns - before.at_ns > NS_PER_S // 2:
+            return None
+        share = (when_ns - before.at_ns) / max(1, after.at_ns - before.at_ns)
+        return before.x_m + share * (after.x_m - before.x_m), before.y_m + share * (after.y_m - before.y_m)
 
     def apart_m(self, x_m: float, y_m: float) -> float:
         """Return the distance of the newest position from a point; infinite before the first one."""

@@ -221,6 +221,7 @@ class StandIn:
         if self.armed and self.mode == LAND and self.vehicle.height < 0.05:
             self.armed = self.flies = False
             self.note("disarmed on the ground", now_s)
+            self.log["landed_at_m"] = [self.vehicle.x.real, self.vehicle.x.imag]
         if self.orders.wrong == "silent" and now_s - self.first_point_s > self.orders.after:
             return
         if now_s >= self.next_beat_s:
