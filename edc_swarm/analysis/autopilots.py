@@ -12,6 +12,7 @@ import numpy as np
 from msgspec import UNSET
 from numpy.typing import NDArray
 
+from edc_swarm.analysis.true_paths import parts_of, tells_path
 from edc_swarm.mission.autopilots import autopilots
 from edc_swarm.protocol.events import EventKind
 from edc_swarm.protocol.messages import Fix
@@ -56,10 +57,11 @@ def unreported(recording: Recording) -> dict[str, int]:
     flown = autopilots(recording.mission).keys() - never_flew(recording)
     if not flown:
         return {}
+    parts = parts_of(recording.mission)
     told: dict[str, set[int]] = {uav: set() for uav in flown}
     last = dict.fromkeys(flown, -1)
     for truth in recording.truths:
-        if truth.uav in told:
+        if truth.uav in told and tells_path(truth, parts):
             told[truth.uav].add(truth.slot)
     for fix in recording.fixes:
         if fix.uav in last and fix.on_ground is not True:

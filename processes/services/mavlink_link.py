@@ -5,7 +5,6 @@ pymavlink is optional (`pip install edc-swarm[mavlink]`); only this module impor
 
 from __future__ import annotations
 
-import importlib.util
 import os
 import re
 import socket
@@ -16,6 +15,7 @@ from typing import Any
 
 from edc_swarm.errors import InputError
 from edc_swarm.ground_station.frames import Frame, Request
+from processes.runtime.extras import has_package, install_command
 
 FORM = "udp:HOST:PORT"
 COMPONENT = 1
@@ -36,8 +36,8 @@ def ground_address(text: str) -> tuple[str, int]:
     found = re.fullmatch(r"udp:(\[[0-9a-fA-F:]+\]|[A-Za-z0-9._-]+):(\d{1,5})", text)
     if found is None or not 0 < int(found[2]) < 65536:
         raise InputError("--mavlink", text, f"{FORM}, such as udp:127.0.0.1:14550")
-    if importlib.util.find_spec("pymavlink") is None:
-        raise InputError("--mavlink", text, "absent, or pymavlink installed: pip install 'edc-swarm[mavlink]'")
+    if not has_package("pymavlink"):
+        raise InputError("--mavlink", text, f"absent, or pymavlink installed: {install_command('mavlink')}")
     host, port = found[1].strip("[]"), int(found[2])
     try:
         socket.getaddrinfo(host, port, type=socket.SOCK_DGRAM)

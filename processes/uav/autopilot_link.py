@@ -14,12 +14,15 @@ from collections import Counter
 from collections.abc import Callable
 from typing import Any
 
+from edc_swarm.autopilot.failsafes import OWN_SYSTEM
 from edc_swarm.autopilot.pilot import Pilot, Said
 from edc_swarm.errors import InputError
 from processes.runtime.extras import has_package, install_command
 
-OWN_SYSTEM, OWN_COMPONENT = 255, 190
-"""A ground station, which ArduPilot obeys by default (SYSID_MYGCS)."""
+OWN_COMPONENT = 190
+"""MAV_COMP_ID_MISSIONPLANNER, a ground station."""
+MAVLINK_1 = 0xFE
+"""First byte of a frame of MAVLink 1."""
 LEAST_TURN_S, MOST_TURN_S = 0.002, 0.05
 """Shortest and longest wait of the thread."""
 MAX_MESSAGES = 500
@@ -71,7 +74,7 @@ class AutopilotLink:
     Attributes
     ----------
     heard
-        Messages and bytes by kind: "messages", "bad bytes".
+        Pieces by kind: "messages", "bad" (no MAVLink), "unknown" (of another dialect), "errors", "not sent".
     """
 
     def __init__(
@@ -137,12 +140,15 @@ class AutopilotLink:
                 return
             name = message.get_type()
             if name == "BAD_DATA" or name.startswith("UNKNOWN"):
-                self.heard["bad"] += 1
+                self.heard["bad" if name == "BAD_DATA" else "unknown"] += 1
                 continue
             self.heard["messages"] += 1
             sender = message.get_srcSystem(), message.get_srcComponent()
             if sender[0] != OWN_SYSTEM:
-                self._pilot.telemetry.hear(name, message.to_dict(), sender, self._now_ns())
+                version = 1 if message.get_msgbuf()[0] == MAVLINK_1 else 2
+                self._pilot.telemetry.hear(
+                    name, message.to_dict(), sender, self._now_ns(), number=message.get_seq(), version=version
+                )
 
     def _send(self, name: str, fields: Any) -> None:
         target = self._pilot.telemetry.system

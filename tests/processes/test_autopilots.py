@@ -169,27 +169,31 @@ def test_those_that_follow_finish_and_those_that_fail_are_told(start: Fly, stand
 def test_bad_autopilots_are_named_and_nothing_is_armed(
     stand: Stand, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    """Nobody there, garbage, a plane, a stranger, two at an address, two with one number: one line each."""
+    """Nobody there, garbage, another dialect, MAVLink 1, a plane, a stranger, two in three ways: one line each."""
     monkeypatch.setattr(autopilots, "READY_S", 3.0)
-    wrong = ["", "none", "garbled", "plane", "stranger", "twin", ""]
+    wrong = ["", "none", "garbled", "plane", "stranger", "twin", "", "double", "mavlink1", "dialect"]
     starts_m = [(20.0 * index, 0.0) for index in range(len(wrong))]
     bent: dict[int, dict[str, Any]] = {index: {"wrong": kind} for index, kind in enumerate(wrong) if kind}
     bent[6] = {"system": 1}
     flown_by = stand(starts_m, bent)
     mission: Mission = complete_mission(mission_from_dict(fields(starts_m, flown_by.ports[0])))
-    with pytest.raises(SwarmError, match="nothing was armed: 6 of 7 autopilots are not ready"):
+    with pytest.raises(SwarmError, match="nothing was armed: 9 of 10 autopilots are not ready"):
         autopilots.check_ready(mission, [entry.uav for entry in mission.roster], arm=True)
     lines = capsys.readouterr().err.splitlines()
     for line, said in zip(
         lines,
         [
-            "ready, ArduPilot, system 1",
+            "ready, ArduPilot, system 1; without set-points it stops after 3 s, without its process it lands after 5 s",
             "no autopilot: nothing came",
             "no heartbeat within 3 s: what comes is no MAVLink",
             "vehicle type 1 is no multicopter",
             "neither ArduPilot nor PX4",
             "more than one autopilot speaks there: systems [6, 7]",
             "the system number of the autopilot of u001",
+            "two autopilots speak there with system number 8",
+            "it speaks MAVLink 1: set SERIALn_PROTOCOL",
+            "no heartbeat within 3 s, but",
+            "warning: u001: without set-points it flies on for 3 s with its last velocity: set GUID_TIMEOUT to",
         ],
         strict=True,
     ):
