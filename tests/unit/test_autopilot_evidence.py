@@ -28,7 +28,7 @@ PATHS: list[Path] = [
 
 def flown(truth: Iterable[Truth] = (), **fields: Any) -> list[Message]:
     """Return a faultless mission of three autopilots; `truth` replaces those of the same UAVs and slots."""
-    fields = {"vehicle": VEHICLE, "lag_slots": 1, "land_after_s": 2.0, "landing_s": 2.0, **fields}
+    fields = {"vehicle": VEHICLE, "lag_slots": 1, "failsafe": "land", "land_after_s": 2.0, "landing_s": 2.0, **fields}
     messages = flight(PATHS, **fields)
     mission = messages[0]
     assert isinstance(mission, MissionMessage)
