@@ -9,18 +9,22 @@ import socket
 import subprocess
 import sys
 from collections.abc import Callable, Iterator
-from itertools import combinations
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pytest
 
+from edc_swarm.analysis.autopilots import TOLD_AFTER
 from edc_swarm.analysis.guarantees.check import check
+from edc_swarm.analysis.guarantees.evidence import gather
+from edc_swarm.analysis.guarantees.inside import deviations_m
 from edc_swarm.analysis.metrics import compute_metrics
+from edc_swarm.analysis.separation import least_gap_m
 from edc_swarm.errors import SwarmError
-from edc_swarm.geodesy import to_wgs84
+from edc_swarm.geodesy import from_wgs84, to_wgs84
 from edc_swarm.mission.configuration import Mission
+from edc_swarm.mission.declared_path import declared
 from edc_swarm.mission.roster import complete_mission
 from edc_swarm.mission.validation import mission_from_dict
 from edc_swarm.recording.model import Recording
@@ -119,12 +123,33 @@ def toml(value: dict[str, Any]) -> str:
     return "\n".join(lines)
 
 
-def least_reported_m(recording: Recording) -> float:
-    """Return the least distance between two positions that autopilots reported for the start of the same slot."""
-    places: dict[int, dict[str, tuple[float, float]]] = {}
-    for fix in recording.fixes:
-        places.setdefault(fix.slot, {}).setdefault(fix.uav, (fix.x_m, fix.y_m))
-    return min(math.dist(a, b) for found in places.values() for a, b in combinations(found.values(), 2))
+def require_truths(recording: Recording, uavs: list[str], slots_before_end: int = TOLD_AFTER) -> None:
+    """Assert that every slot of some UAVs has a truth, but for the last ones, which end before they are reported."""
+    for uav in uavs:
+        last = max(fix.slot for fix in recording.fixes if fix.uav == uav)
+        told = [truth.slot for truth in recording.truths if truth.uav == uav]
+        assert told[: last + 1 - slots_before_end] == list(range(last + 1 - slots_before_end)), uav
+
+
+def set_points_off_m(recording: Recording, uav: str, places: list[list[int]]) -> float:
+    """Return how far set-points that an autopilot received are from the path that the fixes of its UAV declare.
+
+    Of each slot in the middle half: a step reaches the link's thread shortly after its slot has begun.
+    """
+    mission = recording.mission
+    entry = next(entry for entry in mission.roster if entry.uav == uav)
+    ends_m = {fix.slot: complex(fix.waypoint_x_m, fix.waypoint_y_m) for fix in recording.fixes if fix.uav == uav}
+    ends_m |= dict.fromkeys((-2, -1), complex(entry.start_x_m, entry.start_y_m))
+    off_m = [0.0]
+    for boot_ms, lat, lon in places:
+        since_ms = (boot_ms - mission.epoch_ns // 1_000_000 + (1 << 31)) % (1 << 32) - (1 << 31)
+        slot, share = divmod(since_ms / (1e3 * mission.dt_s), 1.0)
+        around_m = [ends_m.get(int(slot) + step) for step in (-2, -1, 0)]
+        if slot >= 0 and 0.25 < share < 0.75 and None not in around_m:
+            x_m, y_m = from_wgs84(lat / 1e7, lon / 1e7, *ORIGIN_DEG)
+            off_m.append(abs(complex(x_m, y_m) - declared(*around_m, share)))
+    assert len(off_m) > len(places) / 4
+    return max(off_m)
 
 
 @pytest.mark.timing
@@ -149,12 +174,25 @@ def test_those_that_follow_finish_and_those_that_fail_are_told(start: Fly, stand
     for index in (0, 2, 4, 6):
         events = [what for _, what in logs[index]["events"]]
         assert events == ["mode 4", "armed", "take-off to 2", "mode 9", "disarmed on the ground"]
+        assert set_points_off_m(recording, f"u{index + 1:03d}", logs[index]["places"]) < 0.05
         assert set(logs[index]["rejected"]) <= {"not flying in GUIDED"}
     assert [what for _, what in logs[3]["events"]] == ["mode 4"]
     assert "mode 9" not in [what for _, what in logs[5]["events"]], "nobody fights the pilot"
     metrics = compute_metrics(recording)
-    assert metrics.potential_collisions == 0
-    assert least_reported_m(recording) > 2 * recording.mission.body_m
+    require_truths(recording, ["u001", "u003", "u005", "u006", "u007"])
+    evidence = gather(recording)
+    assert evidence.paths is not None
+    bodies_m = evidence.paths.moves_m(*evidence.tracks.bodies_m)
+    assert least_gap_m(*bodies_m, np.zeros(7)) > 10.0, "20 m apart, and nobody was near another one"
+    assert (metrics.potential_collisions, metrics.true_collisions) == (0, None)
+    separation = next(verdict for verdict in check(recording) if verdict.guarantee == "G3")
+    assert separation.status == "not-judged"
+    assert "slots that autopilots did not report" in str(separation), "nobody knows where the silent one was"
+    assert "of u002" in str(separation)
+    off_m = deviations_m(evidence, evidence.paths)
+    assert np.nanmax(off_m) < 1.5, "of a disc of 4 m"
+    for index in (0, 2, 4, 6):
+        assert math.dist(logs[index]["landed_at_m"], (0.0, 16.0)) < 1.0, "it flew out its last step before it landed"
     causes = {away.uav: away.cause for away in metrics.not_home}
     assert causes == {"u002": "strayed", "u004": "grounded", "u006": "strayed"}
     assert [str(verdict) for verdict in check(recording) if verdict.broken] == []
