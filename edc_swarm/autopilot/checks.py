@@ -86,4 +86,4 @@ def failings(seen: Telemetry, entry: RosterEntry, path_at: Callable[[int], Point
 
 def texts(seen: Telemetry) -> str:
     """Return what an autopilot has said lately, to follow other words."""
-    return "".join(f": {text}" for text in list(seen.texts)[-2:])[:MAX_TEXT]
+    return "".join(f": {text}" for text in list(dict.fromkeys(seen.texts))[-2:])[:MAX_TEXT]

@@ -8,6 +8,7 @@ takes the difference between home and its own origin with the wrong sign (`mavli
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping
 from dataclasses import dataclass
 
@@ -39,6 +40,22 @@ class Step:
         return declared(before, here, there, share), change, there - 2 * here + before
 
 
+def _place_deg(mission: Mission, step: Step, share: float) -> tuple[float, float]:
+    """Return latitude and longitude of the place after a share of the slot: the path of the three waypoints' own.
+
+    They are converted once in a slot, not twenty times in a second. On steps of 10 m this is 1e-5 m from the exact
+    conversion of each place.
+    """
+    origin_deg = mission.origin_lat_deg, mission.origin_lon_deg
+    points_deg = [to_wgs84(*point_m, *origin_deg) for point_m in (step.before_m, step.here_m, step.there_m)]
+    near_deg = points_deg[1][1]
+    before, here, there = (
+        complex(lat_deg, near_deg + math.remainder(lon_deg - near_deg, 360.0)) for lat_deg, lon_deg in points_deg
+    )
+    place_deg = declared(before, here, there, min(1.0, max(0.0, share)))
+    return place_deg.real, math.remainder(place_deg.imag, 360.0)
+
+
 def set_point(
     mission: Mission, altitude_m: float, step: Step, now_ns: int, home_m: float | None = None
 ) -> Mapping[str, int | float]:
@@ -48,11 +65,11 @@ def set_point(
     above the sea too, else above home.
     """
     share = (now_ns - step.start_ns) / mission.slot_ns
-    place, change, bend = step.place(share)
+    _, change, bend = step.place(share)
     over = share > 1.0
     velocity = 0j if over else change / mission.dt_s
     acceleration = 0j if over or share < 0 else bend / mission.dt_s**2
-    lat_deg, lon_deg = to_wgs84.__wrapped__(place.real, place.imag, mission.origin_lat_deg, mission.origin_lon_deg)
+    lat_deg, lon_deg = _place_deg(mission, step, share)
     return {
         "time_boot_ms": (now_ns // 1_000_000) & 0xFFFFFFFF,
         "coordinate_frame": ABOVE_HOME if home_m is None else ABOVE_SEA,

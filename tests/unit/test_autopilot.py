@@ -400,6 +400,19 @@ def test_a_set_point_is_the_place_on_the_declared_path() -> None:
     assert (fields["coordinate_frame"], fields["type_mask"], fields["alt"]) == (6, 3072, 5.0)
 
 
+@pytest.mark.parametrize("origin_deg", [(60.1841, 24.8301), (-89.0, 179.9999), (0.0, -179.99999)])
+def test_set_points_are_on_the_exact_path_everywhere(origin_deg: tuple[float, float]) -> None:
+    """Near a pole and across the date line, on a step of 12 m: at most the rounding of MAVLink, 1e-7 degrees."""
+    plan = mission(origin_lat_deg=origin_deg[0], origin_lon_deg=origin_deg[1])
+    step = Step(EPOCH_NS, (-8.0, 3.0), (0.0, 0.0), (12.0, 5.0))
+    for part in range(11):
+        fields = set_point(plan, 5.0, step, EPOCH_NS + part * S // 20)
+        assert abs(fields["lon_int"]) <= 1_800_000_000
+        place_m = from_wgs84(fields["lat_int"] / 1e7, fields["lon_int"] / 1e7, *origin_deg)
+        exact = step.place(part / 10)[0]
+        assert place_m == pytest.approx((exact.real, exact.imag), abs=0.012)
+
+
 SLOT_NS = S // 2
 
 
