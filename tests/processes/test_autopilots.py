@@ -9,6 +9,7 @@ import socket
 import subprocess
 import sys
 from collections.abc import Callable, Iterator
+from contextlib import suppress
 from pathlib import Path
 from typing import Any
 
@@ -21,13 +22,14 @@ from edc_swarm.analysis.guarantees.evidence import gather
 from edc_swarm.analysis.guarantees.inside import deviations_m
 from edc_swarm.analysis.metrics import compute_metrics
 from edc_swarm.analysis.separation import least_gap_m
-from edc_swarm.errors import SwarmError
+from edc_swarm.errors import RecordingError, SwarmError
 from edc_swarm.geodesy import from_wgs84, to_wgs84
 from edc_swarm.mission.configuration import Mission
 from edc_swarm.mission.declared_path import declared
 from edc_swarm.mission.roster import complete_mission
 from edc_swarm.mission.validation import mission_from_dict
 from edc_swarm.recording.model import Recording
+from edc_swarm.recording.reader import read_recording
 from processes.host import autopilots
 from tests.processes.conftest import Fly
 
@@ -202,6 +204,43 @@ def test_those_that_follow_finish_and_those_that_fail_are_told(start: Fly, stand
     grown_m = np.diff(sorted({round(radius, 1) for radius in radii if radius}))
     assert len(grown_m) >= 2, "its hull grows from slot to slot"
     assert np.median(grown_m) == pytest.approx(3.0, abs=0.2), "by what it can fly in one"
+
+
+@pytest.mark.timing
+@pytest.mark.long
+def test_ctrl_c_in_flight_lands_all_and_one_whose_process_is_dead_lands_by_itself(
+    start: Fly, stand: Stand, tmp_path: Path
+) -> None:
+    """Three fly 80 m; the process of one is killed, then Ctrl-C: all are on the ground, and the record is whole."""
+    starts_m = [(20.0 * index, 0.0) for index in range(3)]
+    values = {"FS_GCS_TIMEOUT": 3.0, "GUID_TIMEOUT": 1.0}
+    flown_by = stand(starts_m, {index: {"parameters": values} for index in range(3)})
+    mission = fields(starts_m, flown_by.ports[0])
+    for entry in mission["roster"]:
+        entry["target_y_m"] = 80.0
+    mission_file = tmp_path / "mission.toml"
+    mission_file.write_text(toml(mission))
+    command = start("run", str(mission_file), "--arm", "--overload", "fly", "--fault", "kill u003 @3s")
+    part = command.path.with_name(command.path.name + ".part")
+
+    def flies(slot: int) -> bool:
+        with suppress(RecordingError):
+            return any(fix.slot >= slot for fix in read_recording(part, salvage=True).fixes)
+        return False
+
+    command.await_file(lambda: flies(8))
+    command.process.send_signal(signal.SIGINT)
+    ended = command.end()
+    logs = flown_by.logs()
+    flew = ["mode 4", "armed", "take-off to 2"]
+    for log in logs[:2]:
+        assert [what for _, what in log["events"]] == [*flew, "mode 9", "disarmed on the ground"]
+    alone = [*flew, "ground station failsafe", "mode 9", "disarmed on the ground"]
+    assert [what for _, what in logs[2]["events"]] == alone
+    told = {(event.source, event.detail) for event in ended.recording.events if event.kind == "autopilot"}
+    assert {("u001", "has landed, and its motors are off"), ("u002", "has landed, and its motors are off")} <= told
+    assert [str(verdict) for verdict in check(ended.recording) if verdict.broken] == []
+    assert "Traceback" not in ended.stderr
 
 
 def test_bad_autopilots_are_named_and_nothing_is_armed(
