@@ -23,15 +23,15 @@ from edc_swarm.analysis.guarantees.inside import deviations_m
 from edc_swarm.analysis.metrics import compute_metrics
 from edc_swarm.analysis.separation import least_gap_m
 from edc_swarm.errors import RecordingError, SwarmError
-from edc_swarm.geodesy import from_wgs84, to_wgs84
+from edc_swarm.geodesy import to_wgs84
 from edc_swarm.mission.configuration import Mission
-from edc_swarm.mission.declared_path import declared
 from edc_swarm.mission.roster import complete_mission
 from edc_swarm.mission.validation import mission_from_dict
 from edc_swarm.recording.model import Recording
 from edc_swarm.recording.reader import read_recording
 from processes.host import autopilots
 from tests.processes.conftest import Fly
+from tests.set_points import set_points_off_m
 
 pytest.importorskip("pymavlink")
 STAND_IN = Path(__file__).with_name("stand_in.py")
@@ -133,25 +133,9 @@ def require_truths(recording: Recording, uavs: list[str], slots_before_end: int 
         assert told[: last + 1 - slots_before_end] == list(range(last + 1 - slots_before_end)), uav
 
 
-def set_points_off_m(recording: Recording, uav: str, places: list[list[int]]) -> float:
-    """Return how far set-points that an autopilot received are from the path that the fixes of its UAV declare.
-
-    Of each slot in the middle half: a step reaches the link's thread shortly after its slot has begun.
-    """
-    mission = recording.mission
-    entry = next(entry for entry in mission.roster if entry.uav == uav)
-    ends_m = {fix.slot: complex(fix.waypoint_x_m, fix.waypoint_y_m) for fix in recording.fixes if fix.uav == uav}
-    ends_m |= dict.fromkeys((-2, -1), complex(entry.start_x_m, entry.start_y_m))
-    off_m = [0.0]
-    for boot_ms, lat, lon in places:
-        since_ms = (boot_ms - mission.epoch_ns // 1_000_000 + (1 << 31)) % (1 << 32) - (1 << 31)
-        slot, share = divmod(since_ms / (1e3 * mission.dt_s), 1.0)
-        around_m = [ends_m.get(int(slot) + step) for step in (-2, -1, 0)]
-        if slot >= 0 and 0.25 < share < 0.75 and None not in around_m:
-            x_m, y_m = from_wgs84(lat / 1e7, lon / 1e7, *ORIGIN_DEG)
-            off_m.append(abs(complex(x_m, y_m) - declared(*around_m, share)))
-    assert len(off_m) > len(places) / 4
-    return max(off_m)
+def judged(recording: Recording, uav: str, places: list[tuple[int, int, int]]) -> float:
+    """Return how far the set-points that an autopilot received are from the declared path, at most."""
+    return set_points_off_m(recording.mission, recording.mission.epoch_ns, uav, recording.fixes, places)
 
 
 @pytest.mark.timing
@@ -176,7 +160,7 @@ def test_those_that_follow_finish_and_those_that_fail_are_told(start: Fly, stand
     for index in (0, 2, 4, 6):
         events = [what for _, what in logs[index]["events"]]
         assert events == ["mode 4", "armed", "take-off to 2", "mode 9", "disarmed on the ground"]
-        assert set_points_off_m(recording, f"u{index + 1:03d}", logs[index]["places"]) < 0.05
+        assert judged(recording, f"u{index + 1:03d}", logs[index]["places"]) < 0.05
         assert set(logs[index]["rejected"]) <= {"not flying in GUIDED"}
     assert [what for _, what in logs[3]["events"]] == ["mode 4"]
     assert "mode 9" not in [what for _, what in logs[5]["events"]], "nobody fights the pilot"
