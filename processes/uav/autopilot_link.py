@@ -27,6 +27,8 @@ LEAST_TURN_S, MOST_TURN_S = 0.002, 0.05
 """Shortest and longest wait of the thread."""
 MAX_MESSAGES = 500
 """Most messages that are read in one turn; the rest waits for the next one."""
+MAX_SENDERS = 8
+"""Most addresses that one UDP port is answered to; pymavlink sends each set-point to all that it has heard."""
 DEFAULT_BAUD = 57_600
 
 
@@ -74,7 +76,8 @@ class AutopilotLink:
     Attributes
     ----------
     heard
-        Pieces by kind: "messages", "bad" (no MAVLink), "unknown" (of another dialect), "errors", "not sent".
+        Pieces by kind: "messages", "bad" (no MAVLink), "unknown" (of another dialect), "stranger" (from one sender too
+        many), "errors", "not sent".
     """
 
     def __init__(
@@ -138,6 +141,7 @@ class AutopilotLink:
                 return
             if message is None:
                 return
+            self._forget_senders()
             name = message.get_type()
             if name == "BAD_DATA" or name.startswith("UNKNOWN"):
                 self.heard["bad" if name == "BAD_DATA" else "unknown"] += 1
@@ -149,6 +153,20 @@ class AutopilotLink:
                 self._pilot.telemetry.hear(
                     name, message.to_dict(), sender, self._now_ns(), number=message.get_seq(), version=version
                 )
+
+    def _forget_senders(self) -> None:
+        """Keep the oldest senders alone, if too many send to the port: the autopilot is one that was there before."""
+        senders = getattr(self._connection, "clients_last_alive", {})
+        for sender in list(senders)[MAX_SENDERS:]:
+            del senders[sender]
+            self._connection.clients.discard(sender)
+            self.heard["stranger"] += 1
+
+    @property
+    def complaints(self) -> str:
+        """What came that is of no autopilot, in words; "" if nothing did."""
+        kinds = {"bad": "pieces that are no MAVLink", "unknown": "messages of another dialect", "stranger": "strangers"}
+        return ", ".join(f"{self.heard[kind]} {words}" for kind, words in kinds.items() if self.heard[kind])
 
     def _send(self, name: str, fields: Any) -> None:
         target = self._pilot.telemetry.system

@@ -8,6 +8,7 @@ import signal
 import socket
 import subprocess
 import sys
+import time
 from collections.abc import Callable, Iterator
 from contextlib import suppress
 from pathlib import Path
@@ -22,6 +23,7 @@ from edc_swarm.analysis.guarantees.evidence import gather
 from edc_swarm.analysis.guarantees.inside import deviations_m
 from edc_swarm.analysis.metrics import compute_metrics
 from edc_swarm.analysis.separation import least_gap_m
+from edc_swarm.autopilot.pilot import Pilot
 from edc_swarm.errors import RecordingError, SwarmError
 from edc_swarm.geodesy import to_wgs84
 from edc_swarm.mission.configuration import Mission
@@ -30,7 +32,8 @@ from edc_swarm.mission.validation import mission_from_dict
 from edc_swarm.recording.model import Recording
 from edc_swarm.recording.reader import read_recording
 from processes.host import autopilots
-from tests.processes.conftest import Fly
+from processes.uav.autopilot_link import MAX_SENDERS, AutopilotLink
+from tests.processes.conftest import Fly, await_true
 from tests.set_points import set_points_off_m
 
 pytest.importorskip("pymavlink")
@@ -260,6 +263,26 @@ def test_bad_autopilots_are_named_and_nothing_is_armed(
     ):
         assert said in line
     assert all(log["events"] == [] for log in flown_by.logs())
+
+
+def test_strangers_at_an_autopilots_port_are_counted_and_not_all_answered(stand: Stand) -> None:
+    """Forty senders of garbage: pymavlink would send every set-point to each of them."""
+    flown_by = stand([(0.0, 0.0)])
+    mission = complete_mission(mission_from_dict(fields([(0.0, 0.0)], flown_by.ports[0])))
+    pilot = Pilot(mission, mission.roster[0], 1 << 62, arm=False)
+    link = AutopilotLink(f"udpin:127.0.0.1:{flown_by.ports[0]}", pilot, time.monotonic_ns)
+    try:
+        await_true(lambda: not pilot.objections(time.monotonic_ns()))
+        for _ in range(40):
+            with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as stranger:
+                stranger.sendto(bytes(range(200)), ("127.0.0.1", flown_by.ports[0]))
+        await_true(lambda: link.heard["stranger"] >= 40 - MAX_SENDERS)
+        assert len(link._connection.clients) <= MAX_SENDERS
+        assert "pieces that are no MAVLink" in link.complaints
+        heard = pilot.telemetry.beat_ns
+        await_true(lambda: pilot.telemetry.beat_ns > heard)
+    finally:
+        link.close()
 
 
 def test_without_permission_nothing_is_armed(stand: Stand) -> None:
