@@ -2,13 +2,15 @@
 
 For each number of bodies, stand-in autopilots (tests/processes/stand_in.py) fly a mission of real processes on this
 machine, beside everything else that runs here. Printed are the times between the set-points that an autopilot receives
-(planned: 0.05 s), the share of seconds with at least ten of them, and what the process of a UAV uses of a processor.
+(planned: 0.05 s), the share of seconds with at least ten of them, what the process of a UAV uses of a processor, how
+far the vehicles were from their declared paths, and who did not get home.
 """
 
 from __future__ import annotations
 
 import argparse
 import json
+import math
 import signal
 import subprocess
 import sys
@@ -18,6 +20,7 @@ from typing import Any
 
 import numpy as np
 
+from edc_swarm.analysis.metrics import compute_metrics
 from edc_swarm.geodesy import to_wgs84
 from edc_swarm.mission.configuration import Mission
 from edc_swarm.recording.reader import read_recording
@@ -25,6 +28,7 @@ from edc_swarm.recording.reader import read_recording
 STAND_IN = Path(__file__).resolve().parents[1] / "tests" / "processes" / "stand_in.py"
 FIRST_PORT = 21_000
 APART_M = 20.0
+LEAST_HZ = 10
 
 
 def starts_m(bodies: int) -> list[tuple[float, float]]:
@@ -71,10 +75,13 @@ def measure(bodies: int, folder: Path) -> None:
         )
         stand_ins.send_signal(signal.SIGTERM)
         logs = json.loads(stand_ins.communicate()[0])
-    if flown.returncode:
+    if not recording.exists():
         print(f"{bodies} bodies: status {flown.returncode}: {flown.stderr.strip().splitlines()[-1:]}")
+        return
     gaps_s = np.concatenate([log["gaps_s"] for log in logs])
+    seconds = np.concatenate([np.bincount(np.cumsum(log["gaps_s"]).astype(int))[:-1] for log in logs if log["gaps_s"]])
     told = read_recording(recording)
+    metrics = compute_metrics(told)
     cpu_s = {fix.uav: fix.cpu_s for fix in told.fixes}
     first_s = {fix.uav: fix.cpu_s for fix in reversed(told.fixes)}
     slots = max(fix.slot for fix in told.fixes)
@@ -82,9 +89,16 @@ def measure(bodies: int, folder: Path) -> None:
     p50, p99 = np.quantile(gaps_s, [0.5, 0.99])
     print(
         f"{bodies} bodies: {gaps_s.size} set-points, {p50:.3f} s apart (median), {p99:.3f} s (p99),"
-        f" {gaps_s.max():.3f} s (most); {100 * np.mean(gaps_s <= 0.1):.2f} % at most 0.1 s apart;"
+        f" {gaps_s.max():.3f} s (most); {100 * np.mean(gaps_s <= 0.1):.2f} % at most 0.1 s apart,"
+        f" {100 * np.mean(seconds >= LEAST_HZ):.2f} % of seconds with at least {LEAST_HZ};"
         f" {100 * used:.1f} % of a processor a UAV"
     )
+    print(
+        f"  status {flown.returncode}, {metrics.arrived} of {bodies} home, {metrics.true_collisions} true collisions,"
+        f" at most {metrics.max_deviation_m or math.nan:.2f} m off the path"
+    )
+    for away in metrics.not_home:
+        print(f"  {away}")
 
 
 def main() -> None:

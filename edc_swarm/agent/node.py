@@ -361,8 +361,7 @@ class UavNode:
             self._repetition.repeat_claim(claim, now_ns)
 
     def _say_truth(self) -> None:
-        truth = self._outgoing.truth(self.slot, self._vehicle)
-        if truth is not None:
+        for truth in self._outgoing.truths(self.slot, self._vehicle):
             self._publish(truth)
 
     # --- the head ----------------------------------------------------------------------------

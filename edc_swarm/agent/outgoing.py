@@ -12,6 +12,7 @@ from edc_swarm.agent.election import Election, TermClaim
 from edc_swarm.agent.flight import Flight
 from edc_swarm.agent.local import NoElection
 from edc_swarm.agent.vehicle import Vehicle
+from edc_swarm.emulation.body import PastFlight
 from edc_swarm.geodesy import to_wgs84
 from edc_swarm.protocol.events import EventKind
 from edc_swarm.protocol.keys import Keys
@@ -58,43 +59,41 @@ class Outgoing:
         """Return an event, not yet stamped."""
         return Event(source=self._uav, slot=slot, kind=kind, detail=detail)
 
-    def truth(self, slot: int, vehicle: Vehicle) -> Truth | None:
-        """Return the true motion of a slot, not yet stamped; of the slot before, as its autopilot reported it.
-
-        None if there is no report.
-        """
+    def truths(self, slot: int, vehicle: Vehicle) -> list[Truth]:
+        """Return the true motion of a slot, not yet stamped; of an autopilot, of the slots that it has reported."""
         flown = vehicle.flown
-        if flown.told_late:
-            return None if not flown.between_m or slot < 1 else self._reported(slot - 1, vehicle)
+        if flown.past is not None:
+            return [self._reported(past) for past in flown.past]
         (from_x_m, from_y_m), (to_x_m, to_y_m) = flown.from_m, flown.to_m
         truth = Truth(uav=self._uav, slot=slot, from_x_m=from_x_m, from_y_m=from_y_m, to_x_m=to_x_m, to_y_m=to_y_m)
         if flown.between_m is None:
-            return truth
-        return msgspec.structs.replace(
-            truth,
-            waypoint_x_m=vehicle.waypoint_m[0],
-            waypoint_y_m=vehicle.waypoint_m[1],
-            between_x_m=[x_m for x_m, _ in flown.between_m],
-            between_y_m=[y_m for _, y_m in flown.between_m],
-            propulsion_j=flown.propulsion_j,
-            saturated=flown.saturated,
-        )
+            return [truth]
+        return [
+            msgspec.structs.replace(
+                truth,
+                waypoint_x_m=vehicle.waypoint_m[0],
+                waypoint_y_m=vehicle.waypoint_m[1],
+                between_x_m=[x_m for x_m, _ in flown.between_m],
+                between_y_m=[y_m for _, y_m in flown.between_m],
+                propulsion_j=flown.propulsion_j,
+                saturated=flown.saturated,
+            )
+        ]
 
-    def _reported(self, slot: int, vehicle: Vehicle) -> Truth:
-        flown = vehicle.flown
-        between_m = flown.between_m or []
+    def _reported(self, past: PastFlight) -> Truth:
+        """Return the truth of a slot by an autopilot's reports, which say nothing of the energy of propulsion."""
+        (from_x_m, from_y_m), *between_m, (to_x_m, to_y_m) = past.path_m
         return Truth(
             uav=self._uav,
-            slot=slot,
-            from_x_m=flown.from_m[0],
-            from_y_m=flown.from_m[1],
-            to_x_m=flown.to_m[0],
-            to_y_m=flown.to_m[1],
-            waypoint_x_m=vehicle.from_m[0],
-            waypoint_y_m=vehicle.from_m[1],
+            slot=past.slot,
+            from_x_m=from_x_m,
+            from_y_m=from_y_m,
+            to_x_m=to_x_m,
+            to_y_m=to_y_m,
+            waypoint_x_m=past.waypoint_m[0],
+            waypoint_y_m=past.waypoint_m[1],
             between_x_m=[x_m for x_m, _ in between_m],
             between_y_m=[y_m for _, y_m in between_m],
-            propulsion_j=flown.propulsion_j,
         )
 
     def claim(self, slot: int, claim: TermClaim) -> Report:

@@ -7,8 +7,9 @@ told of, if a head sent it a command for the slot after its newest fix; the land
 
 from __future__ import annotations
 
-from msgspec import UNSET, Struct
+from msgspec import Struct
 
+from edc_swarm.analysis.autopilots import strays_of
 from edc_swarm.analysis.tracks import Tracks, stepped_slots
 from edc_swarm.mission.failsafe import failsafe_of
 from edc_swarm.protocol.events import EventKind
@@ -62,8 +63,3 @@ def landings(recording: Recording, tracks: Tracks) -> list[Landing]:
             begun = min(slot, told.get(uav, slot))
             found.append(Landing(uav, stepped, begun, failsafe.free_slot(stepped), x_m, y_m, uav in told))
     return found
-
-
-def strays_of(recording: Recording) -> frozenset[str]:
-    """Return the UAVs whose vehicles did not follow their commands in the end: the failsafe says nothing of them."""
-    return frozenset(fix.uav for fix in recording.fixes if fix.stray_m is not UNSET)

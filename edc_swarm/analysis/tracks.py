@@ -20,6 +20,7 @@ import numpy as np
 from msgspec import UNSET
 from numpy.typing import NDArray
 
+from edc_swarm.analysis.autopilots import stray_slots
 from edc_swarm.analysis.true_paths import have_inertia, parts_of, tells_path
 from edc_swarm.errors import RecordingError
 from edc_swarm.mission.braking import Point, braked, change_of
@@ -75,7 +76,9 @@ class Tracks:
     lost
         (S, K): True where the fix of the slot is missing from the recording and the motion is unknown.
     grounded
-        (S, K): True where the failsafe has taken the UAV out of the airspace.
+        (S, K): True where the failsafe has taken the UAV out of the airspace, or a stray says that it is on the ground.
+    astray
+        (S, K): True where the UAV strays: it has no disc any more.
     """
 
     uavs: list[str]
@@ -88,6 +91,7 @@ class Tracks:
     silent: list[Step]
     lost: Bools
     grounded: Bools
+    astray: Bools
 
     @property
     def slots(self) -> int:
@@ -96,8 +100,8 @@ class Tracks:
 
     @property
     def seen_m(self) -> tuple[Floats, Floats]:
-        """(S, K, 2) centres at both ends of every slot, for use in verdicts: NaN where lost, or out of the airspace."""
-        return self._where(~self.lost & ~self.grounded, self.centre_m[:-1], self.centre_m[1:])
+        """(S, K, 2) centres at both ends of every slot, for use in verdicts: NaN where lost, stray or grounded."""
+        return self._where(~(self.lost | self.astray | self.grounded), self.centre_m[:-1], self.centre_m[1:])
 
     @property
     def bodies_m(self) -> tuple[Floats, Floats]:
@@ -154,8 +158,11 @@ def tracks_of(recording: Recording) -> Tracks:
     true_from_m[untold] = true_to_m[untold] = np.nan
     for t, k in _flown_before_birth(executed & ~inertia, truths, index):
         true_from_m[t, k] = true_to_m[t, k] - (centre_m[t + 1, k] - centre_m[t, k])
-    grounded = _grounded(recording, executed, heard)
-    return Tracks(list(index), centre_m, true_from_m, true_to_m, heard, executed, energy_j, silent, lost, grounded)
+    astray, down = stray_slots(fixes, index, shape)
+    grounded = np.where(astray.any(axis=0), down, _grounded(recording, executed, heard))
+    return Tracks(
+        list(index), centre_m, true_from_m, true_to_m, heard, executed, energy_j, silent, lost, grounded, astray
+    )
 
 
 def last_slots(flags: Bools) -> Ints:

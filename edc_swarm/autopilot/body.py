@@ -1,14 +1,19 @@
 """The vehicle of an autopilot as a `Body`: steps in, reported positions out.
 
 A step begins at the start of its slot, so `fly` hands it to the pilot, which sends the set-points from another thread.
-What truly happened is known one slot later: `Flown.told_late`.
+What truly happened is known when the autopilot has reported a position after the slot's end. At the start of the next
+slot that report is mostly still on its way, so a slot is told one or two slots late: `Flown.past`.
 """
 
 from __future__ import annotations
 
+import math
+from collections import deque
+
 from edc_swarm.autopilot.path import Point, Step
 from edc_swarm.autopilot.pilot import Pilot, Stage
-from edc_swarm.emulation.body import Flown
+from edc_swarm.autopilot.telemetry import track_s
+from edc_swarm.emulation.body import Flown, PastFlight
 from edc_swarm.mission.configuration import NS_PER_S, Mission
 from edc_swarm.mission.control_loop import loop_step
 from edc_swarm.mission.failsafe import failsafe_of
@@ -30,16 +35,19 @@ class AutopilotBody:
         self._free_mps = vehicle_of(mission, entry).free_mps
         self._failsafe = failsafe_of(mission)
         self._parts = loop_step(1.0, 0.0, mission.dt_s).samples
-        self.standing = Flown(at_m, at_m, [], at_m, 0.0, told_late=True)
+        self._untold: deque[tuple[int, Point]] = deque(maxlen=math.ceil(track_s(mission) / mission.dt_s))
+        self.standing = Flown(at_m, at_m, None, at_m, 0.0, past=[])
 
     def fly(self, slot: int, from_m: Point, to_m: Point) -> Flown:
-        """Let the pilot fly the step of `slot`, and return what the autopilot reported of the slot before."""
+        """Let the pilot fly the step of `slot`, and return what the autopilot has reported of earlier slots."""
         before = self._pilot.step
-        start_ns = self._epoch_ns + slot * self._mission.slot_ns
+        start_ns = self._start_ns(slot)
         begun = before is not None and before.there_m == from_m and before.start_ns == start_ns - self._mission.slot_ns
         self._pilot.step = Step(start_ns, before.here_m if begun and before is not None else from_m, from_m, to_m)
         self._at_m = to_m
-        return self._flown(slot, start_ns)
+        past = self._take_past()
+        self._untold.append((slot, to_m))
+        return self._flown(slot, past)
 
     def brake(self, slot: int, from_m: Point, to_m: Point) -> None:
         """Note a step for which the process did not run: the autopilot has long flown on."""
@@ -54,24 +62,33 @@ class AutopilotBody:
         """The waypoint, which the next reported position is near."""
         return self._at_m
 
-    def _flown(self, slot: int, start_ns: int) -> Flown:
-        seen, slot_ns = self._pilot.telemetry, self._mission.slot_ns
-        times_ns = [start_ns - slot_ns + round(part / self._parts * slot_ns) for part in range(self._parts + 1)]
-        reported = [seen.at(when_ns) for when_ns in times_ns]
-        known = [point for point in reported if point is not None]
-        newest = seen.newest
+    def _start_ns(self, slot: int) -> int:
+        return self._epoch_ns + slot * self._mission.slot_ns
+
+    def _take_past(self) -> list[PastFlight]:
+        """Return the slots that are reported by now; those that never will be, for want of reports, are dropped."""
+        seen, found = self._pilot.telemetry, []
+        while self._untold and seen.newest is not None and seen.newest.at_ns >= self._start_ns(self._untold[0][0] + 1):
+            slot, waypoint_m = self._untold.popleft()
+            shares = [round(part / self._parts * self._mission.slot_ns) for part in range(self._parts + 1)]
+            path_m = [point for share in shares if (point := seen.at(self._start_ns(slot) + share)) is not None]
+            if len(path_m) == len(shares):
+                found.append(PastFlight(slot, path_m, waypoint_m))
+        return found
+
+    def _flown(self, slot: int, past: list[PastFlight]) -> Flown:
+        newest = self._pilot.telemetry.newest
         here_m = (newest.x_m, newest.y_m) if newest is not None else self._at_m
-        whole = len(known) == len(reported)
         strays = self._pilot.stage is Stage.STRAYING or self._pilot.is_down
         return Flown(
-            known[0] if whole else here_m,
-            known[-1] if whole else here_m,
-            known[1:-1] if whole else [],
+            here_m,
+            here_m,
+            None,
             here_m,
             0.0,
-            told_late=True,
-            charge_share=seen.battery_share,
-            stray_m=self._stray_m(start_ns + slot_ns) if strays else None,
+            past=past,
+            charge_share=self._pilot.telemetry.battery_share,
+            stray_m=self._stray_m(self._start_ns(slot + 1)) if strays else None,
             on_ground=strays and (self._pilot.is_down or self._has_landed(slot)),
         )
 
@@ -85,6 +102,5 @@ class AutopilotBody:
         """Return True if the own failsafe of an autopilot that says nothing has landed it by now."""
         newest = self._pilot.telemetry.newest
         heard_ns = newest.at_ns if newest is not None else self._epoch_ns
-        start_ns = self._epoch_ns + slot * self._mission.slot_ns
-        silent_slots = (start_ns - heard_ns) / self._mission.slot_ns
+        silent_slots = (self._start_ns(slot) - heard_ns) / self._mission.slot_ns
         return self._failsafe is not None and silent_slots > self._failsafe.slots

@@ -27,8 +27,12 @@ def objections(seen: Telemetry, entry: RosterEntry, now_ns: int) -> Iterator[str
     if seen.system is None:
         yield "no heartbeat of an autopilot"
         return
-    if seen.others:
-        yield f"more than one autopilot speaks there: systems {sorted({*seen.others, seen.system[0]})}"
+    if others := seen.others - {seen.system[0]}:
+        yield f"more than one autopilot speaks there: systems {sorted({*others, seen.system[0]})}"
+    elif seen.others:
+        yield f"two autopilots speak there with system number {seen.system[0]}, or its messages come twice"
+    if seen.version == 1:
+        yield "it speaks MAVLink 1: set SERIALn_PROTOCOL (ArduPilot) or MAV_PROTO_VER (PX4) to 2"
     if seen.firmware not in FIRMWARE:
         yield f"{seen.name} is neither ArduPilot nor PX4"
     elif seen.kind not in MULTICOPTERS:
@@ -82,4 +86,4 @@ def failings(seen: Telemetry, entry: RosterEntry, path_at: Callable[[int], Point
 
 def texts(seen: Telemetry) -> str:
     """Return what an autopilot has said lately, to follow other words."""
-    return "".join(f": {text}" for text in list(seen.texts)[-2:])[:MAX_TEXT]
+    return "".join(f": {text}" for text in list(dict.fromkeys(seen.texts))[-2:])[:MAX_TEXT]

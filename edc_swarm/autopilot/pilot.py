@@ -19,6 +19,7 @@ from enum import Enum, auto
 from typing import Any
 
 from edc_swarm.autopilot.checks import failings, objections, texts
+from edc_swarm.autopilot.failsafes import asked_names, told, warnings
 from edc_swarm.autopilot.path import Point, Step, set_point
 from edc_swarm.autopilot.telemetry import COPTER_GUIDED, PX4_OFFBOARD, Telemetry
 from edc_swarm.mission.configuration import NS_PER_S, Mission
@@ -30,11 +31,17 @@ SET_POINT_NS = NS_PER_S // 20
 BEAT_NS = NS_PER_S
 ASK_NS = NS_PER_S
 """Time after which a command without its effect is sent again."""
+FAILSAFE_ASKED = 3
+"""Times that the parameters of its failsafe are asked for; an autopilot does not answer for those that it lacks."""
+DISARM_NS = 3 * NS_PER_S // 2
+"""Time in which an arming that is broken off shows in a heartbeat."""
 REACHED_SHARE = 0.9
 """Share of the altitude at which the climb is over."""
 
 SET_MODE, ARM, TAKE_OFF, LAND, INTERVAL, ASK_MESSAGE = 176, 400, 22, 21, 511, 512
 """MAV_CMD."""
+PARAMETER = -1
+"""Stands for the requests of parameters among the commands that have been sent."""
 CUSTOM_MODE = 1
 ACCEPTED = 0
 WANTED_HZ = {33: 20.0, 1: 2.0, 24: 2.0, 147: 1.0, 242: 0.5, 245: 2.0}
@@ -99,8 +106,9 @@ class Pilot:
         self._start_m: Point = (entry.start_x_m, entry.start_y_m)
         self._asked_ns: dict[int, int] = {}
         self._beat_ns = 0
+        self._failsafe_asked = 0
         self._point_ns = 0
-        self._land_by_ns = 0
+        self._land_by_ns = self._disarm_by_ns = 0
         self.is_down = False
         self.telemetry = Telemetry(mission)
         self.stage = Stage.CONNECTING
@@ -112,6 +120,7 @@ class Pilot:
         if self.stage in {Stage.ARMING, Stage.CLIMBING, Stage.FLYING}:
             self._asked_ns.clear()
             self.stage, self._land_by_ns = Stage.LANDING, now_ns + round((self._mission.landing_s + 10.0) * NS_PER_S)
+            self._disarm_by_ns = now_ns + DISARM_NS
         elif self.stage in {Stage.CONNECTING, Stage.READYING}:
             self.stage = Stage.DONE
 
@@ -127,7 +136,7 @@ class Pilot:
             self._beat_ns = now_ns
             out.append(("heartbeat", _heartbeat()))
         if self.telemetry.system is not None and self.stage not in {Stage.STRAYING, Stage.DONE}:
-            out += self._requests(now_ns)
+            out += [*self._requests(now_ns), *self._failsafe_requests(now_ns)]
             self._check(now_ns)
             out += self._due(now_ns)
         elif self.stage is Stage.STRAYING and not self.telemetry.armed:
@@ -140,6 +149,17 @@ class Pilot:
     def objections(self, now_ns: int) -> list[str]:
         """Return why the vehicle may not be armed."""
         return list(objections(self.telemetry, self._entry, now_ns))
+
+    def knows_failsafe(self, now_ns: int) -> bool:
+        """Return True if the autopilot has told its failsafe, or has not answered often enough."""
+        asked_ns = self._asked_ns.get(PARAMETER, now_ns)
+        given_up = self._failsafe_asked >= FAILSAFE_ASKED and now_ns - asked_ns >= ASK_NS
+        return self.telemetry.system is not None and (given_up or not asked_names(self.telemetry))
+
+    @property
+    def failsafe(self) -> tuple[str, list[str]]:
+        """What the autopilot does by itself, in words, and what is wrong with that for this mission."""
+        return told(self.telemetry), list(warnings(self.telemetry, self._mission))
 
     # --- what is due -------------------------------------------------------------------------
 
@@ -161,11 +181,15 @@ class Pilot:
     def _connect(self, now_ns: int) -> None:
         seen = self.telemetry
         if self._flies:
-            if seen.armed and seen.is_guided and seen.newest is not None:
+            if seen.armed and seen.is_guided and seen.newest is not None and seen.home is not None:
                 self.stage = Stage.FLYING
-        elif self._arm and not self.objections(now_ns):
+        elif self._arm and self.knows_failsafe(now_ns) and not self.objections(now_ns):
             self.stage = Stage.READYING
-            self._say("autopilot", f"{seen.name}, home {seen.home_text}, mode {seen.mode}: its checks hold")
+            does, wrong = self.failsafe
+            checked = f"{seen.name}, home {seen.home_text}, mode {seen.mode}: its checks hold"
+            self._say("autopilot", "; ".join(filter(None, [checked, does])))
+            for what in wrong:
+                self._say("autopilot", f"warning: {what}")
 
     def _ready(self, now_ns: int) -> Iterator[tuple[str, Fields]]:
         """Yield what brings the autopilot into its mode for set-points; PX4 asks for set-points before that."""
@@ -198,9 +222,17 @@ class Pilot:
             self.stage = Stage.FLYING
 
     def _land(self, now_ns: int) -> Iterator[tuple[str, Fields]]:
-        """Yield the landing until the vehicle lands; end when its motors are off, or a pilot has it."""
+        """Yield the landing until the vehicle lands; end when its motors are off, or a pilot has it.
+
+        An arming that has not shown yet is taken back, and looked for until it would have.
+        """
         seen = self.telemetry
-        if not seen.armed:
+        if not seen.was_armed:
+            yield from self._until(False, ARM, now_ns, (0.0,))
+            if now_ns > self._disarm_by_ns:
+                self.stage = Stage.DONE
+                self._say("autopilot", "was not armed")
+        elif not seen.armed:
             self.stage = Stage.DONE
             self._say("autopilot", "has landed, and its motors are off")
         elif not seen.is_guided and seen.mode != "LAND":
@@ -228,6 +260,18 @@ class Pilot:
                 yield "command_long", _command(INTERVAL, float(message), 1e6 / rate_hz)
         yield from self._until(seen.home is not None, ASK_MESSAGE, now_ns, (242.0,))
 
+    def _failsafe_requests(self, now_ns: int) -> Iterator[tuple[str, Fields]]:
+        """Yield requests for the parameters of the failsafe, before the flight."""
+        asked_ns = self._asked_ns.get(PARAMETER, -ASK_NS)
+        if self.stage is not Stage.CONNECTING or self._failsafe_asked >= FAILSAFE_ASKED or now_ns - asked_ns < ASK_NS:
+            return
+        names = asked_names(self.telemetry)
+        if names:
+            self._asked_ns[PARAMETER] = now_ns
+            self._failsafe_asked += 1
+        for name in names:
+            yield "param_request_read", {"param_id": name.encode(), "param_index": -1}
+
     def _points(self, now_ns: int, *, before: bool) -> Iterator[tuple[str, Fields]]:
         """Yield the set-point if it is due; `before` the first step, or between steps, the UAV stays where it is."""
         if now_ns - self._point_ns < SET_POINT_NS:
@@ -241,7 +285,9 @@ class Pilot:
             return  # Commands have stopped: so do set-points, and the autopilot's own failsafe decides.
         late_ns = (now_ns - self._point_ns) % SET_POINT_NS if self._point_ns else 0
         self._point_ns = now_ns - late_ns if late_ns < SET_POINT_NS // 2 else now_ns
-        yield "set_position_target_global_int", set_point(self._mission, self._vehicle.altitude_m, step, now_ns)
+        home_m = self.telemetry.home[2] if self.telemetry.is_px4 and self.telemetry.home is not None else None
+        fields = set_point(self._mission, self._vehicle.altitude_m, step, now_ns, home_m)
+        yield "set_position_target_global_int", fields
 
     def _path_at(self, at_ns: int) -> Point | None:
         """Return the place on the declared path at a time; None before the newest step."""

@@ -50,6 +50,23 @@ class BodyState(Struct, frozen=True, kw_only=True):
 
 
 @dataclass(frozen=True, slots=True)
+class PastFlight:
+    """The flight of a slot that is over, as an autopilot reported it.
+
+    Attributes
+    ----------
+    path_m
+        Positions at equal times, from the start to the end of the slot.
+    waypoint_m
+        The waypoint at the end of the slot.
+    """
+
+    slot: int
+    path_m: list[Point]
+    waypoint_m: Point
+
+
+@dataclass(frozen=True, slots=True)
 class Flown:
     """The true flight of one slot.
 
@@ -67,9 +84,9 @@ class Flown:
         What the tracked disc needs beyond `r_m`, since GPS is lost or has only just returned.
     saturated
         True if the controller asked for more acceleration than the vehicle has.
-    told_late
-        True if the positions are those of the slot before: an autopilot reports what it has flown. `between_m` is empty
-        then if it reported too little.
+    past
+        Of an autopilot, which reports what it has flown: the slots before this one that it has reported by now, each
+        once. Nothing is known of this slot then but `measured_m`. None for an emulated body.
     charge_share
         Share of the full charge that is left, as an autopilot reports it; None if nothing is known.
     stray_m
@@ -86,7 +103,7 @@ class Flown:
     propulsion_j: float
     grown_m: float = 0.0
     saturated: bool = False
-    told_late: bool = False
+    past: list[PastFlight] | None = None
     charge_share: float | None = None
     stray_m: float | None = None
     on_ground: bool = False

@@ -24,6 +24,7 @@ from edc_swarm.ground_station.frames import MAX_SYSTEMS, Command, Frame, Request
 from edc_swarm.ground_station.mission_items import Item, fence_items, route_items
 from edc_swarm.ground_station.steering import order_of
 from edc_swarm.ground_station.vehicle import VehicleView
+from edc_swarm.mission.configuration import NS_PER_S
 from edc_swarm.mission.routes import Course
 from edc_swarm.protocol.events import EVENT_FORMS, EventKind
 from edc_swarm.protocol.ground_orders import GroundOrder
@@ -51,7 +52,8 @@ STEERING = frozenset(
 MAX_DENIED_KINDS = 100
 """Most kinds of denied requests that are counted apart."""
 MAX_ORDERS = 500
-"""Most orders that wait for the caller: two for each of the most UAVs."""
+"""Most orders in a second: two for each of the most UAVs. More requests are denied."""
+NO_SYSTEM = "for a system that is no UAV"
 REQUESTED_MESSAGES = frozenset({Command.REQUEST_MESSAGE, Command.REQUEST_AUTOPILOT_CAPABILITIES})
 
 
@@ -79,6 +81,8 @@ class GroundView:
     ----------
     denied
         Number of requests that would have steered a UAV, by their kind.
+    ignored
+        Number of requests that nobody answers: they may be for other vehicles of the same ground station.
     """
 
     def __init__(self, *, permitted: bool = False) -> None:
@@ -88,7 +92,9 @@ class GroundView:
         self._index: Mapping[str, int] = {}
         self._vehicles: list[VehicleView] = []
         self._texts = 0
+        self._ordered_ns, self._ordered_count = 0, 0
         self.denied: Counter[str] = Counter()
+        self.ignored: Counter[str] = Counter()
 
     def hear(self, message: Message, now_ns: int) -> list[Frame]:
         """Take in a message of the mission; return what the ground station is told at once."""
@@ -104,12 +110,16 @@ class GroundView:
 
     def advance(self, now_ns: int) -> list[Frame]:
         """Return what is due by now: heartbeats, states and batteries."""
+        if now_ns - self._ordered_ns >= NS_PER_S:
+            self._ordered_ns, self._ordered_count = now_ns, 0
         return [frame for vehicle in self._vehicles for frame in vehicle.advance(now_ns)]
 
     def answer(self, request: Request) -> list[Frame]:
         """Return the answer to a request; a request to every UAV is answered by each."""
         systems = range(1, len(self._vehicles) + 1)
         asked = systems if request.system == 0 else [request.system] if request.system in systems else []
+        if request.system > len(systems):
+            self.ignored[NO_SYSTEM] += 1
         return [frame for system in asked for frame in self._answer(system, request)]
 
     def take_orders(self) -> list[GroundOrder]:
@@ -204,8 +214,9 @@ class GroundView:
         if mission is None or not self._permitted or not self._vehicles[system - 1].flies:
             return False
         order = order_of(mission, mission.roster[system - 1].uav, request)
-        if order is None or len(self._orders) >= MAX_ORDERS:
+        if order is None or self._ordered_count >= MAX_ORDERS:
             return False
+        self._ordered_count += 1
         self._orders.append(order)
         return True
 

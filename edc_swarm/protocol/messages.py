@@ -109,6 +109,8 @@ class Fix(Struct, frozen=True, kw_only=True, gc=False):
 class Truth(Struct, frozen=True, kw_only=True, gc=False):
     """The emulator's ground truth of a slot: the true motion, with equal points for a hold.
 
+    Of an autopilot: the motion that it reported, told one or two slots later, without an energy.
+
     A vehicle with inertia also tells the waypoint at the end of its step (`waypoint_*`), its true positions at equal
     times between the two ends (`between_*`), at most 0.1 s apart, its energy of propulsion, and whether the controller
     asked for more acceleration than the vehicle has. Between two of these positions it is at most h^2 / 8 times its

@@ -42,15 +42,17 @@ def sift(recording: Recording) -> None:
 
 
 def _running(recording: Recording) -> set[tuple[str, str]]:
-    """Return (instance, id) of every publisher with a message since the epoch.
+    """Return (instance, id) of every publisher with a message since the mission was published, or since its epoch.
 
-    One such message is enough, because a clock may be set back later in the run. The id is part of the pair, so
-    that a foreign message under another id does not make an old instance count.
+    A mission with autopilots is published long before its epoch, and may end before it. One such message is enough,
+    because a clock may be set back later in the run. The id is part of the pair, so that a foreign message under
+    another id does not make an old instance count.
     """
     mission = recording.mission
+    since_ns = min(mission.sent_ns, mission.epoch_ns) or mission.epoch_ns
     running = {(mission.instance, mission.name)}
     for kind, form in KEY_FORMS.items():
         speaker: Callable[[Any], tuple[str, str]] = attrgetter("instance", form.fields[0])
         messages = recording.lists()[kind]
-        running |= {speaker(message) for message in messages if message.sent_ns >= mission.epoch_ns}
+        running |= {speaker(message) for message in messages if message.sent_ns >= since_ns}
     return running

@@ -9,6 +9,7 @@ from contextlib import ExitStack
 
 from edc_swarm.autopilot.pilot import Pilot
 from edc_swarm.errors import InputError, SwarmError
+from edc_swarm.foreign_text import listed
 from edc_swarm.mission.autopilots import autopilots
 from edc_swarm.mission.configuration import Mission
 from processes.runtime.console import note
@@ -48,8 +49,9 @@ def check_ready(mission: Mission, local: Collection[str], *, arm: bool) -> None:
         found = {uav: _objections(pilot, link) for uav, (pilot, link) in flown.items()}
         for uav, other in _twins({uav: pilot for uav, (pilot, _) in flown.items()}).items():
             found[uav].append(f"it has the system number of the autopilot of {other}: give each its own")
-        names = {uav: pilot.telemetry.name for uav, (pilot, _) in flown.items()}
-    _report(addresses, names, found, arm=arm)
+        names = {uav: _described(pilot) for uav, (pilot, _) in flown.items()}
+        wrong = {uav: pilot.failsafe[1] for uav, (pilot, _) in flown.items() if not found[uav]}
+    _report(addresses, names, found, wrong, arm=arm)
 
 
 def _await(pilots: dict[str, Pilot]) -> None:
@@ -57,7 +59,8 @@ def _await(pilots: dict[str, Pilot]) -> None:
     end_s = time.monotonic() + READY_S
     since_s = None
     while (now_s := time.monotonic()) < end_s:
-        if any(pilot.objections(time.monotonic_ns()) for pilot in pilots.values()):
+        now_ns = time.monotonic_ns()
+        if any(pilot.objections(now_ns) or not pilot.knows_failsafe(now_ns) for pilot in pilots.values()):
             since_s = None
         elif since_s is None:
             since_s = now_s
@@ -68,6 +71,8 @@ def _await(pilots: dict[str, Pilot]) -> None:
 
 def _objections(pilot: Pilot, link: AutopilotLink) -> list[str]:
     if pilot.telemetry.system is None:
+        if link.heard["unknown"]:
+            return [f"no heartbeat within {READY_S:g} s, but {link.heard['unknown']} messages of another dialect"]
         if link.heard["bad"]:
             return [f"no heartbeat within {READY_S:g} s: what comes is no MAVLink ({link.heard['bad']} pieces)"]
         if link.heard["messages"]:
@@ -85,9 +90,23 @@ def _twins(pilots: dict[str, Pilot]) -> dict[str, str]:
     return {uav: uavs[0] for uavs in by_system.values() for uav in uavs[1:]}
 
 
-def _report(addresses: dict[str, str], names: dict[str, str], found: dict[str, list[str]], *, arm: bool) -> None:
+def _described(pilot: Pilot) -> str:
+    """Return an autopilot and its failsafe in words."""
+    return "; ".join(filter(None, [pilot.telemetry.name, pilot.failsafe[0]]))
+
+
+def _report(
+    addresses: dict[str, str],
+    names: dict[str, str],
+    found: dict[str, list[str]],
+    wrong: dict[str, list[str]],
+    *,
+    arm: bool,
+) -> None:
     for uav, address in addresses.items():
         note(f"{uav} at {address}: {'; '.join(found[uav]) or f'ready, {names[uav]}'}")
+    for text in dict.fromkeys(text for texts in wrong.values() for text in texts):
+        note(f"warning: {listed([uav for uav, texts in wrong.items() if text in texts])}: {text}")
     unready = [uav for uav, objections in found.items() if objections]
     if unready:
         raise SwarmError(f"nothing was armed: {len(unready)} of {len(addresses)} autopilots are not ready")

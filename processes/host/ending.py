@@ -3,13 +3,17 @@
 from __future__ import annotations
 
 import signal
-from collections.abc import Callable
+from collections.abc import Callable, Collection
 from pathlib import Path
 
+from edc_swarm.mission.autopilots import autopilots
+from edc_swarm.mission.configuration import Mission
 from processes.host.pool import UavPool
 from processes.runtime.children import Child
 from processes.runtime.loop import Loop
 from processes.runtime.output import log_tail
+from processes.uav.autopilot_part import LANDING_SPARE_S
+from processes.uav.flight import FLY_OUT_SLOTS
 
 CLOSE_TIMEOUT_S = 1.2
 """Longest wait for a process to end in order."""
@@ -47,6 +51,13 @@ def begin_end(loop: Loop, pool: UavPool | None) -> None:
     loop.ending = True
     if pool is not None:
         pool.to_restart.clear()
+
+
+def landing_s(mission: Mission, uavs: Collection[str], *, arm: bool) -> float:
+    """Return how long the autopilots of some UAVs may take to end their flights and land; 0 if none was armed."""
+    if not arm or autopilots(mission).keys().isdisjoint(uavs):
+        return 0.0
+    return FLY_OUT_SLOTS * mission.dt_s + mission.landing_s + LANDING_SPARE_S
 
 
 def end_fork_source(pool: UavPool | None, source: Child | None) -> None:

@@ -25,7 +25,7 @@ from processes.bus.session import hand_over, try_client
 from processes.bus.subscriptions import Gate, Heard, heard_from
 from processes.host import fork_source
 from processes.host.claim_folder import ClaimFolder, ensure_state
-from processes.host.ending import CLOSE_TIMEOUT_S, SILENT, Deaths, begin_end, end_fork_source, how_ended
+from processes.host.ending import CLOSE_TIMEOUT_S, SILENT, Deaths, begin_end, end_fork_source, how_ended, landing_s
 from processes.host.pool import UavPool
 from processes.operator import host_requests
 from processes.runtime.children import Child, ChildExited, PartEndedError
@@ -61,6 +61,7 @@ class Joiner:
         self._source_ready = False
         self._compiling = CompilingNote(Voice())
         self._over = False
+        self._lands_s = 0.0
         self._crashed = False
         self._deaths = Deaths(self._loop, self._log, self._note_crash)
         self._logs = Path()
@@ -140,6 +141,7 @@ class Joiner:
     def _start_uavs(self, pool: UavPool, issued: Issued) -> None:
         """Start the UAVs that do not fly yet."""
         roster = {entry.uav: entry for entry in issued.mission.roster}
+        self._lands_s = landing_s(issued.mission, issued.uavs, arm=self._arm)
         for uav in (uav for uav in issued.uavs if uav not in pool.living):
             ensure_state(self._logs, roster[uav], begun=issued.begun)
             pool.start(
@@ -180,7 +182,7 @@ class Joiner:
             if not presence.away_s(mission) and presence.absences > absences:
                 absences = presence.absences
                 self._replace_uavs(pool, claim())
-        self._loop.wait_quietly(lambda: not pool.living, CLOSE_TIMEOUT_S)
+        self._loop.wait_quietly(lambda: not pool.living, CLOSE_TIMEOUT_S + self._lands_s)
         self._folder.forget()
         self._loop.wait_quietly(lambda: presence.away_s(mission) > LINGER_S, LEAVE_TIMEOUT_S, LOOK_EVERY_S)
 
@@ -240,7 +242,7 @@ class Joiner:
         if pool is not None:
             for uav in list(pool.living):
                 pool.signal(uav, signal.SIGTERM)
-            self._loop.wait_quietly(lambda: not pool.living, CLOSE_TIMEOUT_S)
+            self._loop.wait_quietly(lambda: not pool.living, CLOSE_TIMEOUT_S + self._lands_s)
         end_fork_source(pool, self._source)
         if self._session is not None:
             self._session.close()

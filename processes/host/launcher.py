@@ -16,7 +16,7 @@ from edc_swarm.mission.autopilots import autopilots
 from edc_swarm.mission.configuration import Mission
 from processes.bus.subscriptions import Heard, Token
 from processes.host import fork_source
-from processes.host.ending import CLOSE_TIMEOUT_S, begin_end
+from processes.host.ending import CLOSE_TIMEOUT_S, begin_end, landing_s
 from processes.host.pool import FORK_SOURCE
 from processes.host.run_report import RunReport, report_on
 from processes.host.run_setup import Bus, Protection, RunSetup, View
@@ -35,7 +35,6 @@ from processes.services.ground_station import NAME as GROUND
 from processes.services.recorder import CANNOT_WRITE
 from processes.services.recorder import NAME as RECORDER
 from processes.services.visualiser import NAME as VIZ
-from processes.uav.autopilot_part import LANDING_SPARE_S
 
 RECORDER_TIMEOUT_S = 30.0
 """Longest wait for the recorder to finish a recording."""
@@ -165,20 +164,16 @@ class Launcher:
         """
         self._state.publish_end("interrupted" if self._loop.interrupted else "failed")
         remote = set(self._setup.elsewhere) & operator.alive
+        flown = {*self._parts.pool.living, *self._setup.elsewhere}
+        lands_s = landing_s(self._setup.mission, flown, arm=self._setup.arm)
+        if lands_s:
+            note(f"landing {len(flown & autopilots(self._setup.mission).keys())} vehicles")
         publishers = {*self._parts.pool.living, *remote, *self._state.viewers}
-        self._loop.wait_quietly(lambda: operator.seen.closed >= publishers, CLOSE_TIMEOUT_S + self._landing_s())
+        self._loop.wait_quietly(lambda: operator.seen.closed >= publishers, CLOSE_TIMEOUT_S + lands_s)
         operator.close()
         self._await_recorder()
         if self._setup.bus is None:
             operator.disconnect()
-
-    def _landing_s(self) -> float:
-        """Return the time that autopilots may take to land; 0 without any, or if none was armed."""
-        flown = set(autopilots(self._setup.mission)) & {*self._parts.pool.living, *self._setup.elsewhere}
-        if not flown or not self._setup.arm:
-            return 0.0
-        note(f"landing {len(flown)} vehicles")
-        return self._setup.mission.landing_s + LANDING_SPARE_S
 
     def _await_recorder(self) -> None:
         """Let the recorder finish; after a failure or Ctrl-C only as long as its file still grows.

@@ -9,6 +9,8 @@ from __future__ import annotations
 
 import signal
 import sys
+import time
+from collections import Counter
 from dataclasses import dataclass
 from functools import partial
 
@@ -38,6 +40,8 @@ from processes.services.orders import orders
 
 NAME = GROUND
 BRIDGE_IDLE_S = 0.25
+TELL_DENIED_S = 1.0
+"""Least time between two events on what was denied: a flood of requests is no flood of events."""
 KEPT_EVENTS_BYTES = 1 << 20
 """Size of the buffer for retransmission of events."""
 
@@ -72,6 +76,7 @@ class GroundStation:
         self._inbox: Inbox[Item] = Inbox()
         self._view = GroundView(permitted=settings.permitted)
         self._said_denied = 0
+        self._tell_denied_s = 0.0
         self._events = EventSource(NAME, self._clock)
         self._gate = Gate(partial(self._tell, EventKind.MALFORMED))
         self._over = False
@@ -97,7 +102,8 @@ class GroundStation:
             self._link.send(self._view.advance(self._clock.now_ns()))
             for order in self._view.take_orders():
                 self._tell(EventKind.GROUND_COMMAND, msgspec.json.encode(order).decode())
-            self._tell_denied()
+            if time.monotonic() >= self._tell_denied_s:
+                self._tell_denied()
             if (jump := self._clock.jump()) is not None:
                 self._tell(EventKind.CLOCK_JUMP, jump)
             self._outbox.flush()
@@ -125,15 +131,15 @@ class GroundStation:
         if isinstance(message, Event) and message.source == OPERATOR and message.kind == EventKind.END:
             self._over = True
 
-    def _tell_denied(self) -> None:
-        """Publish what was denied since the last such event."""
-        count = self._view.denied.total()
-        if count > self._said_denied:
-            self._said_denied = count
-            kinds = ", ".join(f"{kind}: {number}" for kind, number in sorted(self._view.denied.items()))
-            self._tell(EventKind.GROUND_DENIED, kinds)
+    def _tell_denied(self, ignored: Counter[str] | None = None) -> None:
+        """Publish what was denied, dropped or, in the end, ignored, if there is more of it than in the last event."""
+        denied = self._view.denied + self._link.dropped + (ignored or Counter())
+        if denied.total() > self._said_denied:
+            self._said_denied, self._tell_denied_s = denied.total(), time.monotonic() + TELL_DENIED_S
+            self._tell(EventKind.GROUND_DENIED, ", ".join(f"{kind}: {n}" for kind, n in sorted(denied.items())))
 
     def _close(self) -> None:
+        self._tell_denied(self._view.ignored)
         self._tell(EventKind.CLOSED, "{}")
         self._outbox.flush()
         self._outbox.stay(self._inbox)

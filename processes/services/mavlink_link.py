@@ -5,17 +5,18 @@ pymavlink is optional (`pip install edc-swarm[mavlink]`); only this module impor
 
 from __future__ import annotations
 
-import importlib.util
 import os
 import re
 import socket
 import threading
+import time
 from collections import Counter
 from collections.abc import Callable
 from typing import Any
 
 from edc_swarm.errors import InputError
 from edc_swarm.ground_station.frames import Frame, Request
+from processes.runtime.extras import has_package, install_command
 
 FORM = "udp:HOST:PORT"
 COMPONENT = 1
@@ -23,6 +24,8 @@ COMPONENT = 1
 MAX_DATAGRAM = 65_536
 MAX_REQUESTS = 200
 """Most requests of one datagram; more are counted and dropped."""
+MAX_REQUESTS_A_SECOND = 1_000
+"""The same of one second: a ground station that reads the missions of 250 UAVs asks less often."""
 
 
 def ground_address(text: str) -> tuple[str, int]:
@@ -36,8 +39,8 @@ def ground_address(text: str) -> tuple[str, int]:
     found = re.fullmatch(r"udp:(\[[0-9a-fA-F:]+\]|[A-Za-z0-9._-]+):(\d{1,5})", text)
     if found is None or not 0 < int(found[2]) < 65536:
         raise InputError("--mavlink", text, f"{FORM}, such as udp:127.0.0.1:14550")
-    if importlib.util.find_spec("pymavlink") is None:
-        raise InputError("--mavlink", text, "absent, or pymavlink installed: pip install 'edc-swarm[mavlink]'")
+    if not has_package("pymavlink"):
+        raise InputError("--mavlink", text, f"absent, or pymavlink installed: {install_command('mavlink')}")
     host, port = found[1].strip("[]"), int(found[2])
     try:
         socket.getaddrinfo(host, port, type=socket.SOCK_DGRAM)
@@ -65,6 +68,7 @@ class MavlinkLink:
         self._socket = socket.socket(family, socket.SOCK_DGRAM)
         self._socket.bind(("", 0))
         self._systems: dict[int, Any] = {}
+        self._second, self._heard = 0, 0
         self.dropped: Counter[str] = Counter()
 
     def send(self, frames: list[Frame]) -> None:
@@ -100,7 +104,18 @@ class MavlinkLink:
                 self.dropped["from a stranger"] += 1
                 continue
             for request in self.requests(datagram):
-                hand_over(request)
+                if self._has_room(int(time.monotonic())):
+                    hand_over(request)
+
+    def _has_room(self, second: int) -> bool:
+        """Count a request of a second; return False, and count it as dropped, if there are too many."""
+        if second != self._second:
+            self._second, self._heard = second, 0
+        self._heard += 1
+        if self._heard > MAX_REQUESTS_A_SECOND:
+            self.dropped["too many in one second"] += 1
+            return False
+        return True
 
     def requests(self, datagram: bytes) -> list[Request]:
         """Return the requests in a datagram; what is no MAVLink is counted."""

@@ -14,16 +14,21 @@ from collections import Counter
 from collections.abc import Callable
 from typing import Any
 
+from edc_swarm.autopilot.failsafes import OWN_SYSTEM
 from edc_swarm.autopilot.pilot import Pilot, Said
 from edc_swarm.errors import InputError
 from processes.runtime.extras import has_package, install_command
 
-OWN_SYSTEM, OWN_COMPONENT = 255, 190
-"""A ground station, which ArduPilot obeys by default (SYSID_MYGCS)."""
+OWN_COMPONENT = 190
+"""MAV_COMP_ID_MISSIONPLANNER, a ground station."""
+MAVLINK_1 = 0xFE
+"""First byte of a frame of MAVLink 1."""
 LEAST_TURN_S, MOST_TURN_S = 0.002, 0.05
 """Shortest and longest wait of the thread."""
 MAX_MESSAGES = 500
 """Most messages that are read in one turn; the rest waits for the next one."""
+MAX_SENDERS = 8
+"""Most addresses that one UDP port is answered to; pymavlink sends each set-point to all that it has heard."""
 DEFAULT_BAUD = 57_600
 
 
@@ -71,7 +76,8 @@ class AutopilotLink:
     Attributes
     ----------
     heard
-        Messages and bytes by kind: "messages", "bad bytes".
+        Pieces by kind: "messages", "bad" (no MAVLink), "unknown" (of another dialect), "stranger" (from one sender too
+        many), "errors", "not sent".
     """
 
     def __init__(
@@ -135,14 +141,32 @@ class AutopilotLink:
                 return
             if message is None:
                 return
+            self._forget_senders()
             name = message.get_type()
             if name == "BAD_DATA" or name.startswith("UNKNOWN"):
-                self.heard["bad"] += 1
+                self.heard["bad" if name == "BAD_DATA" else "unknown"] += 1
                 continue
             self.heard["messages"] += 1
             sender = message.get_srcSystem(), message.get_srcComponent()
             if sender[0] != OWN_SYSTEM:
-                self._pilot.telemetry.hear(name, message.to_dict(), sender, self._now_ns())
+                version = 1 if message.get_msgbuf()[0] == MAVLINK_1 else 2
+                self._pilot.telemetry.hear(
+                    name, message.to_dict(), sender, self._now_ns(), number=message.get_seq(), version=version
+                )
+
+    def _forget_senders(self) -> None:
+        """Keep the oldest senders alone, if too many send to the port: the autopilot is one that was there before."""
+        senders = getattr(self._connection, "clients_last_alive", {})
+        for sender in list(senders)[MAX_SENDERS:]:
+            del senders[sender]
+            self._connection.clients.discard(sender)
+            self.heard["stranger"] += 1
+
+    @property
+    def complaints(self) -> str:
+        """What came that is of no autopilot, in words; "" if nothing did."""
+        kinds = {"bad": "pieces that are no MAVLink", "unknown": "messages of another dialect", "stranger": "strangers"}
+        return ", ".join(f"{self.heard[kind]} {words}" for kind, words in kinds.items() if self.heard[kind])
 
     def _send(self, name: str, fields: Any) -> None:
         target = self._pilot.telemetry.system

@@ -68,3 +68,5 @@ class AutopilotPart:
             time.sleep(LOOK_DOWN_S)
         self.link.close()
         yield from news
+        if self.link.complaints:
+            yield Said("autopilot", f"on its link came {self.link.complaints}")

@@ -8,17 +8,25 @@ import msgspec
 
 from edc_swarm.agent.node import Effect, UavNode
 from edc_swarm.emulation.links import mission_s
+from edc_swarm.mission.autopilots import autopilots
 from edc_swarm.mission.configuration import NS_PER_S
+from edc_swarm.mission.prospect import COMPLETED, GIVEN_UP, STALLED
 from edc_swarm.protocol.events import EventKind
 from edc_swarm.protocol.messages import MissionMessage, Truth
 from processes.bus.subscriptions import Postbox
 from processes.uav.autopilot_part import AutopilotPart
 from processes.uav.local_faults import LocalFaults
 
+FLY_OUT_SLOTS = 2
+"""Slots for which UAVs stay after the end of a mission with autopilots."""
+
 
 @dataclass(slots=True)
 class Flight:
-    """The parts of a UAV process that need the mission."""
+    """The parts of a UAV process that need the mission.
+
+    `leave_ns` is the time from which on the process leaves, once the mission is over.
+    """
 
     mission: MissionMessage
     node: UavNode
@@ -26,6 +34,7 @@ class Flight:
     faults: LocalFaults
     autopilot: AutopilotPart | None = None
     wake_ns: int = 0
+    leave_ns: int | None = None
 
     def mission_s(self, now_ns: int) -> float:
         """Return the mission seconds at `now_ns` of the own clock."""
@@ -34,6 +43,16 @@ class Flight:
     def left_s(self, part: float, now_ns: int) -> float:
         """Return the wall time until this part of the slot that the node has begun is over, negative if it is."""
         return (self.mission.epoch_ns + (self.node.slot + part) * self.mission.slot_ns - now_ns) / NS_PER_S
+
+    def end(self, why: str, now_ns: int) -> None:
+        """Set the time to leave: now, or two slots later if the mission has autopilots and was not broken off.
+
+        A vehicle flies its declared path half a slot late, so it is still on its last step when the mission is over;
+        and a slot is told one or two slots late. All UAVs stay, so that the head stays too.
+        """
+        stays = why in {COMPLETED, GIVEN_UP, STALLED} and autopilots(self.mission)
+        slot = (now_ns - self.mission.epoch_ns) // self.mission.slot_ns
+        self.leave_ns = self.mission.epoch_ns + (slot + FLY_OUT_SLOTS) * self.mission.slot_ns if stays else now_ns
 
     def place(self, truth: Truth) -> None:
         """Give the emulated radio the true position of a UAV."""

@@ -253,7 +253,10 @@ class UavProcess:
     def _obey(self, event: Event) -> None:
         """Carry out the operator's event: end, or apply a fault."""
         if event.kind == EventKind.END:
-            self._leaving = True
+            if self._flight is None:
+                self._leaving = True
+            else:
+                self._flight.end(event.detail, self._clock.now_ns())
         elif event.kind == EventKind.FAULT and self._flight is not None:
             for node_event in self._flight.faults.apply(event.detail):
                 self._step(node_event)
@@ -287,6 +290,8 @@ class UavProcess:
         if self._flight is not None and self._clock.now_ns() >= self._flight.wake_ns:
             self._step(Tick())
             self._await_report(self._flight)
+        if self._flight is not None and self._flight.leave_ns is not None:
+            self._leaving = self._leaving or self._clock.now_ns() >= self._flight.leave_ns
 
     def _await_report(self, flight: Flight) -> None:
         """Let a command wait for the report behind it: one wake-up for both. Emulated links keep their own times."""

@@ -3,8 +3,9 @@
 Each entry is one autopilot, which sends MAVLink to a UDP port as ArduPilot's simulator does. It is as strict as
 ArduCopter where a bridge can go wrong: it follows set-points only in GUIDED, armed and after a take-off, only with
 position, velocity and acceleration in the frame of latitude, longitude and height above home, only if they are
-addressed to it; without one for three seconds it stops. Its vehicle is a point mass with limited acceleration and a
-lag. What it did is printed as JSON at its end (SIGTERM). `wrong` makes it fail:
+addressed to it; without one for GUID_TIMEOUT it stops; it lands if FS_GCS_ENABLE is 5 and the heartbeats of its ground
+station end. Its vehicle is a point mass with limited acceleration and a lag. What it did is printed as JSON at its end
+(SIGTERM). `wrong` makes it fail:
 
     silent      says nothing any more, `after` seconds from its first set-point
     refuses     does not arm
@@ -14,6 +15,10 @@ lag. What it did is printed as JSON at its end (SIGTERM). `wrong` makes it fail:
     plane       is a plane
     stranger    is an autopilot of another make
     twin        sends heartbeats of a second system too
+    double      is two autopilots with one system number
+    mavlink1    speaks MAVLink 1
+    dialect     speaks a dialect that nobody knows
+    mute        answers no request for a parameter
 """
 
 from __future__ import annotations
@@ -36,8 +41,9 @@ from pymavlink.dialects.v20 import ardupilotmega as mavlink
 EARTH_M = 6_371_000.0
 STEP_S = 0.02
 REPORT_S = 0.05
-TIMEOUT_S = 3.0
-"""GUID_TIMEOUT of ArduCopter."""
+PARAMETERS = {"GUID_TIMEOUT": 3.0, "FS_GCS_ENABLE": 5.0, "FS_GCS_TIMEOUT": 5.0, "SYSID_MYGCS": 255.0}
+"""ArduCopter's, with its defaults but for FS_GCS_ENABLE."""
+MOST_POINTS = 20_000
 GAIN_P, GAIN_V, LAG_S, MOST_MPS2, CLIMB_MPS, DESCENT_MPS = 1.0, 2.0, 0.15, 5.6, 2.5, 1.5
 GUIDED, LOITER, LAND, STABILIZE = 4, 5, 9, 0
 MASK, FRAME = 3072, 6
@@ -54,12 +60,14 @@ class Orders:
     altitude: float = 12.0
     wrong: str = ""
     after: float = 3.0
+    parameters: dict[str, float] = field(default_factory=dict)
 
 
 @dataclass
 class Vehicle:
     """A point mass: east, north and height in metres about its home."""
 
+    timeout_s: float = 3.0
     x: complex = 0j
     v: complex = 0j
     a: complex = 0j
@@ -74,8 +82,8 @@ class Vehicle:
         if self.target is not None:
             place, speed, bend = self.target
             age_s = now_s - self.target_s
-            if age_s > TIMEOUT_S:
-                self.target = (place + speed * TIMEOUT_S, 0j, 0j)
+            if age_s > self.timeout_s:
+                self.target = (place + speed * self.timeout_s, 0j, 0j)
                 place, speed, bend, age_s = *self.target, 0.0
             place += speed * age_s + 0.5 * bend * age_s * age_s
             speed += bend * age_s
@@ -101,7 +109,10 @@ class StandIn:
     first_point_s: float = math.inf
     next_beat_s: float = 0.0
     next_report_s: float = 0.0
-    log: dict[str, Any] = field(default_factory=lambda: {"points": 0, "rejected": {}, "gaps_s": [], "events": []})
+    ground_s: float = math.inf
+    log: dict[str, Any] = field(
+        default_factory=lambda: {"points": 0, "rejected": {}, "gaps_s": [], "events": [], "places": []}
+    )
 
     def __post_init__(self) -> None:
         """Open the socket and the encoder."""
@@ -112,6 +123,10 @@ class StandIn:
         self.parser = mavlink.MAVLink(None)
         self.parser.robust_parsing = True
         self.last_point_s = 0.0
+        self.parameters = PARAMETERS | self.orders.parameters
+        self.vehicle.timeout_s = self.parameters["GUID_TIMEOUT"]
+        self.second = mavlink.MAVLink(None, self.orders.system, 1)
+        self.second.seq = 100
 
     # --- what it hears ---
 
@@ -130,6 +145,10 @@ class StandIn:
         name = message.get_type()
         if getattr(message, "target_system", self.orders.system) != self.orders.system:
             self.reject("another system")
+        elif name == "HEARTBEAT" and message.get_srcSystem() == self.parameters["SYSID_MYGCS"]:
+            self.ground_s = now_s
+        elif name == "PARAM_REQUEST_READ":
+            self.tell(message.param_id)
         elif name == "COMMAND_LONG":
             self.obey(message, now_s)
         elif name == "SET_POSITION_TARGET_GLOBAL_INT":
@@ -146,7 +165,9 @@ class StandIn:
                 self.change_mode(int(message.param2) if done else self.mode, now_s)
             case 400:
                 done = self.orders.wrong != "refuses" and self.mode == GUIDED and message.param1 == 1
-                if not done:
+                if message.param1 == 0:
+                    done, self.armed = not self.flies, self.armed and self.flies
+                elif not done:
                     self.say("PreArm: Compass not calibrated")
                 elif not self.armed:
                     self.armed = True
@@ -164,6 +185,11 @@ class StandIn:
             case _:
                 done = False
         self.send(mavlink.MAVLink_command_ack_message(message.command, 0 if done else 4))
+
+    def tell(self, name: str) -> None:
+        """Tell a parameter; as ArduCopter does, say nothing of one that it lacks."""
+        if name in self.parameters and self.orders.wrong != "mute":
+            self.send(mavlink.MAVLink_param_value_message(name.encode(), self.parameters[name], 9, 1, 0))
 
     def change_mode(self, mode: int, now_s: float) -> None:
         """Enter a mode; in LAND the vehicle stops and comes down."""
@@ -199,6 +225,8 @@ class StandIn:
             if self.log["points"]:
                 self.log["gaps_s"].append(round(now_s - self.last_point_s, 4))
             self.log["points"] += 1
+            if len(self.log["places"]) < MOST_POINTS:
+                self.log["places"].append([message.time_boot_ms, message.lat_int, message.lon_int])
             self.last_point_s = now_s
 
     def reject(self, why: str) -> None:
@@ -216,11 +244,16 @@ class StandIn:
         if now_s - self.first_point_s > self.orders.after and self.orders.wrong == "leaves" and self.mode == GUIDED:
             self.say("Mode changed by pilot")
             self.change_mode(LOITER, now_s)
+        silent = now_s - self.ground_s > self.parameters["FS_GCS_TIMEOUT"]
+        if self.armed and silent and self.parameters["FS_GCS_ENABLE"] == 5 and self.mode == GUIDED:
+            self.note("ground station failsafe", now_s)
+            self.change_mode(LAND, now_s)
         if self.armed:
             self.vehicle.move(now_s)
         if self.armed and self.mode == LAND and self.vehicle.height < 0.05:
             self.armed = self.flies = False
             self.note("disarmed on the ground", now_s)
+            self.log["landed_at_m"] = [self.vehicle.x.real, self.vehicle.x.imag]
         if self.orders.wrong == "silent" and now_s - self.first_point_s > self.orders.after:
             return
         if now_s >= self.next_beat_s:
@@ -271,9 +304,17 @@ class StandIn:
 
     def send(self, message: Any) -> None:
         """Send a message to the port."""
-        with contextlib.suppress(ConnectionRefusedError):
-            self.socket.sendto(message.pack(self.mav), ("127.0.0.1", self.orders.port))
-        self.mav.seq = (self.mav.seq + 1) % 256
+        wrong = self.orders.wrong
+        frames = [message.pack(self.mav, force_mavlink1=wrong == "mavlink1")]
+        if wrong == "double":
+            frames.append(message.pack(self.second))
+        if wrong == "dialect":  # A frame of MAVLink 2 with message 60000.
+            frames = [bytes([0xFD, 4, 0, 0, self.mav.seq, self.orders.system, 1, 0x60, 0xEA, 0, 1, 2, 3, 4, 0, 0])]
+        for frame in frames:
+            with contextlib.suppress(ConnectionRefusedError):
+                self.socket.sendto(frame, ("127.0.0.1", self.orders.port))
+        for mav in (self.mav, self.second):
+            mav.seq = (mav.seq + 1) % 256
 
 
 def main(orders: list[dict[str, Any]]) -> None:

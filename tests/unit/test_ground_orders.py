@@ -10,6 +10,7 @@ import pytest
 from edc_swarm.geodesy import to_wgs84
 from edc_swarm.ground_station.frames import Request
 from edc_swarm.ground_station.view import GroundView
+from edc_swarm.mission.configuration import NS_PER_S
 from edc_swarm.mission.faults import GiveGoal, OrderLanding
 from edc_swarm.mission.routes import Course
 from edc_swarm.protocol.ground_orders import GroundOrder, GroundOrders, order_in
@@ -84,6 +85,20 @@ def test_with_permission_everything_else_is_denied_still(request_: Request) -> N
     allowed = view()
     allowed.answer(request_)
     assert (allowed.take_orders(), allowed.denied.total()) == ([], 1)
+
+
+def test_a_flood_of_commands_is_bounded_and_the_rest_is_denied() -> None:
+    """2000 commands to land in a second: 500 orders; the next second has room again."""
+    allowed = view()
+    allowed.advance(10 * NS_PER_S)
+    for _ in range(2000):
+        allowed.answer(asks("command_long", command=21))
+    assert (len(allowed.take_orders()), allowed.denied.total()) == (500, 1500)
+    allowed.answer(asks("command_long", command=21))
+    assert allowed.take_orders() == [], "taking the orders makes no room"
+    allowed.advance(11 * NS_PER_S)
+    allowed.answer(asks("command_long", command=21))
+    assert len(allowed.take_orders()) == 1
 
 
 def test_a_uav_that_was_never_heard_takes_no_order() -> None:

@@ -128,6 +128,7 @@ def test_a_request_to_all_is_answered_by_each_and_one_to_a_stranger_by_nobody(vi
     assert [frame.system for frame in named(view.answer(request), "home_position")] == [1, 2]
     assert view.answer(asks("command_long", 3, command=400)) == []
     assert view.denied.total() == 0
+    assert dict(view.ignored) == {"for a system that is no UAV": 1}
 
 
 def test_kinds_of_denied_requests_are_bounded(view: GroundView) -> None:
@@ -165,4 +166,7 @@ def test_hostile_datagrams_are_counted_and_dropped() -> None:
         assert link.dropped["not MAVLink"] > 0
         assert len(link.requests(good * 500)) == 200
         assert link.dropped["too many in one datagram"] == 300
+        assert sum(link._has_room(7) for _ in range(5000)) == 1000
+        assert link.dropped["too many in one second"] == 4000
+        assert link._has_room(8)
         link.close()

@@ -24,6 +24,7 @@ from edc_swarm.recording.mcap_file import MAGIC, Channel
 from edc_swarm.recording.model import Recording
 from edc_swarm.recording.reader import read_recording, recover
 from edc_swarm.recording.schemas import json_schema
+from edc_swarm.recording.sifting import sift
 from edc_swarm.recording.writer import RecordingWriter, TooLarge
 from tests.unit.synthetic import EPOCH_NS, flight, parallel
 
@@ -343,6 +344,19 @@ def test_what_is_of_nobody_or_of_an_older_run_counts_for_nothing(tmp_path: Path,
     assert recording.lists() == Recording.from_messages([*messages, wrong]).lists()
     (complete,) = (result for result in check(recording) if result.guarantee == "G5")
     assert not any("99" in where for where in complete.where)
+
+
+def test_a_mission_that_ends_before_its_first_slot_is_of_this_run(messages: list[Message]) -> None:
+    """Autopilots take off before slot 0: what is said from the publication on counts, and what is older does not."""
+    mission = messages[0]
+    assert isinstance(mission, MissionMessage)
+    published_ns = mission.epoch_ns - 20 * 10**9
+    said = Event(source="u0", instance="new", kind="autopilot", detail="armed", sent_ns=published_ns + 1)
+    older = msgspec.structs.replace(said, instance="old", sent_ns=published_ns - 1)
+    recording = Recording.from_messages([msgspec.structs.replace(mission, sent_ns=published_ns), said, older])
+    sift(recording)
+    assert recording.events == [said]
+    assert [garbage.reason for garbage in recording.garbage] == ["from an older run"]
 
 
 def test_a_flood_of_garbage_makes_few_notes(tmp_path: Path, messages: list[Message]) -> None:

@@ -35,7 +35,7 @@ class Body:
 
     state = None
     next_measured_m = (40.0, 0.0)
-    standing = Flown((40.0, 0.0), (40.0, 0.0), [], (40.0, 0.0), 0.0, told_late=True)
+    standing = Flown((40.0, 0.0), (40.0, 0.0), None, (40.0, 0.0), 0.0, past=[])
 
     def __init__(self) -> None:
         self.stray_m: float | None = None
@@ -43,7 +43,7 @@ class Body:
     def fly(self, slot: int, from_m: Any, to_m: Any) -> Flown:
         """Return a report of the place."""
         del slot, from_m
-        return Flown(to_m, to_m, [], to_m, 0.0, told_late=True, stray_m=self.stray_m)
+        return Flown(to_m, to_m, None, to_m, 0.0, past=[], stray_m=self.stray_m)
 
     def brake(self, slot: int, from_m: Any, to_m: Any) -> None:
         """Do nothing."""

@@ -30,6 +30,7 @@ from operator import attrgetter
 import numpy as np
 from numpy.typing import NDArray
 
+from edc_swarm.analysis.autopilots import never_flew, unreported
 from edc_swarm.analysis.tracks import Tracks, tracks_of
 from edc_swarm.analysis.true_paths import TruePaths, true_paths
 from edc_swarm.foreign_text import listed
@@ -159,8 +160,17 @@ class Evidence:
         if kind in {"fix", "truth"}:
             published = self.recording.fixes if kind == "fix" else self.recording.truths
             silent = self.index.keys() - set(map(attrgetter("uav"), published)) - self.ends.ended_by_fault - unended
+            silent -= never_flew(self.recording)
             if silent:
                 yield f"no {name} of {_named(silent)}" + (": bodies cannot be judged" if kind == "truth" else "")
+            if kind == "truth":
+                yield from self._unreported(silent)
+
+    def _unreported(self, silent: set[str]) -> Iterator[str]:
+        """Yield a reason if autopilots of UAVs that are not wholly `silent` have reported too little in some slots."""
+        slots = [f"{count} of {uav}" for uav, count in unreported(self.recording).items() if uav not in silent]
+        if slots:
+            yield f"slots that autopilots did not report: {listed(slots)}: bodies cannot be judged there"
 
 
 @dataclass(frozen=True, slots=True)

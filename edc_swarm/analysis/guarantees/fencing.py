@@ -7,9 +7,9 @@ from collections.abc import Iterable, Iterator
 
 import numpy as np
 
+from edc_swarm.analysis.autopilots import strays_of
 from edc_swarm.analysis.guarantees.evidence import Evidence
 from edc_swarm.analysis.guarantees.verdict import GuaranteeResult, Violation, not_judged, verdict
-from edc_swarm.analysis.landing import strays_of
 from edc_swarm.analysis.tracks import TRUTH_TOLERANCE_M, Step
 from edc_swarm.analysis.true_paths import have_inertia
 from edc_swarm.mission.configuration import NS_PER_S

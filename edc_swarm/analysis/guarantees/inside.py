@@ -11,6 +11,7 @@ from collections.abc import Iterator
 
 import numpy as np
 
+from edc_swarm.analysis.autopilots import strayed_by
 from edc_swarm.analysis.guarantees.evidence import Evidence
 from edc_swarm.analysis.guarantees.verdict import Violation
 from edc_swarm.analysis.true_paths import Floats, TruePaths
@@ -23,9 +24,9 @@ MEMORY_SLOTS = 8
 
 
 def deviations_m(evidence: Evidence, paths: TruePaths) -> Floats:
-    """Return (S, K, N + 1) distances of the bodies from their declared paths, NaN where unknown or on the ground."""
+    """Return (S, K, N + 1) distances of bodies from their declared paths, NaN where unknown, stray or on the ground."""
     tracks = evidence.tracks
-    unknown = tracks.lost | tracks.grounded
+    unknown = tracks.lost | tracks.grounded | tracks.astray
     unknown[1:] |= tracks.lost[:-1]
     return np.where(unknown[..., None], np.nan, paths.deviation_m(tracks.centre_m))
 
@@ -64,6 +65,8 @@ def strayed(evidence: Evidence) -> Iterator[Violation]:
 def _cause(evidence: Evidence, paths: TruePaths, slot: int, k: int) -> str:
     """Return which bound was too small, by what the record tells of the slots before."""
     mission, tracks = evidence.mission, evidence.tracks
+    if why := strayed_by(evidence.recording, tracks.uavs[k], slot):
+        return f"its vehicle no longer followed: {why}"
     entry, span = mission.roster[k], slice(max(0, slot - MEMORY_SLOTS), slot + 1)
     budget = budget_of(mission, entry)
     error_m = float(np.nanmax(length_m(paths.measured_m[span, k] - paths.path_m[span, k, 0]), initial=0.0))
