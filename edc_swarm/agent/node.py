@@ -131,6 +131,11 @@ class UavNode:
         return self._election.leads
 
     @property
+    def trusts(self) -> bool:
+        """True if another UAV leads, and this one does not suspect it."""
+        return not (self._election.leads or self._election.suspects)
+
+    @property
     def last_seqs(self) -> dict[str, int]:
         """Last sequence number on each key of this UAV, for the `closed` event."""
         return dict(self._outgoing.seqs)
@@ -302,6 +307,8 @@ class UavNode:
             return
         if command.slot >= self.slot:
             self._election.hear_command()
+        if command.slot == self.slot:
+            self._again_ns = None  # It comes too late: the head is slow, not deaf, and more fixes would slow it down.
         if command.slot > self.slot and self._flight.keep(command):
             self._repetition.take_command(command)
             self._outgoing.wgs84(self._vehicle.next_position_m)  # Half the work of a tick, done while there is time.
