@@ -12,7 +12,7 @@ event               condition                                             action
 ==================  ====================================================  ============================
 report or command   from the head granted, with a quorum                  renew the lease, trust again
 report              proves a quorum for a higher term                     grant it
-report              from the head granted, names a successor              grant it in the next slot
+report              from the head granted, names a successor, even late   grant it in the next slot
 report (claim)      shows a quorum of suspicions, I suspect, term higher  grant it
 fix                 I suspect, and it carries a higher term               grant the same
 fix                 a quorum of fixes carries one higher grant            grant the same
@@ -193,6 +193,14 @@ class Election:
         if report.has_quorum and theirs == self.grant:
             self._renew()
             self.standbys = tuple(report.standby)
+            self._hear_successor(report)
+
+    def hear_late_report(self, report: Report) -> None:
+        """Process a report that is no sign of life any more: it may still name the successor in the term granted.
+
+        Its head has left that term. Whoever did not follow would miss in its quorum until the rota elects another one.
+        """
+        if (report.term, report.head) == self.grant:
             self._hear_successor(report)
 
     def peer_gone(self, uav: str) -> None:

@@ -136,6 +136,11 @@ class UavNode:
         return not (self._election.leads or self._election.suspects)
 
     @property
+    def is_urgent(self) -> bool:
+        """True if all others wait for this UAV: it leads, or it may have to claim, since it hears all without a head."""
+        return self._election.leads or (self._election.listens and self._election.suspects)
+
+    @property
     def last_seqs(self) -> dict[str, int]:
         """Last sequence number on each key of this UAV, for the `closed` event."""
         return dict(self._outgoing.seqs)
@@ -321,6 +326,8 @@ class UavNode:
             self._knowledge.hear_report(report)
         if report.slot >= self.slot - 1 or report.term > self.grant[0]:
             self._election.hear_report(report)
+        elif report.has_quorum:
+            self._election.hear_late_report(report)
 
     def _take_goal(self, goal: Goal, now_ns: int) -> None:
         """Fly a goal that is newer than the own one: persist it, then acknowledge it by a fix; or say why not."""

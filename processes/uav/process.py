@@ -114,7 +114,7 @@ class UavProcess:
         self._peers = Peers()
         self._flight: Flight | None = None
         self._leaving = False
-        self._leads = False
+        self._is_urgent = False
         give_way()  # Before Zenoh's threads begin, which inherit it.
         self._response_ms = measured_response_ms() if settings.measure_response else 0.0
         self._session = open_client(settings.endpoint, credentials(settings.certs, settings.uav))
@@ -339,11 +339,11 @@ class UavProcess:
             self._peers = Peers()
 
     def _take_precedence(self) -> None:
-        """Put this process before all followers while the UAV leads."""
-        leads = self._flight is not None and self._flight.node.leads
-        if leads != self._leads:
-            self._leads = leads
-            (come_first if leads else give_way)()
+        """Put this process before all followers while they wait for it."""
+        is_urgent = self._flight is not None and self._flight.node.is_urgent
+        if is_urgent != self._is_urgent:
+            self._is_urgent = is_urgent
+            (come_first if is_urgent else give_way)()
 
     def _comes_too_late(self, airframe: Airframe) -> bool:
         """Return True if the vehicle has begun to land and so does not accept the step to be written."""
