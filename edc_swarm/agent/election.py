@@ -183,8 +183,16 @@ class Election:
         self._renew()
 
     def hear_report(self, report: Report) -> None:
-        """Process a report: a sign of life, a proof of a newer term, a claim or a handover."""
+        """Process a report: a sign of life, a proof of a newer term, a claim or a handover.
+
+        One that is late is a handover at most. Its head has left the term that it says: a UAV that did not follow would
+        miss in the quorum of the successor until the rota elects another one.
+        """
         theirs = (report.term, report.head)
+        if report.slot < self.slot - 1 and report.term <= self.term:
+            if report.has_quorum and theirs == self.grant:
+                self._hear_successor(report)
+            return
         if report.status == "claim":
             if self.suspects and len(report.grants) >= self._quorum:
                 self._adopt(theirs)
@@ -193,14 +201,6 @@ class Election:
         if report.has_quorum and theirs == self.grant:
             self._renew()
             self.standbys = tuple(report.standby)
-            self._hear_successor(report)
-
-    def hear_late_report(self, report: Report) -> None:
-        """Process a report that is no sign of life any more: it may still name the successor in the term granted.
-
-        Its head has left that term. Whoever did not follow would miss in its quorum until the rota elects another one.
-        """
-        if (report.term, report.head) == self.grant:
             self._hear_successor(report)
 
     def peer_gone(self, uav: str) -> None:

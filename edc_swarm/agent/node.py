@@ -133,11 +133,11 @@ class UavNode:
     @property
     def trusts(self) -> bool:
         """True if another UAV leads, and this one does not suspect it."""
-        return not (self._election.leads or self._election.suspects)
+        return self.grant[0] > 0 and not (self._election.leads or self._election.suspects)
 
     @property
     def is_urgent(self) -> bool:
-        """True if all others wait for this UAV: it leads, or it may have to claim, since it hears all without a head."""
+        """True if all others wait for this UAV: it leads, or hears all fixes without a head and may have to claim."""
         return self._election.leads or (self._election.listens and self._election.suspects)
 
     @property
@@ -324,10 +324,7 @@ class UavNode:
             return
         if report.has_quorum:
             self._knowledge.hear_report(report)
-        if report.slot >= self.slot - 1 or report.term > self.grant[0]:
-            self._election.hear_report(report)
-        elif report.has_quorum:
-            self._election.hear_late_report(report)
+        self._election.hear_report(report)
 
     def _take_goal(self, goal: Goal, now_ns: int) -> None:
         """Fly a goal that is newer than the own one: persist it, then acknowledge it by a fix; or say why not."""

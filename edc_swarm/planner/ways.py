@@ -35,7 +35,7 @@ _CORNER = [(math.cos(math.tau * (i + 0.5) / CORNERS), math.sin(math.tau * (i + 0
 
 
 def walls_of(position_m: Floats, r_m: Floats, obstacles: Obstacles, reach_m: Floats | float = np.inf) -> kernel.Walls:
-    """Return the hulls with the distances that each UAV keeps from their segments; `reach_m` (n,) is how far it flies."""
+    """Return the hulls with the distances that each UAV keeps from their segments; it flies `reach_m` (n,) at most."""
     keep_m = r_m[:, None] + obstacles.keep_m + obstacles.radius_m + DELTA_M
     away_m = point_segment_distance_m(position_m[:, None], obstacles.a_m[None], obstacles.b_m[None])
     bar_m = np.minimum(keep_m, 0.9995 * away_m) - kernel.ROUNDING_M
@@ -112,7 +112,8 @@ def _free_point(point_m: Floats, r_m: float, a_m: Floats, b_m: Floats, apart_m: 
         near = spare_m <= ring_m[-1] + SPARE_M
         free = _usable(trial_m, r_m, a_m[near], b_m[near], apart_m[near], airspace)
         if free.any():
-            return trial_m[int(np.argmax(free))]
+            found_m: Floats = trial_m[int(np.argmax(free))]
+            return found_m
     return point_m
 
 

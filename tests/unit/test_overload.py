@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import subprocess
 import sys
+from typing import Any
 
 import msgspec
 import numpy as np
@@ -15,11 +16,14 @@ from edc_swarm.agent.leadership import Leadership
 from edc_swarm.agent.node import Publish, Received, Tick, UavNode
 from edc_swarm.agent.slot_clock import SlotClock
 from edc_swarm.agent.vehicle import Promise
+from edc_swarm.geometry import Floats
 from edc_swarm.mission.configuration import Mission
+from edc_swarm.planner import guidance_kernel as kernel
 from edc_swarm.planner import ways
 from edc_swarm.planner.interface import Hull, PlanRequest
 from edc_swarm.planner.registry import make_planner
-from edc_swarm.protocol.messages import Fix, MissionMessage
+from edc_swarm.protocol.messages import Fix, MissionMessage, Report
+from edc_swarm.solver.hull_rows import Obstacles
 from tests import builders
 from tests.builders import at, mission_message, row
 
@@ -38,7 +42,7 @@ def follower() -> UavNode:
     return node
 
 
-def report_of(slot: int, heard: str = "abcde", **fields: object) -> builders.Report:
+def report_of(slot: int, heard: str = "abcde", **fields: Any) -> Report:
     """A report of head a with a quorum."""
     return builders.report(slot, heard=list(heard), grants=list(heard), quorum=MISSION.quorum, **fields)
 
@@ -63,6 +67,18 @@ def test_a_late_report_is_no_sign_of_life() -> None:
         assert (node.grant, node.trusts) == ((1, "a"), False)
 
 
+def test_nobody_trusts_without_a_head() -> None:
+    """A UAV that trusts its head reads fixes late; in control without a head each UAV needs them at once."""
+    local = mission_message(ROSTER, gps_model="none", control="local")
+    alone = builders.node(local, "b", Promise(waypoint_x_m=40.0, waypoint_y_m=0.0))
+    alone.step(Tick(), at(5))
+    assert not alone.trusts
+    node = follower()
+    node.step(Received(report_of(5)), at(5.5))
+    assert node.trusts
+    assert not node.is_urgent
+
+
 def test_a_command_that_comes_too_late_asks_for_no_second_fix() -> None:
     """The head is slow, not deaf: the fix would be one of K more that an overloaded machine has to carry."""
     waits, spared = follower(), follower()
@@ -76,7 +92,7 @@ def test_a_command_that_comes_too_late_asks_for_no_second_fix() -> None:
     assert [len(fixes) for fixes in said] == [1, 0]
 
 
-def heard_by_head(slot: int, *uavs: str, **fields: object) -> Leadership:
+def heard_by_head(slot: int, *uavs: str, **fields: Any) -> Leadership:
     """Head a, whose standbys are d and e, with the fixes of slot 9 of all, and of `slot` of some."""
     knowledge = Knowledge(ROSTER)
     election = Election(MISSION, "a", (1, "a"), True, knowledge)
@@ -89,7 +105,8 @@ def heard_by_head(slot: int, *uavs: str, **fields: object) -> Leadership:
             knowledge.hear_fix(
                 builders.fix(uav, when, term=1, head="a", energy_j=1e4 - IDS.index(uav), **changed), when
             )
-    election.hear_report(report_of(9, standby=["d", "e"]))
+        if when == 9:
+            election.hear_report(report_of(9, standby=["d", "e"]))
     return leadership
 
 
@@ -142,7 +159,7 @@ def test_near_hulls_alone_give_the_plan_of_all(monkeypatch: pytest.MonkeyPatch) 
     near = ways.walls_of
     counts = []
 
-    def all_of(position_m: ways.Floats, r_m: ways.Floats, obstacles: ways.Obstacles, _: object = 0) -> object:
+    def all_of(position_m: Floats, r_m: Floats, obstacles: Obstacles, _: object = 0) -> kernel.Walls:
         counts.append(len(near(position_m, r_m, obstacles, 2.5).which))
         return near(position_m, r_m, obstacles)
 
