@@ -12,7 +12,7 @@ event               condition                                             action
 ==================  ====================================================  ============================
 report or command   from the head granted, with a quorum                  renew the lease, trust again
 report              proves a quorum for a higher term                     grant it
-report              from the head granted, names a successor              grant it in the next slot
+report              from the head granted, names a successor, even late   grant it in the next slot
 report (claim)      shows a quorum of suspicions, I suspect, term higher  grant it
 fix                 I suspect, and it carries a higher term               grant the same
 fix                 a quorum of fixes carries one higher grant            grant the same
@@ -183,8 +183,16 @@ class Election:
         self._renew()
 
     def hear_report(self, report: Report) -> None:
-        """Process a report: a sign of life, a proof of a newer term, a claim or a handover."""
+        """Process a report: a sign of life, a proof of a newer term, a claim or a handover.
+
+        One that is late is a handover at most. Its head has left the term that it says: a UAV that did not follow would
+        miss in the quorum of the successor until the rota elects another one.
+        """
         theirs = (report.term, report.head)
+        if report.slot < self.slot - 1 and report.term <= self.term:
+            if report.has_quorum and theirs == self.grant:
+                self._hear_successor(report)
+            return
         if report.status == "claim":
             if self.suspects and len(report.grants) >= self._quorum:
                 self._adopt(theirs)

@@ -130,6 +130,9 @@ class Knowledge:
 
     def recent(self, since_slot: int) -> Iterator[Fix]:
         """Yield the newest fixes, in roster order, that are not older than `since_slot`."""
+        if len(self.newest) == 1:  # A UAV that hears no fixes has its own one alone.
+            yield from (fix for fix in self.newest.values() if fix.slot >= since_slot)
+            return
         for uav in self._roster:
             fix = self.newest.get(uav)
             if fix is not None and fix.slot >= since_slot:

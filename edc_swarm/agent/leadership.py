@@ -5,7 +5,7 @@ from __future__ import annotations
 import msgspec
 
 from edc_swarm.agent.election import Election
-from edc_swarm.agent.head import Head
+from edc_swarm.agent.head import ABSENT_SLOTS, Head
 from edc_swarm.agent.knowledge import Knowledge
 from edc_swarm.agent.rota import Rota
 from edc_swarm.agent.slot_clock import SlotClock
@@ -86,13 +86,26 @@ class Leadership:
         self._election.planned()
 
     def with_succession(self, report: Report) -> Report:
-        """Return the report with the standbys, ranked anew, and with the successor if the head names one."""
+        """Return the report with the standbys, and with the successor if the head names one.
+
+        The standbys are ranked anew in each slot that lacks no fix. In any other one those stay whose fixes are only
+        late: each new standby loads and rehearses the planner and hears all fixes, so an overloaded swarm whose head
+        named others in each slot would never get rid of its load.
+        """
         heard = [self._knowledge.newest[uav] for uav in report.heard]
         ranked = [uav for uav in self._election.candidates.ranked(heard) if uav != self._uav]
+        if not self.head.complete(report.slot, self.gone):
+            kept = [uav for uav in self._election.standbys if self._stays(uav, report.slot)]
+            ranked = [*kept, *(uav for uav in ranked if uav not in kept)]
         next_term, successor = self._election.pick_successor(heard, not report.unheard) or (0, "")
         return msgspec.structs.replace(
             report, standby=ranked[: self._mission.standbys], successor=successor, next_term=next_term
         )
+
+    def _stays(self, uav: str, slot: int) -> bool:
+        """Return True if a standby was heard lately, trusts its head, and has not left the bus."""
+        fix = self._knowledge.newest.get(uav)
+        return fix is not None and slot - fix.slot <= ABSENT_SLOTS and not fix.suspects and uav not in self.gone
 
     def is_new(self, problem: str) -> bool:
         """Return True for a problem other than that of the plan before."""

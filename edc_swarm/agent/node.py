@@ -131,6 +131,16 @@ class UavNode:
         return self._election.leads
 
     @property
+    def trusts(self) -> bool:
+        """True if another UAV leads, and this one does not suspect it."""
+        return self.grant[0] > 0 and not (self._election.leads or self._election.suspects)
+
+    @property
+    def is_urgent(self) -> bool:
+        """True if all others wait for this UAV: it leads, or hears all fixes without a head and may have to claim."""
+        return self._election.leads or (self._election.listens and self._election.suspects)
+
+    @property
     def last_seqs(self) -> dict[str, int]:
         """Last sequence number on each key of this UAV, for the `closed` event."""
         return dict(self._outgoing.seqs)
@@ -302,6 +312,8 @@ class UavNode:
             return
         if command.slot >= self.slot:
             self._election.hear_command()
+        if command.slot == self.slot:
+            self._again_ns = None  # It comes too late: the head is slow, not deaf, and more fixes would slow it down.
         if command.slot > self.slot and self._flight.keep(command):
             self._repetition.take_command(command)
             self._outgoing.wgs84(self._vehicle.next_position_m)  # Half the work of a tick, done while there is time.
@@ -312,8 +324,7 @@ class UavNode:
             return
         if report.has_quorum:
             self._knowledge.hear_report(report)
-        if report.slot >= self.slot - 1 or report.term > self.grant[0]:
-            self._election.hear_report(report)
+        self._election.hear_report(report)
 
     def _take_goal(self, goal: Goal, now_ns: int) -> None:
         """Fly a goal that is newer than the own one: persist it, then acknowledge it by a fix; or say why not."""

@@ -42,10 +42,9 @@ def next_goal(mission: Mission, uav: str, number: int, here_m: Point) -> Point:
     A UAV for which there was room for no other site flies to a place that may be another UAV's too; where zones leave
     none either, it flies to and fro between its start and its target.
     """
-    spots = tuple(map(_spot, mission.roster))
-    index = [spot[0] for spot in spots].index(uav)
-    zones = _restricting(mission.zone, *rectangle_m(mission.roster))
-    own = sites_of(mission.seed, spots, msgspec.json.encode(zones))[index]
+    index = [entry.uav for entry in mission.roster].index(uav)
+    spots, zones, sites = drawn_sites(mission)
+    own = sites[index]
     rng = Random(f"{mission.seed}/goal/{uav}/{number}")
     others = [site for site in own if math.dist(site, here_m) > 1.0]
     if others:
@@ -53,6 +52,17 @@ def next_goal(mission: Mission, uav: str, number: int, here_m: Point) -> Point:
     start_m, low_high = spots[index][1], rectangle_m(mission.roster)
     drawn = _allowed(zones, spots[index], [_drawn(rng, *low_high) for _ in range(SITE_TRIES if zones else 1)])
     return drawn[0] if drawn else start_m
+
+
+def drawn_sites(mission: Mission) -> tuple[tuple[Spot, ...], list[Zone], list[list[Point]]]:
+    """Return the spots of the roster, the zones that restrict sites, and the sites of every UAV; the last are kept.
+
+    A process that has called it once, or that was forked by one that has, draws no site in flight: that of 200 UAVs
+    takes longer than a tick may be late.
+    """
+    spots = tuple(map(_spot, mission.roster))
+    zones = _restricting(mission.zone, *rectangle_m(mission.roster))
+    return spots, zones, sites_of(mission.seed, spots, msgspec.json.encode(zones))
 
 
 @lru_cache(maxsize=4)
@@ -71,7 +81,8 @@ def sites_of(seed: int, spots: tuple[Spot, ...], zones: bytes = b"[]") -> list[l
     for number in range(1, SITES):
         for spot, own in zip(spots, sites, strict=True):
             rng = Random(f"{seed}/site/{spot[0]}/{number}")
-            tries = _allowed(limits, spot, [_drawn(rng, low_m, high_m) for _ in range(SITE_TRIES)])
+            draws = (_drawn(rng, low_m, high_m) for _ in range(SITE_TRIES))
+            tries = _allowed(limits, spot, list(draws)) if limits else draws
             site = next((site for site in tries if taken.has_room(site)), None)
             if site is not None:
                 own.append(site)

@@ -172,7 +172,8 @@ class Guidance:
         """Return the preferred waypoints (n, 2), each within the UAV's longest step."""
         if not len(scene.uav):
             return np.empty((0, 2))
-        walls = ways.walls_of(scene.position_m, scene.r_m, scene.obstacles)
+        reach_m = self._u_max_m[scene.uav] * (self._tuning.look_ahead + 1)
+        walls = ways.walls_of(scene.position_m, scene.r_m, scene.obstacles, reach_m)
         goal_m, way_m = ways.routed(
             scene.position_m, scene.goal_m, walls, scene.slot, scene.uav, scene.r_m, self._charts
         )

@@ -82,12 +82,16 @@ class Walls(NamedTuple):
 
     `keep_m` (n, m) is the distance that each UAV's centre should keep: R + delta plus the hull's radius. `bar_m`
     (n, m) is the distance that it must keep: the same, or 0.9995 of the present distance if that is less.
+    `begin` (n + 1,) and `which` list the hulls that each UAV can come near within the look-ahead, in ascending order:
+    UAV k those in which[begin[k]:begin[k + 1]].
     """
 
     a_m: Floats
     b_m: Floats
     keep_m: Floats
     bar_m: Floats
+    begin: Ints
+    which: Ints
 
 
 class Barred(NamedTuple):
@@ -314,10 +318,11 @@ def wall_conflict(rules: Rules, walls: Walls, k: int, x0: float, y0: float, x: f
     A vehicle nearer than `keep_m` pays a moderate price for staying, so it leaves by its cheapest way.
     Callers call it only if there are hulls: to pass them as arguments costs a third of the time of all other work.
     """
-    a, b, keep, bar = walls.a_m, walls.b_m, walls.keep_m, walls.bar_m
+    a, b, keep, bar, which = walls.a_m, walls.b_m, walls.keep_m, walls.bar_m, walls.which
     price = 0.0
     ax, ay = x - x0, y - y0
-    for w in range(a.shape[0]):
+    for e in range(walls.begin[k], walls.begin[k + 1]):
+        w = which[e]
         px, py = x0 - a[w, 0], y0 - a[w, 1]
         bx, by = a[w, 0] - b[w, 0], a[w, 1] - b[w, 1]
         far = keep[k, w] + norm(bx, by) + norm(ax, ay)

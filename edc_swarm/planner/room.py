@@ -266,7 +266,7 @@ def _with(walls: kernel.Walls, rows: Indices, position_m: Floats, r_m: Floats, o
     point_m = position_m[others]
     keep_m = r_m[rows][:, None] + r_m[others] + DELTA_M
     bar_m = np.minimum(keep_m, 0.9995 * length_m(position_m[rows][:, None] - point_m)) - kernel.ROUNDING_M
-    return kernel.Walls(
+    return ways.walls_near(
         np.concatenate([walls.a_m, point_m]),
         np.concatenate([walls.b_m, point_m]),
         np.concatenate([walls.keep_m[rows], keep_m], axis=1),

@@ -28,17 +28,33 @@ TESTS = 200_000
 """Limit per slot on tests of a line of sight against a hull; the UAVs left fly towards their goals."""
 RING_M = 0.5
 RINGS, BEARINGS = 120, 24
+RINGS_AT_ONCE = 8
+"""Rings that are tried together; a divisor of `RINGS`."""
 _BEARING = [(math.cos(math.tau * i / BEARINGS), math.sin(math.tau * i / BEARINGS)) for i in range(BEARINGS)]
 _CORNER = [(math.cos(math.tau * (i + 0.5) / CORNERS), math.sin(math.tau * (i + 0.5) / CORNERS)) for i in range(CORNERS)]
 
 
-def walls_of(position_m: Floats, r_m: Floats, obstacles: Obstacles) -> kernel.Walls:
-    """Return the hulls with the distances that each UAV keeps from their segments."""
+def walls_of(position_m: Floats, r_m: Floats, obstacles: Obstacles, reach_m: Floats | float = np.inf) -> kernel.Walls:
+    """Return the hulls with the distances that each UAV keeps from their segments; it flies `reach_m` (n,) at most."""
     keep_m = r_m[:, None] + obstacles.keep_m + obstacles.radius_m + DELTA_M
     away_m = point_segment_distance_m(position_m[:, None], obstacles.a_m[None], obstacles.b_m[None])
     bar_m = np.minimum(keep_m, 0.9995 * away_m) - kernel.ROUNDING_M
+    return walls_near(obstacles.a_m, obstacles.b_m, keep_m, bar_m, away_m < keep_m + np.reshape(reach_m, (-1, 1)))
+
+
+def walls_near(
+    a_m: Floats, b_m: Floats, keep_m: Floats, bar_m: Floats, near: NDArray[np.bool_] | None = None
+) -> kernel.Walls:
+    """Return the hulls, of which each UAV can come near those of the mask `near` (n, m); None: near all of them.
+
+    A flight past all others costs nothing, so to leave them out changes no price.
+    """
+    near = np.ones(keep_m.shape, dtype=bool) if near is None else near
+    begin = np.concatenate([[0], np.cumsum(near.sum(axis=1))]).astype(np.int64)
     # One memory layout: numba compiles the kernel anew for any other.
-    return kernel.Walls(np.ascontiguousarray(obstacles.a_m), np.ascontiguousarray(obstacles.b_m), keep_m, bar_m)
+    return kernel.Walls(
+        np.ascontiguousarray(a_m), np.ascontiguousarray(b_m), keep_m, bar_m, begin, np.nonzero(near)[1].astype(np.int64)
+    )
 
 
 def free_goals(target_m: Floats, r_m: Floats, obstacles: Obstacles, airspace: Airspace | None = None) -> Floats:
@@ -88,10 +104,17 @@ def _free_point(point_m: Floats, r_m: float, a_m: Floats, b_m: Floats, apart_m: 
         far_m = float(length_m(away_m))
         away = away_m / far_m if far_m > ON_EDGE_M else side[worst] if side[worst].any() else np.array([1.0, 0.0])
         moved_m = nearest_m[worst] + (near_m[worst] + SPARE_M) * away
-    ring_m = RING_M * np.arange(1, RINGS + 1)
-    trial_m = point_m + (ring_m[:, None, None] * np.array(_BEARING)).reshape(-1, 2)
-    free = _usable(trial_m, r_m, a_m, b_m, apart_m, airspace)
-    return trial_m[int(np.argmax(free))] if free.any() else point_m
+    # Most places are found within a few metres, so far rings are not tried before the near ones have failed.
+    spare_m = point_segment_distance_m(point_m, a_m, b_m) - apart_m
+    for first in range(1, RINGS + 1, RINGS_AT_ONCE):
+        ring_m = RING_M * np.arange(first, first + RINGS_AT_ONCE)
+        trial_m = point_m + (ring_m[:, None, None] * np.array(_BEARING)).reshape(-1, 2)
+        near = spare_m <= ring_m[-1] + SPARE_M
+        free = _usable(trial_m, r_m, a_m[near], b_m[near], apart_m[near], airspace)
+        if free.any():
+            found_m: Floats = trial_m[int(np.argmax(free))]
+            return found_m
+    return point_m
 
 
 def _usable(

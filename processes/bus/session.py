@@ -43,6 +43,10 @@ SWITCH_S = 1.0
 The loop of a process gives it away whenever it waits, and never works for long. With Python's 5 ms Zenoh's threads
 may take it from a head a dozen times within one plan, and each time the head waits for a processor again.
 """
+OBSERVER_SWITCH_S = 0.005
+"""The same for an observer, Python's own value. With a backlog its loop never waits: after a second without a read the
+router's buffers were full, and it dropped thousands of messages to an overloaded recorder.
+"""
 BACKGROUND_TIMEOUT_S = 10.0
 """Time after which Zenoh drops a query at background priority."""
 
@@ -63,7 +67,7 @@ def open_client(
     lease_ms: int = SESSION_LEASE_MS,
 ) -> zenoh.Session:
     """Connect to the router at `endpoint`; wait without a time limit unless `timeout_ms` is given."""
-    sys.setswitchinterval(SWITCH_S)
+    sys.setswitchinterval(OBSERVER_SWITCH_S if observer else SWITCH_S)
     return _open(
         {
             **(credentials.connecting if credentials is not None else {}),

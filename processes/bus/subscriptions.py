@@ -89,7 +89,7 @@ class UavSubscriptions:
     def listen_to_fixes(self, wanted: bool) -> None:
         """Subscribe to the fixes of all UAVs if `wanted`, else unsubscribe."""
         if wanted and self._fixes is None:
-            self._fixes = self._subscribe(self._keys.all_fixes)
+            self._fixes = self._subscribe(self._keys.all_fixes, self._inbox.put_quietly)
         elif not wanted and self._fixes is not None:
             self._fixes.undeclare()
             self._fixes = None

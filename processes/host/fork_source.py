@@ -26,6 +26,7 @@ from msgspec import Struct
 from edc_swarm.errors import SwarmError
 from edc_swarm.mission.autopilots import autopilots
 from edc_swarm.mission.configuration import Mission
+from edc_swarm.mission.lifelong import drawn_sites
 from processes.runtime.parent import die_with_parent
 from processes.uav.autopilot_link import load
 from processes.uav.planner_loader import warm_planner
@@ -188,6 +189,8 @@ def _warm(source: ForkSource) -> bool:
             mission = msgspec.json.decode(payload, type=Mission)
             if autopilots(mission):
                 load()
+            if mission.goals == "lifelong":
+                drawn_sites(mission)
             warm_planner(mission, lambda done: source.send(Compiling(done=done)), helped=True)
     except SwarmError as error:
         source.send(Failed(reason=str(error)))

@@ -53,6 +53,7 @@ from processes.bus.session import is_connected, open_client
 from processes.bus.subscriptions import Gate, Heard, Item, Postbox, Token, UavSubscriptions, sender_of
 from processes.runtime.clock import MissionClock
 from processes.runtime.inbox import Inbox
+from processes.runtime.priority import come_first, give_way
 from processes.uav.autopilot_part import AutopilotPart
 from processes.uav.flight import Flight
 from processes.uav.local_faults import LocalFaults
@@ -113,6 +114,8 @@ class UavProcess:
         self._peers = Peers()
         self._flight: Flight | None = None
         self._leaving = False
+        self._is_urgent = False
+        give_way()  # Before Zenoh's threads begin, which inherit it.
         self._response_ms = measured_response_ms() if settings.measure_response else 0.0
         self._session = open_client(settings.endpoint, credentials(settings.certs, settings.uav))
         keys = Keys(settings.mission)
@@ -294,8 +297,13 @@ class UavProcess:
             self._leaving = self._leaving or self._clock.now_ns() >= self._flight.leave_ns
 
     def _await_report(self, flight: Flight) -> None:
-        """Let a command wait for the report behind it: one wake-up for both. Emulated links keep their own times."""
-        if not (self._subscriptions.hears_swarm or flight.postbox.links.has_rules):
+        """Let what comes in wait for the head's report: one wake-up for all of it. Emulated links keep their own times.
+
+        A follower leaves its command, a standby that trusts its head also the fixes of all: its work on them would
+        delay the fixes of others, and the head.
+        """
+        hears = self._subscriptions.hears_swarm and not flight.node.trusts
+        if not (hears or flight.postbox.links.has_rules):
             self._inbox.quiet_until_s = time.monotonic() + flight.left_s(READS_COMMAND, self._clock.now_ns())
 
     def _check_clock(self) -> None:
@@ -331,8 +339,16 @@ class UavProcess:
         if not self._subscriptions.hears_swarm:
             self._publisher.send_truth()
         self._outbox.flush()
+        self._take_precedence()
         if self._flight is not None and self._subscriptions.watch(self._flight.node.grant[1]):
             self._peers = Peers()
+
+    def _take_precedence(self) -> None:
+        """Put this process before all followers while they wait for it."""
+        is_urgent = self._flight is not None and self._flight.node.is_urgent
+        if is_urgent != self._is_urgent:
+            self._is_urgent = is_urgent
+            (come_first if is_urgent else give_way)()
 
     def _comes_too_late(self, airframe: Airframe) -> bool:
         """Return True if the vehicle has begun to land and so does not accept the step to be written."""
