@@ -18,7 +18,7 @@ from dataclasses import dataclass
 from enum import Enum, auto
 from typing import Any
 
-from edc_swarm.autopilot.checks import failings, objections, texts
+from edc_swarm.autopilot.checks import HEARTBEAT_LOST_S, failings, objections, texts
 from edc_swarm.autopilot.failsafes import asked_names, told, warnings
 from edc_swarm.autopilot.path import Point, Step, set_point
 from edc_swarm.autopilot.telemetry import COPTER_GUIDED, PX4_OFFBOARD, Telemetry
@@ -240,7 +240,11 @@ class Pilot:
             self._say("autopilot", f"does not land: it has gone to {seen.mode}" + texts(seen))
         elif now_ns > self._land_by_ns:
             self.stage = Stage.DONE
-            self._say("autopilot", f"has not landed in time: it is in {seen.mode}")
+            silent_s = (now_ns - seen.beat_ns) / NS_PER_S
+            known = (
+                f"it is in {seen.mode}" if silent_s < HEARTBEAT_LOST_S else f"it has said nothing for {silent_s:.0f} s"
+            )
+            self._say("autopilot", f"has not landed in time: {known}")
         else:
             yield from self._until(seen.mode == "LAND", LAND, now_ns, (0.0, 0.0, 0.0, math.nan))
 

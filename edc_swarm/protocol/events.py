@@ -73,7 +73,9 @@ EVENT_FORMS: dict[EventKind, EventForm] = {
     EventKind.LINK_DELAYS: EventForm("UAV", "JSON: of each sender, what arrived and was lost, quantiles of the delays"),
     EventKind.MALFORMED: EventForm("UAV, operator, recorder, visualiser", "what was rejected, and how often"),
     EventKind.GROUND_DENIED: EventForm(
-        "bridge to a ground station", "the requests so far that would have steered a UAV, by kind", warning=True
+        "bridge to a ground station",
+        "the requests so far that would have steered a UAV, or were dropped, by kind",
+        warning=True,
     ),
     EventKind.GROUND_COMMAND: EventForm(
         "bridge to a ground station", "JSON: the UAV, what it is to do, where", warning=True

@@ -35,6 +35,7 @@ from processes.services.ground_station import NAME as GROUND
 from processes.services.recorder import CANNOT_WRITE
 from processes.services.recorder import NAME as RECORDER
 from processes.services.visualiser import NAME as VIZ
+from processes.uav.flight import FAILED, INTERRUPTED
 
 RECORDER_TIMEOUT_S = 30.0
 """Longest wait for the recorder to finish a recording."""
@@ -162,7 +163,7 @@ class Launcher:
         The router keeps the order. So once the operator has heard a publisher's last message, that message
         is in the recorder's queue before the operator's.
         """
-        self._state.publish_end("interrupted" if self._loop.interrupted else "failed")
+        self._state.publish_end(INTERRUPTED if self._loop.interrupted else FAILED)
         remote = set(self._setup.elsewhere) & operator.alive
         flown = {*self._parts.pool.living, *self._setup.elsewhere}
         lands_s = landing_s(self._setup.mission, flown, arm=self._setup.arm)

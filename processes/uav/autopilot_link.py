@@ -27,7 +27,7 @@ LEAST_TURN_S, MOST_TURN_S = 0.002, 0.05
 """Shortest and longest wait of the thread."""
 MAX_MESSAGES = 500
 """Most messages that are read in one turn; the rest waits for the next one."""
-MAX_SENDERS = 8
+MAX_ADDRESSES = 8
 """Most addresses that one UDP port is answered to; pymavlink sends each set-point to all that it has heard."""
 DEFAULT_BAUD = 57_600
 
@@ -157,7 +157,7 @@ class AutopilotLink:
     def _forget_senders(self) -> None:
         """Keep the oldest senders alone, if too many send to the port: the autopilot is one that was there before."""
         senders = getattr(self._connection, "clients_last_alive", {})
-        for sender in list(senders)[MAX_SENDERS:]:
+        for sender in list(senders)[MAX_ADDRESSES:]:
             del senders[sender]
             self._connection.clients.discard(sender)
             self.heard["stranger"] += 1

@@ -10,13 +10,14 @@ from edc_swarm.agent.node import Effect, UavNode
 from edc_swarm.emulation.links import mission_s
 from edc_swarm.mission.autopilots import autopilots
 from edc_swarm.mission.configuration import NS_PER_S
-from edc_swarm.mission.prospect import COMPLETED, GIVEN_UP, STALLED
 from edc_swarm.protocol.events import EventKind
 from edc_swarm.protocol.messages import MissionMessage, Truth
 from processes.bus.subscriptions import Postbox
 from processes.uav.autopilot_part import AutopilotPart
 from processes.uav.local_faults import LocalFaults
 
+INTERRUPTED, FAILED = "interrupted", "failed"
+"""Ends of a mission that is broken off."""
 FLY_OUT_SLOTS = 2
 """Slots for which UAVs stay after the end of a mission with autopilots."""
 
@@ -50,7 +51,7 @@ class Flight:
         A vehicle flies its declared path half a slot late, so it is still on its last step when the mission is over;
         and a slot is told one or two slots late. All UAVs stay, so that the head stays too.
         """
-        stays = why in {COMPLETED, GIVEN_UP, STALLED} and autopilots(self.mission)
+        stays = why not in {INTERRUPTED, FAILED} and autopilots(self.mission)
         slot = (now_ns - self.mission.epoch_ns) // self.mission.slot_ns
         self.leave_ns = self.mission.epoch_ns + (slot + FLY_OUT_SLOTS) * self.mission.slot_ns if stays else now_ns
 

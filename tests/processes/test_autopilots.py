@@ -32,7 +32,7 @@ from edc_swarm.mission.validation import mission_from_dict
 from edc_swarm.recording.model import Recording
 from edc_swarm.recording.reader import read_recording
 from processes.host import autopilots
-from processes.uav.autopilot_link import MAX_SENDERS, AutopilotLink
+from processes.uav.autopilot_link import MAX_ADDRESSES, AutopilotLink
 from tests.processes.conftest import Fly, await_true
 from tests.set_points import set_points_off_m
 
@@ -276,8 +276,8 @@ def test_strangers_at_an_autopilots_port_are_counted_and_not_all_answered(stand:
         for _ in range(40):
             with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as stranger:
                 stranger.sendto(bytes(range(200)), ("127.0.0.1", flown_by.ports[0]))
-        await_true(lambda: link.heard["stranger"] >= 40 - MAX_SENDERS)
-        assert len(link._connection.clients) <= MAX_SENDERS
+        await_true(lambda: link.heard["stranger"] >= 40 - MAX_ADDRESSES)
+        assert len(link._connection.clients) <= MAX_ADDRESSES
         assert "pieces that are no MAVLink" in link.complaints
         heard = pilot.telemetry.beat_ns
         await_true(lambda: pilot.telemetry.beat_ns > heard)

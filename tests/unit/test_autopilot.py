@@ -366,6 +366,19 @@ def test_a_pilot_is_never_fought(moment: str) -> None:
     assert flown.pilot.stage in {Stage.STRAYING, Stage.DONE}
 
 
+def test_one_that_falls_silent_in_its_landing_is_told_as_such() -> None:
+    """Nobody knows its mode: the event says for how long it has said nothing."""
+    flown = copter()
+    flown.run(80, 100)
+    flown.pilot.land(100 * S)
+    flown.pilot.take_news()
+    for second in range(100, 130):
+        flown.obey(second * S)
+    (said,) = flown.pilot.take_news()
+    assert said.text.startswith("has not landed in time: it has said nothing for ")
+    assert flown.pilot.stage is Stage.DONE
+
+
 def test_an_old_report_is_not_held_against_a_new_step() -> None:
     """A second without a report, in which the path went on by 8 m: nobody knows yet where the vehicle is."""
     flown = copter()
