@@ -6,7 +6,8 @@
 
 `edc` flies alone, with every command executed. The reference has exactly the slots that `edc` took, and looks for the
 least distance in them. It is the better of what its own starts and a start from the flight of `edc` lead to, so the gap
-is never below 0. Random missions have 650 m2 a UAV: discs of 5 m cover an eighth of the area.
+is below 0 by the tolerance of the solver at most. Random missions have 650 m2 a UAV: discs of 5 m cover an eighth of
+the area.
 """
 
 from __future__ import annotations
@@ -132,7 +133,7 @@ def draw(gaps: dict[int, list[float]], extras: dict[int, list[float]], out: Path
         axes.fill_between(list(values), low, high, color=colour, alpha=0.2, linewidth=0)
         axes.plot(list(values), mean, color=colour, marker=mark, label=name)
     axes.set(xlabel="UAVs", ylabel="distance, %", xticks=list(gaps), ylim=(0, None))
-    axes.legend(frameon=False)
+    figure.legend(loc="outside upper left", ncols=2, frameon=False)
     for side in ("top", "right"):
         axes.spines[side].set_visible(False)
     metadata: dict[str, Any] = {"Date": None}

@@ -27,18 +27,15 @@ else:
 
     def __getattr__(name: str) -> object:
         """Return a public name, or the list of all; a package of this one is imported without the public names."""
-        from importlib.util import find_spec  # noqa: PLC0415  (only for who uses a name)
+        from importlib import import_module, util  # noqa: PLC0415  (only for who uses a name)
 
         special = name.startswith("__") and name != "__all__"
-        if not special and (name == "__all__" or find_spec(f"{__name__}.{name}") is None):
-            from processes.notebook import api  # noqa: PLC0415  (a UAV starts without it)
-
+        if not special and (name == "__all__" or util.find_spec(f"{__name__}.{name}") is None):
+            api = import_module("processes.notebook.api")
             if name == "__all__" or name in api.__all__:
                 return getattr(api, name)
         raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
 
     def __dir__() -> list[str]:
         """Return the names that a notebook completes."""
-        from processes.notebook import api  # noqa: PLC0415
-
-        return sorted({*globals(), *api.__all__})
+        return sorted({*globals(), *__getattr__("__all__")})
