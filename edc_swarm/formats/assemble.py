@@ -80,9 +80,11 @@ def assemble(sources: Sequence[Source], settings: Settings) -> Imported:
     Raises
     ------
     FormatError
-        With file, item and what it must be: frames that do not fit together, a zone that is no simple polygon, discs
-        that overlap, a way point that a zone forbids, more than a mission may hold.
+        With file, item and what it must be: neither a route nor a zone, frames that do not fit together, a zone that is
+        no simple polygon, discs that overlap, a way point that a zone forbids, more than a mission may hold.
     """
+    if not any(source.content.routes or source.content.areas for source in sources):
+        raise FormatError("", "neither a route nor a zone: must hold one of them", sources[0].file)
     notes = {source.file: {what: list(items) for what, items in source.content.notes.items()} for source in sources}
     imported = Imported({"name": settings.name}, notes=notes)
     plane = _Plane.of(sources, settings)

@@ -35,6 +35,8 @@ UNITS = {
     "v_max_mps": ("m/s", "mps"),
 }
 """The units that a column's name may state in brackets, the first of them the usual one."""
+_LEADING = re.compile(r"\A(?:[ \t]*\n|#.*\n|sep=.\n)*", re.IGNORECASE)
+"""Lines before the header: empty ones, comments, and the one by which spreadsheets state the separator."""
 ONE_PER_UAV = ("accept_m", "v_max_mps", "r_m")
 """Columns of which a route takes one value."""
 
@@ -86,12 +88,12 @@ def read_csv(data: bytes, options: Options) -> Content:
 
 def has_header(text: str) -> bool:
     """Return True if the first line of a text names columns with positions."""
-    line = text.lstrip("\n").split("\n", 1)[0][:10_000]
+    line = _LEADING.sub("", text, count=1).split("\n", 1)[0][:10_000]
     return _has_positions([_column(name) for name in line.replace('"', "").split(_separator(line))])
 
 
 def _rows(text: str, content: Content) -> list[Row]:
-    lines = text.lstrip("\n")
+    lines = _LEADING.sub("", text, count=1)
     first = lines.split("\n", 1)[0]
     separator = _separator(first)
     reader = csv.reader(io.StringIO(lines), delimiter=separator, strict=True)

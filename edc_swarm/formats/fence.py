@@ -9,6 +9,9 @@ from edc_swarm.formats.content import MAX_POINTS, Area, Content, Options, Point,
 def read_fence(data: bytes, options: Options) -> Content:
     """Return the inclusion zone of a fence file.
 
+    Mission Planner writes the polygons that a user draws in the same way, without a return point, so the first line is
+    the last one as well.
+
     Raises
     ------
     FormatError
@@ -21,6 +24,9 @@ def read_fence(data: bytes, options: Options) -> Content:
         raise FormatError("", "must hold a return point and the corners of a polygon")
     if len(points) > MAX_POINTS:
         raise FormatError("", f"{len(points)} points: must be at most {MAX_POINTS}")
+    if len(points) > 1 and points[0] == points[-1]:
+        why = "a closed polygon without a return point"
+        return Content(areas=[Area("the polygon", "fence", "inclusion", points, why=why)])
     content = Content(areas=[Area("the polygon", "fence", "inclusion", points[1:])])
     content.note("return point of the fence (its first line)", rows[0][0])
     return content

@@ -160,7 +160,10 @@ def _placemark(node: Node, notes: Content) -> Feature:
         properties["kind" if key in {"type", "role"} else key] = each.said("value") or each.content
     if node.said("visibility") == "0":
         notes.note("hidden placemark: it is read like others", item)
-    return Feature(item, properties, [shape for child in node.children for shape in _shapes(item, child, notes)])
+    shapes = [shape for child in node.children for shape in _shapes(item, child, notes)]
+    if not shapes:
+        notes.note("placemark without a geometry", item)
+    return Feature(item, properties, shapes)
 
 
 def _data(node: Node) -> Iterator[Node]:

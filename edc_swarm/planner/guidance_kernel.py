@@ -372,7 +372,7 @@ def is_beside(barred: Barred, w: int, x0: float, y0: float, x: float, y: float, 
 @inner
 def keep_of(barred: Barred, w: int, r_m: float, delta_m: float) -> float:
     """Return the distance that a UAV should keep from the segment of barrier w."""
-    return barred.edge[w, 6] + barred.edge[w, 7] * r_m + delta_m
+    return float(barred.edge[w, 6] + barred.edge[w, 7] * r_m + delta_m)
 
 
 @inner

@@ -1,7 +1,8 @@
 """Roadmaps: places near some UAVs at which they can wait, and the legs between these places.
 
-The places are the points of a lattice that keep their distance from hulls and zones. A point too near to a barrier is
-moved away from it, so that a lane hardly wider than a disc has places too, wherever its middle lies.
+The places are the points of a lattice that keep their distance from hulls and zones, and the nodes of charts, where the
+shortest ways bend. A point too near to a barrier is moved away from it, so that a lane hardly wider than a disc has
+places too, wherever its middle lies.
 """
 
 from __future__ import annotations
@@ -79,7 +80,7 @@ def roadmap(
 ) -> Roadmap:
     """Return the places in a box for UAVs with radii (n,) between starts and goals (n, 2); `walls` do not move."""
     count, spacing_m = len(uav), box.spacing_m
-    places = [_places(charts.airspace, box.lattice_m, radius_m, spacing_m) for radius_m in np.unique(r_m).tolist()]
+    places = [each for radius_m in np.unique(r_m).tolist() for each in _places_for(charts, box, radius_m)]
     inside = box.inside(goal_m)
     node_m = np.concatenate([start_m, np.where(inside[:, None], goal_m, start_m), *places])
     first, second = near_pairs(node_m, LEG * spacing_m)
@@ -122,6 +123,15 @@ def roadmap(
         begin[k] = total + graph.indptr
         total += len(graph.indices)
     return Roadmap(node_m, begin, np.concatenate([graph.indices for graph in near]).astype(np.int64), left_m, end)
+
+
+def _places_for(charts: Charts, box: Box, r_m: float) -> tuple[Floats, Floats]:
+    """Return the places of a lattice and those where the shortest ways bend: the former alone may lead round no corner.
+
+    In a lane hardly wider than a disc all places of the lattice are on one line, from which no leg leads round.
+    """
+    bend_m = charts.chart(r_m).node_m
+    return _places(charts.airspace, box.lattice_m, r_m, box.spacing_m), bend_m[box.inside(bend_m)]
 
 
 def _places(airspace: Airspace, lattice_m: Floats, r_m: float, spacing_m: float) -> Floats:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import re
 from typing import Any
 
@@ -38,7 +39,7 @@ def refusal(roster: list[RosterEntry], *zones: Zone, **fields: Any) -> str:
     return ""
 
 
-@pytest.mark.parametrize("width_m", [10.0, 14.0, 16.0])
+@pytest.mark.parametrize("width_m", [10.0, 14.0, 16.0, 18.0, 19.5])
 def test_head_on_in_a_dead_end_is_refused(width_m: float) -> None:
     """One line with the UAV, its target, the other UAV and the reason."""
     roster = [entry("a", (6, width_m / 2), (84, width_m / 2)), entry("b", (84, width_m / 2), (6, width_m / 2))]
@@ -50,6 +51,7 @@ def test_head_on_in_a_dead_end_is_refused(width_m: float) -> None:
     ("name", "roster", "zones"),
     [
         ("side by side", HEAD_ON, [fence([(x, 2 * y) for x, y in ALLEY])]),
+        ("just wide enough", HEAD_ON, [fence([(x, 20 / 11 * y) for x, y in ALLEY])]),
         ("a niche", HEAD_ON, [fence(NICHE)]),
         ("round a block", [entry("a", (6, 5.5), (30, 54.5)), entry("b", (54.5, 30), (5.5, 30))],
          [fence(RING), Zone(name="block", kind="exclusion", polygon=BLOCK, keep="disc")]),
@@ -63,6 +65,20 @@ def test_head_on_in_a_dead_end_is_refused(width_m: float) -> None:
 def test_what_can_be_flown_is_not_refused(name: str, roster: list[RosterEntry], zones: list[Zone]) -> None:
     """Room beside each other, a niche, a second way, or no need to pass."""
     assert refusal(roster, *zones) == "", name
+
+
+@pytest.mark.parametrize("turn", [0.3, 1.2])
+def test_a_lane_may_lie_askew(turn: float) -> None:
+    """Of 3.8 radii, in any direction; UAVs in order are not refused."""
+
+    def turned(x: float, y: float) -> tuple[float, float]:
+        return x * math.cos(turn) - y * math.sin(turn), x * math.sin(turn) + y * math.cos(turn)
+
+    zone = fence([turned(x, 19 / 11 * y) for x, y in ALLEY])
+    left, right = turned(10, 9), turned(80, 10)
+    assert "without passing a" in refusal([entry("a", left, right), entry("b", right, left)], zone)
+    near = turned(40, 9.5)
+    assert refusal([entry("a", left, near), entry("b", near, right)], zone) == ""
 
 
 def test_a_shallow_niche_does_not_help() -> None:

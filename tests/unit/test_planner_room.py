@@ -24,7 +24,7 @@ from edc_swarm.planner import room as room_module
 from edc_swarm.planner.charts import Charts
 from edc_swarm.planner.interface import PlanRequest
 from edc_swarm.planner.registry import make_planner
-from edc_swarm.planner.roadmap import Roadmap
+from edc_swarm.planner.roadmap import Box, Roadmap, roadmap
 from edc_swarm.planner.room import Room, Script, _moves, _script_of
 from edc_swarm.planner.ways import walls_of
 from edc_swarm.solver.barrier_rows import Airspace
@@ -144,6 +144,19 @@ def test_nobody_makes_room_where_no_order_of_moves_exists() -> None:
         assert (aims_m == goal_m).all()
     assert not room.scripts
     assert room.watches[0].tries > 2
+
+
+@pytest.mark.parametrize("half_m", [HALF_M, 3.3, 3.8])
+@pytest.mark.parametrize("place", [10.0, 16.8])
+def test_a_roadmap_leads_round_the_corners_of_a_lane(half_m: float, place: float) -> None:
+    """In a ring of lanes hardly wider than a disc, and past another UAV the other way round."""
+    lanes = [square(0, 60), square(2 * half_m, 60 - 2 * half_m, "exclusion")]
+    charts = Charts.of(Airspace.of(barriers(lanes), R_M, 5.0))
+    at_m, goal_m = np.array([(60 - half_m, place)]), np.array([(half_m, half_m)])
+    other_m, r_m = at_m - np.array([[0.0, 6.5]]), np.full(1, R_M)
+    walls = walls_of(at_m, r_m, Obstacles(other_m, other_m, np.zeros(1), r_m))
+    found = roadmap(charts, np.zeros(1, np.int64), r_m, at_m, goal_m, walls, Box.about(at_m, 2.0))
+    assert 130 < found.left_m[0, 0] < 180
 
 
 def random_roadmap(rng: Random, uavs: int) -> tuple[Roadmap, Floats]:
