@@ -173,20 +173,21 @@ gains, `a_max_mps2` and tilt are this project's.
 """
 M100 = VehicleModel(
     model="m100",
-    a_max_mps2=3.0,
-    tilt_deg=35.0,
-    lag_s=0.2,
+    a_max_mps2=2.0,
+    tilt_deg=28.0,
+    lag_s=0.27,
     drag_per_s=0.1,
-    position_gain_per_s=1.0,
-    velocity_gain_per_s=2.0,
+    position_gain_per_s=0.7,
+    velocity_gain_per_s=1.5,
     correction_mps=0.3,
     drift_mps=0.2,
 )
-"""DJI Matrice 100: largest tilt 35° (data sheet).
+"""DJI Matrice 100 as ETH Zurich flew one: attitude lags by 0.253 s (roll) and 0.267 s (pitch), tilt is at most 28°.
 
-I. Sa and others, arXiv 1701.08623, 2017, identified its attitude. Here it is simplified to one lag of 0.2 s; M. Kamel's
-controllers of other multirotors have 0.16 to 0.26 s. Drag and gains are those of `arducopter`, `a_max_mps2` is this
-project's.
+I. Sa, M. Kamel and others, arXiv 1701.08623, 2017; the figures are those of `nonlinear_mpc_50hz.yaml` for their DJI
+vehicle `raven` (2.9 kg) in the repository ethz-asl/mav_dji_ros_interface. They state a drag of 0.01 per second, which
+is next to none: drag is that of `arducopter` instead, which makes wind and its bound larger. They fly a predictive
+controller; gains and `a_max_mps2` are this project's, since such a lag does not bear ArduCopter's.
 """
 AUTOPILOT = msgspec.structs.replace(ARDUCOPTER, model="mavlink", altitude_m=5.0, takeoff_s=20.0, free_mps=10.0)
 """What a plan assumes of an autopilot: ArduCopter's figures. Its WPNAV_SPEED is 10 m/s, its take-off takes 10 s."""
