@@ -55,7 +55,7 @@ from processes.runtime.clock import MissionClock
 from processes.runtime.inbox import Inbox
 from processes.runtime.priority import come_first, give_way
 from processes.uav.autopilot_part import AutopilotPart
-from processes.uav.flight import Flight
+from processes.uav.flight import Flight, rehearse
 from processes.uav.local_faults import LocalFaults
 from processes.uav.planner_loader import SlowPlanner, load_planner
 from processes.uav.publisher import TRUTH_DELAY_S, Publisher
@@ -234,6 +234,7 @@ class UavProcess:
             raise InputError("uav", entry.uav, f"an id that mission {mission.name} has not issued to another claimant")
         if mission.elect == "response-time" and not self._response_ms:
             self._response_ms = measured_response_ms()
+        rehearse(mission, entry)
         autopilot = AutopilotPart.of(mission, entry, self._state, self._clock, self._inbox, arm=self._settings.arm)
         node = UavNode(
             mission,
