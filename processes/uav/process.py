@@ -248,8 +248,9 @@ class UavProcess:
             raise InputError("uav", entry.uav, f"an id that mission {mission.name} has not issued to another claimant")
         if mission.elect == "response-time" and not self._response_ms:
             self._response_ms = measured_response_ms()
-        rehearse(mission, entry)
         autopilot = AutopilotPart.of(mission, entry, self._state, self._clock, self._inbox, arm=self._settings.arm)
+        if autopilot is None:
+            rehearse(mission, entry)
         node = UavNode(
             mission,
             entry.uav,
