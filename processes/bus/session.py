@@ -14,9 +14,11 @@ once without blocking all others.
 
 from __future__ import annotations
 
+import ctypes
 import json
 import os
 import sys
+import threading
 from collections.abc import Callable, Mapping
 from typing import Any, TypeVar
 
@@ -122,7 +124,27 @@ def open_router(
 
 def hand_over(take: Callable[[Item], None]) -> zenoh.handlers.Callback[Item]:
     """Return a callback that runs on Zenoh's receiving thread; `take` must only queue the item, never call Zenoh."""
-    return zenoh.handlers.Callback(take, None, indirect=False)  # Zenoh 1.4 needs both.
+
+    def take_on_known_thread(item: Item) -> None:
+        if threading.get_ident() not in _known_threads:
+            _keep_thread_state()
+        take(item)
+
+    return zenoh.handlers.Callback(take_on_known_thread, None, indirect=False)  # Zenoh 1.4 needs both.
+
+
+_known_threads: set[int] = set()
+"""Threads of Zenoh that have called Python."""
+
+
+def _keep_thread_state() -> None:
+    """Let Python keep the state of the calling thread, one of Zenoh's few, for its next call.
+
+    Else Python makes a state with a stack of 16 kB for every message, and frees it after the call: half of the
+    processor time that a message takes a receiver of hundreds. An `Ensure` without its `Release` keeps it.
+    """
+    _known_threads.add(threading.get_ident())
+    ctypes.pythonapi.PyGILState_Ensure()
 
 
 def put(session: zenoh.Session, key: str, payload: bytes, attachment: bytes | None = None) -> None:

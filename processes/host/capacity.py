@@ -3,8 +3,8 @@
 The measurement times the Python work of one UAV in a slot: begin, encode, decode a command and a report of a swarm of
 the same size. `WHOLE` stands for the ratio of all the processor time of a run per UAV and slot (router, recorder, head,
 Zenoh, wake-ups) to that work. It is an estimate, and the measurement does not see what else the machine does; so the
-number tells a swarm that fits from one that does not only roughly. On the two cores for which it was chosen, 150 UAVs
-have flown at a slot of 0.5 s and 200 have not.
+number tells a swarm that fits from one that does not only roughly. On the two cores for which it was chosen, 200 UAVs
+have flown at a slot of 0.5 s and 250 have not.
 """
 
 from __future__ import annotations
@@ -21,7 +21,7 @@ from edc_swarm.protocol.codec import decode, encode
 from edc_swarm.protocol.keys import Keys
 from edc_swarm.protocol.messages import Command, MissionMessage, Report, mission_message
 
-WHOLE = 14.0
+WHOLE = 11.0
 """Processor time of a run per UAV and slot, over the measured work of a UAV."""
 LOAD = 0.7
 """Share of the processors that a swarm may use on average: a slot's work comes in bursts."""

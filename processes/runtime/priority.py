@@ -21,8 +21,6 @@ from contextlib import suppress
 
 FIRST = -20
 """Nice value of head and router, relative to that of the swarm's other processes."""
-LAST = 5
-"""The same for observers: commands first, the record later. A busy loop beside it leaves such a process a quarter."""
 _base_nice = os.getpriority(os.PRIO_PROCESS, 0)
 
 
@@ -40,12 +38,6 @@ def give_way() -> None:
         with suppress(OSError):
             os.setpriority(os.PRIO_PROCESS, thread, _base_nice)
             os.sched_setscheduler(thread, os.SCHED_BATCH, os.sched_param(0))
-
-
-def come_last() -> None:
-    """Give way to all others, for good: an observer whose queue keeps what it has not read yet."""
-    give_way()
-    os.setpriority(os.PRIO_PROCESS, 0, min(_base_nice + LAST, 19))
 
 
 def _threads() -> list[int]:

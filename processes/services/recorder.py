@@ -45,7 +45,7 @@ from processes.runtime.console import complain
 from processes.runtime.inbox import SETTLE_S, Inbox
 from processes.runtime.output import held_for_writing
 from processes.runtime.parent import die_with_parent
-from processes.runtime.priority import come_last
+from processes.runtime.priority import give_way
 from processes.services.backlog import Backlog
 from processes.services.orders import orders, outlast_operator
 from processes.services.recording_file import Received, RecordingFile
@@ -121,7 +121,7 @@ class Recorder:
         self._gate = Gate(partial(self.tell, EventKind.MALFORMED))
         self._holes = Holes(settings.mission, self.file.known)
         self._end_s = self._stop_s = math.inf
-        come_last()  # Before Zenoh's threads begin, which inherit it.
+        give_way()  # Before Zenoh's threads begin, which inherit it.
         self._session = open_client(settings.endpoint, credentials(settings.certs, NAME), observer=True)
         self._session.declare_subscriber(self._keys.everything, hand_over(self._take))
         self._answers = {self._keys.orders(NAME): msgspec.json.encode(settings)}

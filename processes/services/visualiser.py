@@ -36,7 +36,7 @@ from processes.runtime.clock import MissionClock
 from processes.runtime.console import complain
 from processes.runtime.inbox import SETTLE_S, Inbox
 from processes.runtime.parent import die_with_parent
-from processes.runtime.priority import come_last
+from processes.runtime.priority import give_way
 from processes.services.live import HOST, Live, Subscribed
 from processes.services.orders import orders, outlast_operator
 
@@ -127,7 +127,7 @@ class Visualiser:
         self._live = None
         if settings.live_port:
             self._live = Live(settings.live_host, settings.live_port, self._inbox.put_always)
-        come_last()  # Before Zenoh's threads begin, which inherit it.
+        give_way()  # Before Zenoh's threads begin, which inherit it.
         self._session = open_client(settings.endpoint, credentials(settings.certs, NAME), observer=True)
         keys, heard = self._keys, hand_over(self._take)
         self._outbox = Outbox(self._session, keys.again(NAME, self._events.instance), self._inbox, KEPT_SCENES_BYTES)

@@ -6,10 +6,13 @@ from dataclasses import dataclass
 
 import msgspec
 
-from edc_swarm.agent.node import Effect, UavNode
+from edc_swarm.agent.node import Effect, Publish, Tick, UavNode
+from edc_swarm.agent.vehicle import first_airframe, first_promise
 from edc_swarm.emulation.links import mission_s
 from edc_swarm.mission.autopilots import autopilots
 from edc_swarm.mission.configuration import NS_PER_S
+from edc_swarm.mission.roster_entry import RosterEntry
+from edc_swarm.protocol.codec import encode
 from edc_swarm.protocol.events import EventKind
 from edc_swarm.protocol.messages import MissionMessage, Truth
 from processes.bus.subscriptions import Postbox
@@ -72,3 +75,15 @@ class Flight:
             return []
         told = msgspec.json.encode(self.postbox.links.log.told()).decode()
         return [self.node.event(EventKind.LINK_DELAYS, told)]
+
+
+def rehearse(mission: MissionMessage, entry: RosterEntry) -> None:
+    """Begin a slot with a UAV that nobody hears of, before take-off.
+
+    A forked process gets its own copy of each page of memory that it writes to, when it first does. K processes that
+    did this in the tick of slot 0 were late for it.
+    """
+    node = UavNode(mission, entry.uav, "rehearsal", first_promise(entry), first_airframe(entry))
+    for effect in node.step(Tick(), mission.epoch_ns):
+        if isinstance(effect, Publish):
+            encode(effect.message)

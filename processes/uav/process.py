@@ -55,7 +55,7 @@ from processes.runtime.clock import MissionClock
 from processes.runtime.inbox import Inbox
 from processes.runtime.priority import come_first, give_way
 from processes.uav.autopilot_part import AutopilotPart
-from processes.uav.flight import Flight
+from processes.uav.flight import Flight, rehearse
 from processes.uav.local_faults import LocalFaults
 from processes.uav.planner_loader import SlowPlanner, load_planner
 from processes.uav.publisher import TRUTH_DELAY_S, Publisher
@@ -72,6 +72,8 @@ HEAD_SETTLE_S = 20e-6
 """The same for a head, for each UAV of the mission: as long as it takes to read a few fixes of so many."""
 READS_COMMAND = 0.7
 """Part of a slot after which a UAV reads its command without the head's report, which comes after all commands."""
+CROWD = 100
+"""Smallest swarm in which a UAV keeps its truth until it hears its head, or until it reads its command without."""
 SPARE_S = 0.005
 """Least time to the next task in which the UAV answers a retransmission request."""
 
@@ -132,8 +134,11 @@ class UavProcess:
     def run(self) -> None:
         """Work until the order to leave, then publish the last sequence numbers and end."""
         while not self._leaving:
-            for item in self._wait():
+            items = self._wait()
+            for item in items:
                 self._take(item)
+            if items and self._in_crowd and not self._subscriptions.hears_swarm:
+                self._publisher.send_truth()
             self._deliver_postponed()
             self._check_peers()
             self._tick()
@@ -143,8 +148,8 @@ class UavProcess:
 
     def _wait(self) -> list[Item]:
         timeout_s = min(self._timeout_s(), RETRY_S if self._outbox.holds_back else IDLE_S)
-        if self._publisher.delays_truth and self._subscriptions.hears_swarm:
-            timeout_s = min(timeout_s, TRUTH_DELAY_S)
+        if self._publisher.delays_truth:
+            timeout_s = min(timeout_s, TRUTH_DELAY_S if self._subscriptions.hears_swarm else self._reads_s())
         if self._inbox.quiet_until_s:
             timeout_s = min(timeout_s, self._inbox.quiet_until_s + SPARE_S - time.monotonic())
         if self._outbox.is_asked and timeout_s > SPARE_S:
@@ -156,6 +161,15 @@ class UavProcess:
         if not items:
             self._publisher.send_truth()
         return items
+
+    @property
+    def _in_crowd(self) -> bool:
+        """True if the fixes of a slot's start take so long that no truth may come between them."""
+        return self._flight is not None and len(self._flight.mission.roster) >= CROWD
+
+    def _reads_s(self) -> float:
+        """Return the time until the UAV reads its command without a report, at least a moment."""
+        return max(TRUTH_DELAY_S, self._flight.left_s(READS_COMMAND, self._clock.now_ns())) if self._flight else IDLE_S
 
     @property
     def _settle_s(self) -> float:
@@ -235,6 +249,8 @@ class UavProcess:
         if mission.elect == "response-time" and not self._response_ms:
             self._response_ms = measured_response_ms()
         autopilot = AutopilotPart.of(mission, entry, self._state, self._clock, self._inbox, arm=self._settings.arm)
+        if autopilot is None:
+            rehearse(mission, entry)
         node = UavNode(
             mission,
             entry.uav,
@@ -336,7 +352,7 @@ class UavProcess:
                     load_planner(self._flight.mission, partial(self._take_planner, self._flight.faults))
                 case Land():
                     self._leaving = True
-        if not self._subscriptions.hears_swarm:
+        if not (self._subscriptions.hears_swarm or self._in_crowd):
             self._publisher.send_truth()
         self._outbox.flush()
         self._take_precedence()

@@ -16,7 +16,7 @@ from edc_swarm.agent.leadership import Leadership
 from edc_swarm.agent.node import Publish, Received, Tick, UavNode
 from edc_swarm.agent.slot_clock import SlotClock
 from edc_swarm.agent.vehicle import Promise
-from edc_swarm.geometry import Floats
+from edc_swarm.geometry import Floats, length_m, point_segment_distance_m
 from edc_swarm.mission.configuration import Mission
 from edc_swarm.planner import guidance_kernel as kernel
 from edc_swarm.planner import ways
@@ -167,6 +167,31 @@ def test_near_hulls_alone_give_the_plan_of_all(monkeypatch: pytest.MonkeyPatch) 
     monkeypatch.setattr(ways, "RINGS_AT_ONCE", ways.RINGS)
     assert np.array_equal(plan_m, make_planner("edc", mission).plan(crowded(20)).waypoint_m)
     assert counts[0] < 20 * 20, "hulls are out of reach"
+
+
+def test_no_hull_is_left_out_that_a_flight_can_come_near() -> None:
+    """A UAV that flies as far as it can, in any of 64 directions, keeps its distance from all hulls not listed."""
+    rng = np.random.default_rng(0)
+    start_m, a_m = rng.uniform(0, 200, (30, 2)), rng.uniform(0, 200, (40, 2))
+    hulls = Obstacles(a_m, a_m + rng.normal(0, 4, (40, 2)), rng.uniform(0, 9, 40), np.full(40, 5.0))
+    walls = ways.walls_of(start_m, np.full(30, 5.0), hulls, reach_m=np.full(30, 40.0))
+    angle = np.linspace(0, 2 * np.pi, 64)
+    ends_m = start_m[:, None] + 40.0 * np.stack([np.cos(angle), np.sin(angle)], axis=-1)
+    for k in range(30):
+        far = np.setdiff1d(np.arange(40), walls.which[walls.begin[k] : walls.begin[k + 1]])
+        assert len(far) > 0
+        away_m = point_segment_distance_m(ends_m[k][:, None], walls.a_m[far], walls.b_m[far])
+        assert (away_m >= walls.keep_m[k, far]).all()
+
+
+def test_a_place_to_wait_is_clear_of_all_hulls() -> None:
+    """Also of those that do not cover the target, which the near rings may touch."""
+    rng = np.random.default_rng(1)
+    a_m = rng.uniform(0, 120, (40, 2))
+    hulls = Obstacles(a_m, a_m, np.full(40, 1.0), np.full(40, 5.0))
+    goal_m = ways.free_goals(a_m[:12] + 1.0, np.full(12, 5.0), hulls)
+    assert (point_segment_distance_m(goal_m[:, None], a_m[None], a_m[None]) >= 11.0).all()
+    assert (length_m(goal_m - a_m[:12]) < 60.0).all()
 
 
 # --- priority ---------------------------------------------------------------------------------------
