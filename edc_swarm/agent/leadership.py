@@ -5,6 +5,7 @@ from __future__ import annotations
 import msgspec
 
 from edc_swarm.agent.election import Election
+from edc_swarm.agent.foreign import Foreign
 from edc_swarm.agent.head import Head
 from edc_swarm.agent.knowledge import Knowledge
 from edc_swarm.agent.rota import Rota
@@ -39,7 +40,15 @@ class Leadership:
         The head's newest command to itself, which it receives in the step after planning.
     """
 
-    def __init__(self, mission: Mission, uav: str, knowledge: Knowledge, election: Election, clock: SlotClock) -> None:
+    def __init__(
+        self,
+        mission: Mission,
+        uav: str,
+        knowledge: Knowledge,
+        election: Election,
+        clock: SlotClock,
+        foreign: Foreign,
+    ) -> None:
         self._mission = mission
         self._uav = uav
         self._knowledge = knowledge
@@ -48,7 +57,7 @@ class Leadership:
         self._planner_wanted = False
         self._office_ns = 0
         self._problem = ""
-        self.head = Head(mission, uav, election.term, knowledge)
+        self.head = Head(mission, uav, election.term, knowledge, foreign)
         self.planner: Planner | None = None
         self.gone: set[str] = set()
         self.own_command: Command | None = None

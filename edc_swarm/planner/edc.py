@@ -13,7 +13,7 @@ from edc_swarm.planner import ways
 from edc_swarm.planner.guidance import Guidance, Scene, Tuning
 from edc_swarm.planner.interface import Plan, PlanRequest, Stopwatch
 from edc_swarm.planner.pilot import momentum_of, slowed_m, step_changes
-from edc_swarm.planner.request import Arrays, checked_arrays
+from edc_swarm.planner.request import Arrays, ForeignArrays, checked_arrays
 from edc_swarm.planner.safe import SafeSteps, airspace_of
 from edc_swarm.solver import certificate, slot_qp
 from edc_swarm.solver.barrier_rows import barrier_rows
@@ -85,9 +85,8 @@ class Edc:
         position_m, r_m = arrays.position_m[free], arrays.r_m[free]
         goal_m = ways.free_goals(arrays.target_m[free], r_m, obstacles, self._airspace)
         wish_m = arrays.position_m.copy()
-        wish_m[free] = self._guidance.wishes(
-            Scene(arrays.slot, arrays.uav[free], position_m, goal_m, r_m, obstacles, arrays.rest_m[free])
-        )
+        scene = Scene(arrays.slot, arrays.uav[free], position_m, goal_m, r_m, obstacles, arrays.rest_m[free])
+        wish_m[free] = self._guidance.wishes(with_foreign(scene, arrays.foreign))[: len(position_m)]
         if len(arrays.obstacles.keep_m) and len(arrays.uav):
             self._leave(arrays, wish_m)
         return wish_m
@@ -136,3 +135,21 @@ class Edc:
         r_m = arrays.r_m[:, None] if k is None else arrays.r_m[k]
         away_m = point_segment_distance_m(point_m[..., None, :], obstacles.a_m, obstacles.b_m)
         return np.asarray(r_m + obstacles.keep_m + obstacles.radius_m - away_m)
+
+
+def with_foreign(scene: Scene, foreign: ForeignArrays) -> Scene:
+    """Return the scene with the UAVs of other clusters behind the own ones.
+
+    Guidance plans for both, with the same rules of right of way, which are those of the other heads too.
+    """
+    if not len(foreign.uav):
+        return scene
+    return Scene(
+        scene.slot,
+        np.concatenate([scene.uav, foreign.uav]),
+        np.concatenate([scene.position_m, foreign.position_m]),
+        np.concatenate([scene.goal_m, foreign.target_m]),
+        np.concatenate([scene.r_m, foreign.r_m]),
+        scene.obstacles,
+        np.concatenate([np.broadcast_to(scene.rest_m, len(scene.uav)), foreign.rest_m]),
+    )

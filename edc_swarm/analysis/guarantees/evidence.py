@@ -73,6 +73,8 @@ class Evidence:
         Reports of slots with a plan, each once.
     ends
         How each publisher ended.
+    whole
+        The mission of all clusters, with all faults; `mission` is that of one cluster where a cluster is judged.
     """
 
     recording: Recording
@@ -84,6 +86,7 @@ class Evidence:
     plans: list[Report]
     gaps: list[Gap]
     ends: Ends
+    whole: MissionMessage
 
     @cached_property
     def paths(self) -> TruePaths | None:
@@ -213,6 +216,7 @@ def gather(recording: Recording) -> Evidence:
         plans=plans_of(recording),
         gaps=gaps,
         ends=ends,
+        whole=recording.mission,
     )
 
 

@@ -253,7 +253,7 @@ def _missing(evidence: Evidence, voyages: Voyages, k: int) -> Violation:
 
 def _faults(evidence: Evidence) -> list[Fault]:
     """Return the faults by time: as the events report them, and the planned ones that no event reports."""
-    mission, events = evidence.mission, evidence.recording.events
+    mission, events = evidence.whole, evidence.recording.events
     told = [
         read_fault(event.detail, mission.dt_s)
         for event in events
