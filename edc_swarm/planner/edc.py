@@ -22,6 +22,8 @@ from edc_swarm.solver.normals import DELTA_M
 
 TOUCH_M = 1.5 * DELTA_M
 """Distance beyond D up to which a UAV touches a barrier."""
+SMALL_HULL_SLOTS = 3
+"""Steps up to which the radius of a foreign UAV's hull is small."""
 
 
 def weights(mission: Mission, speed_mps: float) -> tuple[float, float]:
@@ -72,7 +74,7 @@ class Edc:
 
     def _wishes(self, arrays: Arrays) -> Floats:
         """Return the preferred waypoints: those of guidance, but for UAVs that must first fly away from a hull."""
-        free, obstacles = ~self._held(arrays), arrays.obstacles
+        free, obstacles = ~self._held(arrays), self._with_foreign_hulls(arrays)
         if not free.all():
             # A plan for a UAV that cannot move would only keep others from going where it never goes.
             still_m, still_r_m = arrays.position_m[~free], arrays.r_m[~free]
@@ -90,6 +92,22 @@ class Edc:
         if len(arrays.obstacles.keep_m) and len(arrays.uav):
             self._leave(arrays, wish_m)
         return wish_m
+
+    def _with_foreign_hulls(self, arrays: Arrays) -> Obstacles:
+        """Return the hulls with those of foreign UAVs that are small: such a UAV is dead, or unheard for a few slots.
+
+        A large hull tells nothing of where its UAV goes, and would be no way round.
+        """
+        hulls, obstacles = arrays.foreign.hulls, arrays.obstacles
+        small = hulls.radius_m <= SMALL_HULL_SLOTS * float(self._u_max_m.max(initial=0.0))
+        if not small.any():
+            return obstacles
+        return Obstacles(
+            np.concatenate([obstacles.a_m, hulls.a_m[small]]),
+            np.concatenate([obstacles.b_m, hulls.b_m[small]]),
+            np.concatenate([obstacles.radius_m, hulls.radius_m[small]]),
+            np.concatenate([obstacles.keep_m, hulls.keep_m[small]]),
+        )
 
     def _held(self, arrays: Arrays) -> NDArray[np.bool_]:
         """(n,) UAVs within a hull, or nearer than R to hulls without a step that leads away from all of them.

@@ -282,5 +282,5 @@ def _stalled(evidence: Evidence) -> bool:
 
 def _given(evidence: Evidence) -> str:
     """Return a remark if the user gave a `max_slots` below the default, else ""."""
-    mission = evidence.mission
+    mission = evidence.whole
     return f" (max_slots = {mission.max_slots} was given)" if mission.max_slots < default_max_slots(mission) else ""
