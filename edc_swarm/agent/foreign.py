@@ -1,10 +1,10 @@
 """UAVs of other clusters, as a head knows them: their fixes of the slot, and hulls of those that it did not hear.
 
 - *heard*: a foreign UAV is at the waypoint of its fix only if that is a fix of the very slot from which the head plans;
-- *foreign hull*: otherwise its newest fix, a report of its own cluster's head, or its start, grown by the longest step
-  for each slot since. No term counts here: whoever moves it, it flies at most one step in a slot;
+- *foreign hull*: otherwise its newest fix, a report of its own cluster's head, or its start, grown by the longest
+  step for each slot since. No term counts here: whoever moves it, it flies at most one step in a slot;
 - *landed*: what a head of its cluster reports as landed has left the airspace;
-- *near*: a head and its standbys hear the fixes of foreign UAVs that can come near within the next slots, and no others.
+- *near*: a head and its standbys hear the fixes of foreign UAVs that can come near within the next slots, no others.
 """
 
 from __future__ import annotations
@@ -110,9 +110,7 @@ class Foreign:
     def _seen(self, fix: Fix) -> ForeignUav:
         here_m, entry = (fix.waypoint_x_m, fix.waypoint_y_m), self._roster[fix.uav]
         aim_m, rest_m = fix.course.aim(entry, here_m, self._rules.u_max_m[fix.uav], self._mission.dt_s)
-        return ForeignUav(
-            self._index[fix.uav], here_m, (fix.from_x_m, fix.from_y_m), aim_m, rest_m, fix.r_m
-        )
+        return ForeignUav(self._index[fix.uav], here_m, (fix.from_x_m, fix.from_y_m), aim_m, rest_m, fix.r_m)
 
 
 class _Grid:
@@ -140,4 +138,3 @@ class _Grid:
             for place in self._cells.get((i, j), ())
         )
         return min(near, default=math.inf)
-

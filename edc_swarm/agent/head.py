@@ -64,12 +64,14 @@ class Head:
     knowledge
         Newest fixes and relayed hulls.
     foreign
-        UAVs of other clusters.
+        UAVs of other clusters; None if there are none.
     """
 
-    def __init__(self, mission: Mission, uav: str, barred_term: int, knowledge: Knowledge, foreign: Foreign) -> None:
+    def __init__(
+        self, mission: Mission, uav: str, barred_term: int, knowledge: Knowledge, foreign: Foreign | None = None
+    ) -> None:
         self._mission = mission
-        self._foreign = foreign
+        self._foreign = foreign or Foreign(mission, mission.roster[0].cluster)
         self._uav = uav
         self._barred_term = barred_term
         self._knowledge = knowledge

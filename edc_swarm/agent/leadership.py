@@ -47,7 +47,7 @@ class Leadership:
         knowledge: Knowledge,
         election: Election,
         clock: SlotClock,
-        foreign: Foreign,
+        foreign: Foreign | None = None,
     ) -> None:
         self._mission = mission
         self._uav = uav

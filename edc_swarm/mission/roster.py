@@ -10,7 +10,7 @@ from edc_swarm.errors import MissionError, PlacementError
 from edc_swarm.mission.airspace import Airspace, check_goals, check_zones
 from edc_swarm.mission.autopilots import check_autopilots, with_return
 from edc_swarm.mission.baselines import check_baselines
-from edc_swarm.mission.clusters import with_clusters
+from edc_swarm.mission.clustering import with_clusters
 from edc_swarm.mission.configuration import Mission, default_tau_s
 from edc_swarm.mission.inheritance import with_charges, with_radii
 from edc_swarm.mission.passing import check_passing

@@ -68,9 +68,9 @@ def checked_arrays(request: PlanRequest) -> Arrays:
 
 
 def _obstacles(name: str, given: Sequence[Hull]) -> Obstacles:
-    hulls = np.array(
-        [(h.ax_m, h.ay_m, h.bx_m, h.by_m, h.radius_m, h.r_m) for h in given], dtype=np.float64
-    ).reshape(-1, 6)
+    hulls = np.array([(h.ax_m, h.ay_m, h.bx_m, h.by_m, h.radius_m, h.r_m) for h in given], dtype=np.float64).reshape(
+        -1, 6
+    )
     _check(name, hulls, len(hulls))
     _check(name, hulls[:, 4:], len(hulls), least=0.0)
     return Obstacles(hulls[:, 0:2], hulls[:, 2:4], hulls[:, 4], hulls[:, 5])

@@ -6,9 +6,10 @@ max n.x over F_l - R. Both heads find the same n and g, and each lets its own UA
 other UAV moves or not. So the two may move at any pace, and neither head needs to know what the other one plans.
 
 A head that has no fix of this slot of the foreign UAV knows a hull that contains F_l, and keeps its half for every
-place of the hull. With d the distance from F_k to the hull and b = max((d - R) / 2, 0), it is enough that n.z <= b for all
-directions n in which the hull is seen. `RAYS` rows stand for these directions: of two neighbours 2 delta apart,
-n_i.z <= b cos(delta) and n_j.z <= b cos(delta), any n between them is a n_i + c n_j with a + c <= 1 / cos(delta).
+place of the hull. With d the distance from F_k to the hull and b = max((d - R) / 2, 0), it is enough that n.z <= b for
+all directions n in which the hull is seen, z being the way from rest to stopping point. `RAYS` rows stand for these
+directions: of two neighbours 2 delta apart, n_i.z <= b cos(delta) and n_j.z <= b cos(delta), and any n between them is
+a n_i + c n_j with a, c >= 0 and a + c <= 1 / cos(delta).
 """
 
 from __future__ import annotations
@@ -114,7 +115,7 @@ def _hull_rows(
     towards_m = on_axis - on_way
     distance_m = length_m(towards_m) - hulls.radius_m
     room_m = np.maximum(0.5 * (distance_m - (r_m[:, None] + hulls.keep_m)), 0.0)
-    inside = distance_m <= 0
+    inside: NDArray[np.bool_] = distance_m <= 0
     k, which = np.nonzero(~inside & (room_m < reach_m[:, None] + DELTA_M))
     low, high = _seen(from_m[k], rest_m[k], towards_m[k, which], hulls, which)
     share = np.linspace(0.0, 1.0, RAYS)
@@ -126,7 +127,7 @@ def _hull_rows(
         normal,
         np.repeat(bound_m, RAYS),
         np.zeros(RAYS * len(k)),
-        inside.any(axis=1),
+        np.asarray(inside.any(axis=1)),
     )
 
 

@@ -62,8 +62,8 @@ class Problem:
     room_m
         (p,) n.(p_k - p_l) - R, without buffer.
     row_uav, row_normal, row_room_m
-        (h,), (h, 2), (h,): the same for UAVs against hulls, barriers and UAVs of other clusters (half of the room), where
-        the plan moves only the UAV.
+        (h,), (h, 2), (h,): the same for UAVs against hulls, barriers and, with half of the room, UAVs of other
+        clusters: the plan moves only the UAV.
     hull_rows
         Number of the first rows that are of hulls.
     frozen
@@ -146,7 +146,10 @@ def slot_problem(
         places_m = np.stack([position_m] if previous_m is None else [position_m, previous_m])
         others = foreign_rows(uav, places_m, r_m, u_max_m, foreign)
         row_uav = np.concatenate([row_uav, others.uav])
-        row_normal, row_room_m = np.concatenate([row_normal, others.normal]), np.concatenate([row_room_m, others.room_m])
+        row_normal, row_room_m = (
+            np.concatenate([row_normal, others.normal]),
+            np.concatenate([row_room_m, others.room_m]),
+        )
         frozen = frozen | others.frozen
     return Problem(
         position_m,

@@ -29,7 +29,7 @@ def _ends_m(state: State, change_m: float) -> tuple[Floats, Floats]:
     return before_m, momentum.rest_m[0]
 
 
-def _place(rng: np.random.Generator, change_m: float, lags: bool) -> State:
+def _place(rng: np.random.Generator, lags: bool) -> State:
     here_m = rng.uniform(0, 9, 2)
     angle, length_m = rng.uniform(0, math.tau), rng.uniform(0, U_MAX_M) if lags else 0.0
     step_m = length_m * np.array([math.cos(angle), math.sin(angle)])
@@ -42,8 +42,9 @@ def _hull(rng: np.random.Generator, index: int, state: State, change_m: float) -
     far_m = rng.uniform(0, 4)
     angle = rng.uniform(0, math.tau)
     shift_m = far_m * rng.choice([1.0, rng.uniform(0, 1)]) * np.array([math.cos(angle), math.sin(angle)])
-    ends_m = from_m + shift_m, rest_m + shift_m
-    return Hull(index, *map(float, (*ends_m[0], *ends_m[1])), float(np.hypot(*shift_m)) + 1e-12, 1.0)
+    a, b = from_m + shift_m, rest_m + shift_m
+    corners_m = float(a[0]), float(a[1]), float(b[0]), float(b[1])
+    return Hull(index, *corners_m, float(np.hypot(*shift_m)) + 1e-12, 1.0)
 
 
 def _planned(safe: SafeSteps, own: int, states: list[State], wish_m: Floats, heard: bool, hull: Hull) -> Floats:
@@ -64,8 +65,8 @@ def _planned(safe: SafeSteps, own: int, states: list[State], wish_m: Floats, hea
 
 
 def _least_gap_m(rng: np.random.Generator, change_m: float, lags: bool) -> float | None:
-    """Return the least distance of two UAVs beyond touching in one slot of a random scene; None if they touch before."""
-    states = [_place(rng, change_m, lags) for _ in range(2)]
+    """Return the least distance of two UAVs beyond touching in a slot of a random scene; None if they touch before."""
+    states = [_place(rng, lags) for _ in range(2)]
     ends_m = [_ends_m(state, change_m) for state in states]
     if float(segment_distance_m(*ends_m[0], *ends_m[1])) < 2.0:
         return None
@@ -86,6 +87,7 @@ def _least_gap_m(rng: np.random.Generator, change_m: float, lags: bool) -> float
 
 @pytest.mark.parametrize(("change_m", "lags"), [(math.inf, False), (math.inf, True), (0.6, True)])
 def test_every_mixture_of_heard_and_unheard_keeps_the_discs_apart(change_m: float, lags: bool) -> None:
+    """Neither head knows the plan of the other, and each may know a fix or a hull."""
     rng = np.random.default_rng(7)
     gaps_m = [gap_m for _ in range(SCENES) if (gap_m := _least_gap_m(rng, change_m, lags)) is not None]
     assert len(gaps_m) > SCENES / 4
@@ -94,6 +96,7 @@ def test_every_mixture_of_heard_and_unheard_keeps_the_discs_apart(change_m: floa
 
 
 def test_a_head_that_takes_the_whole_gap_is_found(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Both heads take the whole gap."""
     rows = foreign_rows._heard_rows
 
     def whole(*args: Any) -> tuple[Any, ...]:
@@ -107,6 +110,7 @@ def test_a_head_that_takes_the_whole_gap_is_found(monkeypatch: pytest.MonkeyPatc
 
 
 def test_a_hull_without_its_outermost_rays_is_found(monkeypatch: pytest.MonkeyPatch) -> None:
+    """The rows cover only the middle half of the directions in which the hull is seen."""
     seen = foreign_rows._seen
 
     def narrow(*args: Any) -> tuple[Any, Any]:
@@ -120,9 +124,10 @@ def test_a_hull_without_its_outermost_rays_is_found(monkeypatch: pytest.MonkeyPa
 
 
 def test_both_heads_find_the_same_normal_to_the_last_bit() -> None:
+    """The normals of the two heads are opposite, without any rounding."""
     rng = np.random.default_rng(3)
     for _ in range(200):
-        states = [_place(rng, 0.6, lags=True) for _ in range(2)]
+        states = [_place(rng, lags=True) for _ in range(2)]
         ends_m = [_ends_m(state, 0.6) for state in states]
         if float(segment_distance_m(*ends_m[0], *ends_m[1])) == 0:
             continue

@@ -12,7 +12,7 @@ from collections.abc import Callable, Mapping
 from dataclasses import replace
 
 from edc_swarm.analysis.guarantees.evidence import Evidence, gather
-from edc_swarm.analysis.guarantees.progress import PROGRESS, check_progress
+from edc_swarm.analysis.guarantees.progress import PROGRESS
 from edc_swarm.analysis.guarantees.verdict import GuaranteeResult, Violation, not_applicable, not_judged, verdict
 from edc_swarm.analysis.living import living_at_end
 from edc_swarm.mission.clusters import cluster_of
@@ -30,13 +30,13 @@ def parts_of(evidence: Evidence) -> dict[str, Evidence]:
 
 
 def of_each(parts: Mapping[str, Evidence], checker: Checker) -> GuaranteeResult:
-    """Return the verdict of a checker on every cluster, as one: broken if one is, held if all are that can be judged."""
+    """Return the verdict of a checker on every cluster, as one."""
     results = {name: checker(part) for name, part in parts.items()}
     return _joined({name: _excused(result, name, parts) for name, result in results.items()})
 
 
 def _excused(result: GuaranteeResult, name: str, parts: Mapping[str, Evidence]) -> GuaranteeResult:
-    """Return the verdict on one cluster, "not applicable" where another cluster can keep it from its targets for good."""
+    """Return the verdict on one cluster, "not applicable" where another one can keep it away for good."""
     if result.guarantee != PROGRESS or not result.broken or any(v.kind != "not-arrived" for v in result.violations):
         return result
     if why := _cut_off(parts[name]):
