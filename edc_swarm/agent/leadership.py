@@ -10,6 +10,7 @@ from edc_swarm.agent.head import Head
 from edc_swarm.agent.knowledge import Knowledge
 from edc_swarm.agent.rota import Rota
 from edc_swarm.agent.slot_clock import SlotClock
+from edc_swarm.mission.clusters import cluster_names, of_cluster
 from edc_swarm.mission.configuration import Mission
 from edc_swarm.planner.interface import Planner
 from edc_swarm.protocol.messages import Command, Report
@@ -22,7 +23,8 @@ def startup_candidates(mission: Mission) -> set[str]:
     """Return the UAVs that plan first: those on duty when the mission begins, all in a mission without a head."""
     if mission.control == "local":
         return {entry.uav for entry in mission.roster}
-    return set(Rota(mission).on_duty(0))
+    clusters = (of_cluster(mission, name) for name in cluster_names(mission.roster))
+    return {uav for cluster in clusters for uav in Rota(cluster).on_duty(0)}
 
 
 class Leadership:
