@@ -134,7 +134,8 @@ def test_a_foreign_uav_is_where_its_fix_of_the_slot_says_and_nowhere_else() -> N
 def test_a_report_of_its_head_makes_a_foreign_hull_smaller_and_landing_takes_it_away() -> None:
     """A report that no quorum backs changes nothing."""
     foreign = Foreign(mission_message(TWO, clusters=2), "a")
-    place: dict[str, Any] = {"hull_ax_m": [20.0], "hull_ay_m": [38.0], "hull_bx_m": [20.0], "hull_by_m": [38.0], "hull_r_m": [1.0]}
+    ends = {"hull_ax_m": [20.0], "hull_ay_m": [38.0], "hull_bx_m": [20.0], "hull_by_m": [38.0]}
+    place: dict[str, Any] = {**ends, "hull_r_m": [1.0]}
     said = Report(head="b0", slot=5, term=1, status="planned", grants=["b0", "b1"], quorum=2, hull_uav=["b1"], **place)
     alone = Report(head="b0", slot=6, term=2, status="planned", grants=["b0"], quorum=1, landed=["b1"])
     foreign.hear_report(said)
