@@ -276,8 +276,9 @@ class MissionMonitor:
         return all(cluster.complete(slot) for cluster in self.clusters.values())
 
     def stalled(self, slot: int) -> bool:
-        """Return True if nothing can change any more in any cluster."""
-        return all(cluster.stalled(slot) or cluster.complete(slot) for cluster in self.clusters.values())
+        """Return True if a cluster has stalled, and every other one has stalled or is complete."""
+        over = [cluster for cluster in self.clusters.values() if cluster.stalled(slot)]
+        return bool(over) and all(cluster in over or cluster.complete(slot) for cluster in self.clusters.values())
 
     def _of(self, uav: str) -> ClusterMonitor:
         """Return the monitor of a UAV's cluster; of the first one for a UAV that is not in the roster."""
