@@ -110,12 +110,12 @@ def test_a_head_that_takes_the_whole_gap_is_found(monkeypatch: pytest.MonkeyPatc
 
 
 def test_a_hull_without_its_outermost_rays_is_found(monkeypatch: pytest.MonkeyPatch) -> None:
-    """The rows cover only the middle half of the directions in which the hull is seen."""
+    """The rows cover only the middle of the directions in which the hull is seen."""
     seen = foreign_rows._seen
 
     def narrow(*args: Any) -> tuple[Any, Any]:
         low, high = seen(*args)
-        return 0.75 * low + 0.25 * high, 0.25 * low + 0.75 * high
+        return (low + high) / 2, (low + high) / 2
 
     monkeypatch.setattr(foreign_rows, "_seen", narrow)
     rng = np.random.default_rng(7)
