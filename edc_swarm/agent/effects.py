@@ -70,9 +70,13 @@ class Publish:
 
 @dataclass(frozen=True, slots=True)
 class Listen:
-    """Subscribe to all fixes, or unsubscribe."""
+    """Subscribe to all fixes of the own cluster, or unsubscribe; and to those of the UAVs `near` of other clusters.
+
+    A UAV that hears such fixes hears the reports of their clusters too.
+    """
 
     all_fixes: bool
+    near: frozenset[str] = frozenset()
 
 
 @dataclass(frozen=True, slots=True)

@@ -140,14 +140,18 @@ class Election:
         return self._lease.suspects
 
     @property
+    def in_office(self) -> bool:
+        """True if this UAV leads or is a standby."""
+        return self.leads or self._uav in self.standbys
+
+    @property
     def listens(self) -> bool:
         """True if this UAV needs all fixes: it leads, is a standby, or is on duty without a head.
 
         A head or standby that hears a quorum of fixes and yet has no head for `lease_slots` (`standbys` + 2) slots has
         had its chance, and listens only on duty. So at most `CANDIDATES` UAVs listen then, however large the swarm is.
         """
-        in_office = self.leads or self._uav in self.standbys
-        if in_office and self._timing.vain_slots <= self._patience_slots:
+        if self.in_office and self._timing.vain_slots <= self._patience_slots:
             return True
         return self.suspects and self._voter and self._uav in self._rota.on_duty(self.slot)
 

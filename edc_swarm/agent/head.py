@@ -18,6 +18,7 @@ from dataclasses import dataclass, field
 
 from msgspec import UNSET
 
+from edc_swarm.agent.foreign import Foreign
 from edc_swarm.agent.knowledge import Grant, HullRules, Knowledge
 from edc_swarm.mission.braking import change_of, changes_m
 from edc_swarm.mission.configuration import Mission
@@ -62,10 +63,15 @@ class Head:
         The term on disk when the process started: it never plans in this term or an older one.
     knowledge
         Newest fixes and relayed hulls.
+    foreign
+        UAVs of other clusters; None if there are none.
     """
 
-    def __init__(self, mission: Mission, uav: str, barred_term: int, knowledge: Knowledge) -> None:
+    def __init__(
+        self, mission: Mission, uav: str, barred_term: int, knowledge: Knowledge, foreign: Foreign | None = None
+    ) -> None:
         self._mission = mission
+        self._foreign = foreign or Foreign(mission, mission.roster[0].cluster)
         self._uav = uav
         self._barred_term = barred_term
         self._knowledge = knowledge
@@ -79,7 +85,7 @@ class Head:
         self._failsafe = failsafe_of(mission)
         self._free_m = {entry.uav: vehicle_of(mission, entry).free_mps * mission.dt_s for entry in mission.roster}
         self._roster = {entry.uav: entry for entry in mission.roster}
-        self._index = {entry.uav: index for index, entry in enumerate(mission.roster)}
+        self._index = knowledge.index
         self.office = Office((0, ""))
 
     def take_office(self, grant: Grant) -> None:
@@ -173,7 +179,9 @@ class Head:
             target_m=[aim_m for aim_m, _ in aims],
             rest_m=[rest_m for _, rest_m in aims],
             r_m=[fix.r_m for fix in fixes],
-            hulls=list(hulls.values()),
+            hulls=[*hulls.values(), *self._foreign.hulls(slot, strays=True)],
+            foreign=self._foreign.heard(slot),
+            foreign_hulls=self._foreign.hulls(slot, strays=False),
             previous_m=[(fix.from_x_m, fix.from_y_m) for fix in fixes] if self._with_previous else None,
         )
 

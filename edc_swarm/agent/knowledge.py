@@ -35,9 +35,10 @@ Grant = tuple[int, str]
 class Knowledge:
     """Newest fix of every UAV heard, and newest relayed hull of the others."""
 
-    def __init__(self, roster: Sequence[RosterEntry]) -> None:
+    def __init__(self, roster: Sequence[RosterEntry], index: Mapping[str, int] | None = None) -> None:
+        """Take the UAVs to know, and the roster index of each where they are not the whole roster."""
         self._roster = {entry.uav: entry for entry in roster}
-        self._index = {entry.uav: index for index, entry in enumerate(roster)}
+        self.index = index or {entry.uav: number for number, entry in enumerate(roster)}
         self.roster = frozenset(self._roster)
         self.newest: dict[str, Fix] = {}
         self._granting: Counter[tuple[int, int, str]] = Counter()
@@ -176,6 +177,25 @@ class Knowledge:
             return self._after_own_command(fix, sent.get(uav), rules)
         return min(self._grown_places(uav, grant[0], t0, rules), key=lambda hull: hull.radius_m)
 
+    def place_after(self, uav: str, slot: int, rules: HullRules, r_m: float) -> Hull:
+        """Return where a UAV of another cluster is at the end of `slot` and while it brakes; `r_m` is its widest disc.
+
+        Any head of its cluster may have moved it, by one step in a slot, since what is known: since its newest fix,
+        since the slot of the newest report with a hull of it, or since it began.
+        """
+        fix, relayed, entry = self.newest.get(uav), self._relayed.get(uav), self._roster[uav]
+        places = []
+        if fix is not None:
+            slots = slot - fix.slot
+            reach_m = rules.reach_m(uav, slots, math.dist(*_last_step(fix)))
+            places.append(_grown(self._about(fix, rules, brakes=slots <= 0), reach_m))
+        if relayed is not None:
+            places.append(_grown(relayed[2], rules.reach_m(uav, slot - relayed[0], rules.u_max_m[uav])))
+        if not places:
+            start_m = entry.start_x_m, entry.start_y_m
+            places.append(_grown(self._place(uav, *start_m, *start_m), rules.reach_m(uav, slot + 1, 0.0)))
+        return replace(min(places, key=lambda hull: hull.radius_m), r_m=r_m)
+
     def last_step(self, uav: str, grant: Grant, t0: int, sent: Mapping[str, Command]) -> int:
         """Return a slot after which unheard `uav` has accepted no step in the slots that `grant` and older terms plan.
 
@@ -243,7 +263,7 @@ class Knowledge:
     def _place(self, uav: str, ax_m: float, ay_m: float, bx_m: float, by_m: float, radius_m: float = 0.0) -> Hull:
         fix = self.newest.get(uav)
         r_m = self._roster[uav].r_m if fix is None else fix.r_m
-        return Hull(self._index[uav], ax_m, ay_m, bx_m, by_m, radius_m, r_m)
+        return Hull(self.index[uav], ax_m, ay_m, bx_m, by_m, radius_m, r_m)
 
 
 @dataclass(frozen=True, slots=True)

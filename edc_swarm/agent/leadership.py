@@ -5,10 +5,12 @@ from __future__ import annotations
 import msgspec
 
 from edc_swarm.agent.election import Election
+from edc_swarm.agent.foreign import Foreign
 from edc_swarm.agent.head import ABSENT_SLOTS, Head
 from edc_swarm.agent.knowledge import Knowledge
 from edc_swarm.agent.rota import Rota
 from edc_swarm.agent.slot_clock import SlotClock
+from edc_swarm.mission.clusters import cluster_names, of_cluster
 from edc_swarm.mission.configuration import Mission
 from edc_swarm.planner.interface import Planner
 from edc_swarm.protocol.messages import Command, Report
@@ -21,7 +23,8 @@ def startup_candidates(mission: Mission) -> set[str]:
     """Return the UAVs that plan first: those on duty when the mission begins, all in a mission without a head."""
     if mission.control == "local":
         return {entry.uav for entry in mission.roster}
-    return set(Rota(mission).on_duty(0))
+    clusters = (of_cluster(mission, name) for name in cluster_names(mission.roster))
+    return {uav for cluster in clusters for uav in Rota(cluster).on_duty(0)}
 
 
 class Leadership:
@@ -39,7 +42,15 @@ class Leadership:
         The head's newest command to itself, which it receives in the step after planning.
     """
 
-    def __init__(self, mission: Mission, uav: str, knowledge: Knowledge, election: Election, clock: SlotClock) -> None:
+    def __init__(
+        self,
+        mission: Mission,
+        uav: str,
+        knowledge: Knowledge,
+        election: Election,
+        clock: SlotClock,
+        foreign: Foreign | None = None,
+    ) -> None:
         self._mission = mission
         self._uav = uav
         self._knowledge = knowledge
@@ -48,7 +59,7 @@ class Leadership:
         self._planner_wanted = False
         self._office_ns = 0
         self._problem = ""
-        self.head = Head(mission, uav, election.term, knowledge)
+        self.head = Head(mission, uav, election.term, knowledge, foreign)
         self.planner: Planner | None = None
         self.gone: set[str] = set()
         self.own_command: Command | None = None

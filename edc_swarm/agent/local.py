@@ -33,6 +33,7 @@ class NoElection:
         self.term = 0
         self.grant: Grant = (0, NO_ONE)
         self.leads = False
+        self.in_office = False
         self.suspects = False
         self.listens = True
         self.claim: TermClaim | None = None

@@ -40,6 +40,7 @@ from edc_swarm.agent.effects import (
 )
 from edc_swarm.agent.election import Election
 from edc_swarm.agent.flight import MAX_PENDING, Flight
+from edc_swarm.agent.foreign import Foreign
 from edc_swarm.agent.goals import course_of, is_new
 from edc_swarm.agent.knowledge import Grant, Knowledge
 from edc_swarm.agent.leadership import Leadership, startup_candidates
@@ -50,11 +51,12 @@ from edc_swarm.agent.slot_clock import SlotClock
 from edc_swarm.agent.vehicle import Airframe, Promise, Vehicle
 from edc_swarm.emulation.body import Body
 from edc_swarm.emulation.energy import compute_energy_j
+from edc_swarm.mission.clusters import of_cluster
 from edc_swarm.mission.faults import OrderLanding
 from edc_swarm.planner.interface import Planner, plan_ms
 from edc_swarm.protocol.events import EventKind
 from edc_swarm.protocol.goals import GoalAnswer
-from edc_swarm.protocol.messages import Command, Fix, Goal, Message, MissionMessage, Report, Truth
+from edc_swarm.protocol.messages import Command, Fix, Goal, Message, MissionMessage, Report, Truth, roster_index
 
 
 class UavNode:
@@ -100,22 +102,24 @@ class UavNode:
         self.ended = False
         self._strays = False
         entry = next(entry for entry in mission.roster if entry.uav == uav)
+        self._cluster = own = of_cluster(mission, entry.cluster)
+        self._foreign = Foreign(mission, entry.cluster)
         self._clock = SlotClock(mission)
         self._vehicle = Vehicle(mission, entry, promise, airframe, body)
         self._flight = Flight(self._vehicle, voter)
-        self._knowledge = Knowledge(mission.roster)
+        self._knowledge = Knowledge(own.roster, roster_index(mission.roster))
         self._election: Election | NoElection
         self._leadership: Leadership | LocalControl
         if mission.control == "local":
             self._election = NoElection(uav)
             self._leadership = LocalControl(mission, uav, self._knowledge, self._clock)
         else:
-            self._election = election = Election(mission, uav, grant, voter, self._knowledge)
-            self._leadership = Leadership(mission, uav, self._knowledge, election, self._clock)
-        self._outgoing = Outgoing(mission, uav, instance, voter, response_ms, cpu_s)
-        self._repetition = Repetition(mission, uav, self._clock)
+            self._election = election = Election(own, uav, grant, voter, self._knowledge)
+            self._leadership = Leadership(own, uav, self._knowledge, election, self._clock, self._foreign)
+        self._outgoing = Outgoing(own, uav, instance, voter, response_ms, cpu_s)
+        self._repetition = Repetition(own, uav, self._clock)
         self._said: tuple[Grant, bool] | None = None
-        self._listening: bool | None = None
+        self._listening: Listen | None = None
         self._again_ns: int | None = None
         self._refused_slot = -1
         self._out: list[Effect] = []
@@ -253,6 +257,7 @@ class UavNode:
         self._flight.begin_slot(slot, slots, self.grant, self._clock.is_late(slot, now_ns))
         self._knowledge.begin_slot(slot)
         self._election.begin_slot(slot)
+        self._look_around()
         self._repetition.begin_slot(slot)
         known = self._said is not None and self._said[0] == self.grant
         lacks_command = known and self.grant[0] > 0 and self._flight.flown is None
@@ -286,6 +291,8 @@ class UavNode:
     # --- messages ----------------------------------------------------------------------------
 
     def _receive(self, message: Message, now_ns: int) -> None:
+        if self._hear_foreign(message):
+            return
         self._repetition.hear(message)
         match message:
             case Fix() if message.uav != self.uav and message.uav in self._knowledge.roster:
@@ -302,6 +309,28 @@ class UavNode:
                 self._take_goal(message, now_ns)
             case _:
                 pass
+
+    def _hear_foreign(self, message: Message) -> bool:
+        """Keep what a UAV of another cluster says; return False for any other message."""
+        match message:
+            case Fix() if message.uav in self._foreign:
+                self._foreign.hear_fix(message, self.slot)
+            case Report() if message.head in self._foreign:
+                self._foreign.hear_report(message)
+            case _:
+                return False
+        return True
+
+    def _look_around(self) -> None:
+        """Find the UAVs of other clusters whose fixes this UAV needs as head, or soon may need."""
+        self._foreign.begin_slot(self.slot)
+        if not (self._election.in_office and len(self._foreign)):
+            self._foreign.near = frozenset()
+            return
+        places = {entry.uav: (entry.start_x_m, entry.start_y_m) for entry in self._cluster.roster}
+        fixes = self._knowledge.newest.values()
+        places |= {fix.uav: (fix.waypoint_x_m, fix.waypoint_y_m) for fix in fixes}
+        self._foreign.near = self._foreign.look_around(self.slot, places.values())
 
     def _take_command(self, command: Command) -> None:
         """Keep a command of the head granted for a later slot; ignore all others.
@@ -320,7 +349,7 @@ class UavNode:
 
     def _take_report(self, report: Report) -> None:
         """Process a report; ignore a plan or a claim without the quorum that the mission asks for."""
-        if report.status != "no-quorum" and not report.is_backed(self._knowledge.roster, self._mission.quorum):
+        if report.status != "no-quorum" and not report.is_backed(self._knowledge.roster, self._cluster.quorum):
             return
         if report.has_quorum:
             self._knowledge.hear_report(report)
@@ -404,10 +433,11 @@ class UavNode:
     def _tell_wishes(self) -> None:
         if self.ended:
             return
-        if self._listening != self._election.listens:
-            self._listening = self._election.listens
-            self._repetition.begin_listening()
-            self._out.append(Listen(self._listening))
+        before, self._listening = self._listening, Listen(self._election.listens, self._foreign.near)
+        if self._listening != before:
+            if before is None or before.all_fixes != self._listening.all_fixes:
+                self._repetition.begin_listening()
+            self._out.append(self._listening)
         if self._leadership.wants_planner():
             self._out.append(WantPlanner())
 

@@ -9,7 +9,6 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from itertools import pairwise
 from typing import NamedTuple
 
 import numpy as np
@@ -21,6 +20,7 @@ from edc_swarm.analysis.energy_use import compute_j, propulsion_j, straight_ener
 from edc_swarm.analysis.guarantees.completeness import unproved
 from edc_swarm.analysis.guarantees.evidence import Evidence, Known, gather
 from edc_swarm.analysis.guarantees.inside import largest_deviation_m
+from edc_swarm.analysis.head_terms import ClusterFigures, HeadTerm, cluster_figures, failover_slots, heads_of
 from edc_swarm.analysis.holds import holds_by_cause
 from edc_swarm.analysis.information_age import Age, age_of, command_updates, fix_to_step_ms, fix_updates, sawtooth_of
 from edc_swarm.analysis.landing import Landing, landings
@@ -51,15 +51,6 @@ class Quantiles(Struct, frozen=True):
     p50: float | None
     p99: float | None
     max: float | None
-
-
-class HeadTerm(Struct, frozen=True):
-    """The head of a term, with the first and the last slot whose fixes it planned with."""
-
-    term: int
-    head: str
-    first_slot: int
-    last_slot: int
 
 
 class Deadline(Struct, frozen=True):
@@ -120,6 +111,7 @@ class Metrics(Struct, frozen=True, kw_only=True):
     deadlines: list[Deadline]
     failover_slots: list[int] | None
     faults_undone: list[str]
+    clusters: list[ClusterFigures] = []
 
 
 def compute_metrics(recording: Recording, timings: Sequence[Timing] = ()) -> Metrics:
@@ -140,7 +132,7 @@ def compute_metrics(recording: Recording, timings: Sequence[Timing] = ()) -> Met
     last = int(arrival[living].max()) if settled else tracks.slots - 1
     makespan_s = _makespan_s(mission, arrival[living], first) if settled and known.motion else None
     held = _held(columns, at_target, first, last)
-    heads, astray = _heads(recording), not_home(recording, tracks, living)
+    heads, astray = heads_of(recording), not_home(recording, tracks, living)
     unknown = [who.uav for who in astray if who.is_unknown]
     separation = _separation(evidence, known)
     path_m, straight_m = columns.step_m.sum(axis=0), np.array([voyage.straight_m for voyage in voyages.each])
@@ -188,12 +180,15 @@ def compute_metrics(recording: Recording, timings: Sequence[Timing] = ()) -> Met
         gaps=_gaps(evidence),
         fetched=recording.fetched_count,
         duplicates=recording.duplicates,
-        heads=heads,
+        heads=[term for terms in heads.values() for term in terms],
         goals_reached=_goals_reached(mission, voyages, home) or (0 if known.fixes else None),
         goals_per_minute=_per_minute(mission, voyages, duration_s) if known.fixes else None,
         deadlines=_deadlines(mission, home, arrival, known),
-        failover_slots=_failover_slots(heads) if known.reports else None,
+        failover_slots=failover_slots(heads) if known.reports else None,
         faults_undone=_faults_undone(recording, duration_s, known),
+        clusters=cluster_figures(
+            recording, heads, home, path_m, straight_m, fixes_known=known.fixes, reports_known=known.reports
+        ),
     )
 
 
@@ -225,10 +220,6 @@ def _commanded(recording: Recording, tracks: Tracks) -> set[int]:
 
 def _slots_missed(commanded: set[int], first: int | None, last: int) -> int:
     return len(set(range(first, last + 1)) - commanded) if first is not None else 0
-
-
-def _failover_slots(heads: Sequence[HeadTerm]) -> list[int]:
-    return [max(0, new.first_slot - old.last_slot - 1) for old, new in pairwise(heads)]
 
 
 def _faults_undone(recording: Recording, duration_s: float | None, known: Known) -> list[str]:
@@ -384,14 +375,3 @@ def _ticks_late_pct(recording: Recording, ticks: int) -> float | None:
         if fix.late_ticks:
             late[fix.uav, fix.instance] = max(fix.late_ticks, late.get((fix.uav, fix.instance), 0))
     return 100 * sum(late.values()) / ticks if ticks else None
-
-
-def _heads(recording: Recording) -> list[HeadTerm]:
-    """Return the heads that planned, by term; a plan without a quorum in the recorded fixes does not count."""
-    mission = recording.mission
-    roster = {entry.uav for entry in mission.roster}
-    slots: dict[tuple[int, str], list[int]] = {}
-    for report in recording.reports:
-        if report.has_quorum and report.is_backed(roster, mission.quorum):
-            slots.setdefault((report.term, report.head), []).append(report.slot)
-    return [HeadTerm(term, head, min(led), max(led)) for (term, head), led in sorted(slots.items())]

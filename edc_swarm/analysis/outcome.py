@@ -22,6 +22,7 @@ from edc_swarm.analysis.voyages import Voyages, voyages_of
 from edc_swarm.mission.faults import Freeze, Kill, read_fault
 from edc_swarm.mission.roles import OPERATOR
 from edc_swarm.mission.roster_entry import ARRIVED_M
+from edc_swarm.protocol.backing import Backing
 from edc_swarm.protocol.completion import STILL_SLOTS
 from edc_swarm.protocol.events import EventKind
 from edc_swarm.protocol.hindrance import Place, hindrances, places_of, point
@@ -161,8 +162,8 @@ class _Judge:
     def of(cls, recording: Recording, tracks: Tracks, living: Bools, home: Bools) -> _Judge:
         """Collect the state of all UAVs at the end."""
         slots = np.arange(tracks.slots)[:, None]
-        roster = {entry.uav for entry in recording.mission.roster}
-        plans = [r for r in recording.reports if r.has_quorum and r.is_backed(roster, recording.mission.quorum)]
+        backing = Backing(recording.mission)
+        plans = [report for report in recording.reports if report.has_quorum and backing.backs(report)]
         return cls(
             recording,
             tracks,

@@ -31,6 +31,7 @@ def metric_rows(m: Metrics) -> list[tuple[str, str]]:
         *_deadlines(m),
         ("slots", f"{_slots(m)}, {_count(m.slots_missed)} without commands"),
         ("heads", (heads + (", ..." if len(m.heads) > MAX_HEADS else "")) or "none recorded"),
+        *_clusters(m),
         ("collisions", f"{_count(m.potential_collisions)} potential, {_count(m.true_collisions)} true"),
         (
             "least gap",
@@ -48,6 +49,17 @@ def metric_rows(m: Metrics) -> list[tuple[str, str]]:
         ("late ticks", _number(m.ticks_late_pct, "%")),
         ("messages", f"{m.messages}, {_count(m.gaps)} gaps" + _late_and_twice(m)),
         *undone,
+    ]
+
+
+def _clusters(m: Metrics) -> list[tuple[str, str]]:
+    """Return a row for each cluster; none for a mission with one."""
+    return [
+        (
+            f"cluster {each.name}",
+            f"{_count(each.arrived)} of {each.uavs} arrived, {len(each.heads)} heads, {each.messages} messages",
+        )
+        for each in m.clusters
     ]
 
 

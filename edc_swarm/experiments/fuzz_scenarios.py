@@ -40,6 +40,10 @@ class Reckless(Edc):
     def _wishes(self, arrays: Arrays) -> Floats:
         """Return steps straight towards another UAV, a hull, a barrier or the target, in turn."""
         aims = [arrays.target_m]
+        if len(arrays.foreign.uav):
+            aims.append(arrays.foreign.position_m)
+        if len(arrays.foreign.hulls.keep_m):
+            aims.append((arrays.foreign.hulls.a_m + arrays.foreign.hulls.b_m) / 2)
         if len(arrays.uav) > 1:
             aims.append(arrays.position_m)
         if len(arrays.obstacles.keep_m):
@@ -57,10 +61,15 @@ class Reckless(Edc):
         return wish_m
 
 
-def scenario(seed: int, kept: Collection[int] | None = None) -> Mission:
-    """Return the mission of `seed` with all its faults, or only those at the indices `kept`."""
+def scenario(seed: int, kept: Collection[int] | None = None, *, clusters: bool = False) -> Mission:
+    """Return the mission of `seed` with all its faults, or only those at the indices `kept`.
+
+    With `clusters` its UAVs form two to four clusters.
+    """
     rng = Random(f"fuzz/{seed}")
     uavs = rng.choice([2, 3, 3, 4, 4, 5, 5, 6, 7, 8])
+    names = _cluster_names(Random(f"fuzz/{seed}/clusters"), uavs) if clusters else []
+    uavs = max(uavs, len(names))
     fields: dict[str, Any] = {
         "name": f"fuzz-{seed}",
         "seed": seed,
@@ -79,12 +88,18 @@ def scenario(seed: int, kept: Collection[int] | None = None) -> Mission:
         **_failsafe(Random(f"fuzz/{seed}/failsafe")),
         **_vehicle(Random(f"fuzz/{seed}/vehicle")),
     }
+    if clusters and fields["planner"] != RECKLESS:
+        # A UAV that stays for good may cover the target of one of another cluster, which G7 does not excuse.
+        fields["failsafe"] = "land"
     if fields["planner"] == RECKLESS:
         fields["max_slots"] = RECKLESS_SLOTS
     else:
         fields["link"] = [{**link, "end_s": HEALED_S} for link in fields["link"]]
     mission = _placed(fields)
     fields["roster"] = varied_roster(Random(f"fuzz/{seed}/roster"), mission)
+    fields["roster"] = fields["roster"] or (msgspec.to_builtins(mission.roster) if clusters else [])
+    for entry, name in zip(fields["roster"], names, strict=False):
+        entry["cluster"] = name
     mission = complete_mission(
         mission_from_dict({**fields, "roster": fields["roster"] or msgspec.to_builtins(mission.roster)})
     )
@@ -95,11 +110,41 @@ def scenario(seed: int, kept: Collection[int] | None = None) -> Mission:
         faults += _for_good(Random(f"fuzz/{seed}/for-good"), mission)
     faults += _about_vehicles(Random(f"fuzz/{seed}/about-vehicles"), mission)
     faults += _about_landings(Random(f"fuzz/{seed}/landings"), mission)
+    faults += _about_clusters(Random(f"fuzz/{seed}/about-clusters"), mission) if clusters else []
     faults += new_goals(Random(f"fuzz/{seed}/goals"), zoned, LAST_FAULT_SLOT)
     chosen = faults if kept is None else [fault for index, fault in enumerate(faults) if index in kept]
     # The drawn zones have a fence of their own: the area in addition could close a way.
     airspace = {"area_m2": mission.area_m2, "zone": zones, "fence": "none" if zones else "area"}
     return mission_from_dict({**fields, **airspace, "fault": chosen})
+
+
+def _cluster_names(rng: Random, uavs: int) -> list[str]:
+    """Draw the cluster of each UAV: two to four clusters, side by side in the roster or mixed, none empty."""
+    count = rng.choice([2, 2, 2, 3, 4])
+    names = [f"c{1 + index * count // max(uavs, 2 * count)}" for index in range(max(uavs, 2 * count))]
+    if rng.random() < 0.5:
+        rng.shuffle(names)
+    return names
+
+
+def _about_clusters(rng: Random, mission: Mission) -> list[str]:
+    """Draw what happens to the heads of clusters, and between clusters."""
+    names = sorted({entry.cluster for entry in mission.roster})
+    one, other = (
+        ",".join(entry.uav for entry in mission.roster if entry.cluster == name) for name in rng.sample(names, 2)
+    )
+    uav, at_s = _id(rng, mission), _slot(rng) * mission.dt_s + rng.choice([0.0, 0.1, 0.21, 0.4, 0.48])
+    later_s = at_s + rng.choice([0.0, 0.2, 0.5])
+    aims = (
+        [f"kill head-{rng.choice(names)} @{at_s:.3f}s"],
+        [f"restart head-{rng.choice(names)} @{at_s:.3f}s", f"kill standby-{rng.choice(names)} @{later_s:.3f}s"],
+        [f"partition {one}|{other} @{at_s:.3f}s for {rng.randint(1, 15)}"],
+        [f"partition {one}>{other} @{at_s:.3f}s for {rng.randint(1, 15)}"],
+        [f"partition {one}|{other} @{at_s:.3f}s for {rng.randint(1, 8)}", f"kill head-{names[0]} @{later_s:.3f}s"],
+        [f"link {uav}>* loss 0.7 @{at_s:.3f}s for {rng.randint(2, 15)}"],
+        [f"link {uav}>* delay {rng.choice([120, 300, 480])} @{at_s:.3f}s for {rng.randint(2, 10)}"],
+    )
+    return [fault for faults in rng.sample(aims, rng.randint(1, 2)) for fault in faults]
 
 
 def _placed(fields: dict[str, Any]) -> Mission:

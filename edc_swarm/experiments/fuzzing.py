@@ -49,12 +49,14 @@ class Counterexample:
     seed: int
     kept: tuple[int, ...]
     broken: tuple[str, ...]
+    clusters: bool = False
 
     @property
     def command(self) -> str:
         """The command line that repeats this run."""
         kept = ",".join(str(index) for index in self.kept)
-        return f"edc-swarm fuzz --seed {self.seed} --runs 1 --keep {kept or 'none'}"
+        clusters = " --clusters" if self.clusters else ""
+        return f"edc-swarm fuzz --seed {self.seed} --runs 1 --keep {kept or 'none'}{clusters}"
 
 
 def fly(mission: Mission) -> list[str]:
@@ -74,21 +76,22 @@ def fly(mission: Mission) -> list[str]:
     return [*seen, *errors_ignored(recording), *_broken(recording, _asked(mission))]
 
 
-def search(seed: int, kept: Collection[int] | None = None) -> Counterexample | None:
-    """Run the scenario of `seed`; return None if every guarantee held."""
-    mission = scenario(seed, kept)
+def search(seed: int, kept: Collection[int] | None = None, *, clusters: bool = False) -> Counterexample | None:
+    """Run the scenario of `seed`, with several `clusters` if asked; return None if every guarantee held."""
+    mission = scenario(seed, kept, clusters=clusters)
     broken = fly(mission)
     if not broken:
         return None
     indices = tuple(sorted(kept)) if kept is not None else tuple(range(len(mission.fault)))
-    return Counterexample(seed, indices, tuple(broken))
+    return Counterexample(seed, indices, tuple(broken), clusters)
 
 
 def smallest(finding: Counterexample) -> Counterexample:
     """Drop faults one by one while a violation remains, and return the smallest such run."""
     index = 0
     while index < len(finding.kept):
-        fewer = search(finding.seed, finding.kept[:index] + finding.kept[index + 1 :])
+        kept = finding.kept[:index] + finding.kept[index + 1 :]
+        fewer = search(finding.seed, kept, clusters=finding.clusters)
         if fewer is None:
             index += 1
         else:

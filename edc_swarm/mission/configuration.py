@@ -19,6 +19,7 @@ from typing import Annotated
 from msgspec import Meta, Struct
 
 from edc_swarm.mission.field_types import (
+    MAX_CLUSTERS,
     MAX_FAULTS,
     MAX_LINKS,
     MAX_UAVS,
@@ -170,6 +171,15 @@ class Mission(Struct, frozen=True, kw_only=True):
     plans its next step with planner `orca`, `bvc`, `cbf` or package.module:Class. Separation is measured, not promised.
 
     Source: the paper, section I, names decentralised control as the alternative.
+    """
+    clusters: Annotated[int, Meta(ge=1, le=MAX_CLUSTERS), Option("clusters")] = 1
+    """Number of clusters, each with a head, a quorum and terms of its own, in one airspace.
+
+    UAVs whose starts and targets are near each other form a cluster (k-means, drawn from `seed`), unless the entries of
+    the roster name their clusters. At most `uavs`. Planner `edc` keeps the UAVs of all clusters apart
+    (docs/clusters.md).
+
+    Source: this project; the paper has one cluster.
     """
     minimise: Annotated[Minimise, Option("minimise")] = "distance"
     """Quantity that the guidance of planner `edc` minimises.

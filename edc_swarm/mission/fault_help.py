@@ -12,7 +12,8 @@ and the fuzzer take this vocabulary. (This page is what `edc-swarm faults` print
 
 - WHEN and D are slots, or seconds of mission time with an `s`, up to {MOST_IN_FAULT:g} s: `@10`, `@5s`, `for 4`,
   `for 2.5s`. Without `for` the fault lasts for good.
-- `head` and `standby` are the head and the first standby at that time. A fault is skipped if no UAV holds the role; the
+- `head` and `standby` are the head and the first standby at that time; of several clusters `head-NAME` and
+  `standby-NAME` are those of cluster NAME, `head` that of the first. A fault is skipped if no UAV holds the role; the
   event `fault-without-target` says so. The event `fault` tells what was done when, with ids in place of words.
 - `edc-swarm sim` has no recorder process, so it skips faults of `recorder`.
 - `mid-step` stops the process between two effects of one step. The simulator alone can aim at such a moment; for real

@@ -2,16 +2,26 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
+from types import MappingProxyType
 
 from edc_swarm.mission.fault_syntax import HALVES, HEAD, REST, STANDBY
 from edc_swarm.mission.faults import Fault, Partition
 
 
-def resolve(fault: Fault, head: str, standbys: Sequence[str], roster: Sequence[str]) -> Fault | None:
-    """Return the fault with ids in place of `head`, `standby`, `halves`, `rest`; None if one stands for no UAV now."""
-    ids = {HEAD: head, STANDBY: standbys[0] if standbys else ""}
+def resolve(
+    fault: Fault,
+    head: str,
+    standbys: Sequence[str],
+    roster: Sequence[str],
+    in_office: Mapping[str, str] = MappingProxyType({}),
+) -> Fault | None:
+    """Return the fault with ids in place of `head`, `standby`, `halves`, `rest`; None if one stands for no UAV now.
+
+    `in_office` has the ids for the words of several clusters: `head-NAME`, `standby-NAME`.
+    """
+    ids = {HEAD: head, STANDBY: standbys[0] if standbys else "", **in_office}
     if isinstance(fault, Partition):
         return _resolve_groups(fault, ids, roster)
     names = {field: getattr(fault, field) for field in fault.declaration.names}

@@ -344,10 +344,12 @@ def parse_faults(mission: Mission) -> list[Fault]:
         A fault cannot be read, or names a UAV that is not in the roster.
     """
     roster = {entry.uav for entry in mission.roster}
+    clusters = {entry.cluster for entry in mission.roster if entry.cluster}
     faults = []
     for text in mission.fault:
         fault = parse_fault(text, mission.dt_s)
         words = frozenset[str]().union(*fault.declaration.names.values())
+        words |= {f"{word}-{name}" for word in words & ONE_UAV for name in clusters}
         for name in fault.names:
             if name not in roster | words:
                 raise MissionError("fault", text, f"about a UAV of the roster, which {name!r} is not")

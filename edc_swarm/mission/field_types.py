@@ -9,6 +9,7 @@ from msgspec import Meta
 
 MAX_UAVS = 2000
 MAX_FAULTS = 1000
+MAX_CLUSTERS = 200
 MAX_LINKS = 1000
 MAX_ZONES = 1000
 MAX_CORNERS = 1000
@@ -44,6 +45,7 @@ Speed = Annotated[float, Meta(gt=0, le=1e4)]
 Positive = Annotated[float, Meta(gt=0, le=MOST)]
 NonNegative = Annotated[float, Meta(ge=0, le=MOST)]
 Fraction = Annotated[float, Meta(ge=0, le=1)]
+ClusterName = Annotated[str, Meta(pattern=r"^[A-Za-z0-9_-]{0,32}$(?!\n)")]
 LinkEnd = Annotated[str, Meta(max_length=32)]
 FaultText = Annotated[str, Meta(max_length=65536)]
 

@@ -10,6 +10,7 @@ from edc_swarm.errors import MissionError, PlacementError
 from edc_swarm.mission.airspace import Airspace, check_goals, check_zones
 from edc_swarm.mission.autopilots import check_autopilots, with_return
 from edc_swarm.mission.baselines import check_baselines
+from edc_swarm.mission.clustering import with_clusters
 from edc_swarm.mission.configuration import Mission, default_tau_s
 from edc_swarm.mission.inheritance import with_charges, with_radii
 from edc_swarm.mission.passing import check_passing
@@ -45,7 +46,7 @@ def complete_mission(mission: Mission) -> Mission:
     """
     fenced = mission if mission.roster else _fenced(mission)
     roster = _inherited(mission) if mission.roster else random_roster(fenced)
-    whole = msgspec.structs.replace(fenced, roster=roster, uavs=len(roster))
+    whole = with_clusters(msgspec.structs.replace(fenced, roster=roster, uavs=len(roster)))
     check_links(whole)
     check_vehicles(whole)
     check_autopilots(whole)

@@ -9,7 +9,16 @@ from typing import Annotated
 from msgspec import Meta, Struct
 from msgspec.structs import force_setattr
 
-from edc_swarm.mission.field_types import MAX_ROUTE, MOST_M, Metres, NonNegative, Point, Positive, UavId
+from edc_swarm.mission.field_types import (
+    MAX_ROUTE,
+    MOST_M,
+    ClusterName,
+    Metres,
+    NonNegative,
+    Point,
+    Positive,
+    UavId,
+)
 from edc_swarm.mission.vehicle_model import OwnVehicle
 
 ARRIVED_M = 0.1
@@ -106,6 +115,14 @@ class RosterEntry(Struct, frozen=True, kw_only=True, omit_defaults=True):
     least one step at full speed, unless the UAV starts at its target.
 
     Default: 0, which stands for a charge that `seed` draws, as in a random mission.
+    """
+    cluster: ClusterName = ""
+    """Name of the cluster of this UAV.
+
+    Every cluster elects a head of its own. Either all entries name their cluster, or none does.
+
+    Default: "", which stands for the cluster that `clusters` of the mission gives it.
+    Source: the paper's word for the UAVs of one head.
     """
     compute_factor: Positive = 1.0
     """Factor on the response time that the UAV reports, for the election criterion `response-time`.

@@ -13,7 +13,7 @@ from edc_swarm.planner import ways
 from edc_swarm.planner.guidance import Guidance, Scene, Tuning
 from edc_swarm.planner.interface import Plan, PlanRequest, Stopwatch
 from edc_swarm.planner.pilot import momentum_of, slowed_m, step_changes
-from edc_swarm.planner.request import Arrays, checked_arrays
+from edc_swarm.planner.request import Arrays, ForeignArrays, checked_arrays
 from edc_swarm.planner.safe import SafeSteps, airspace_of
 from edc_swarm.solver import certificate, slot_qp
 from edc_swarm.solver.barrier_rows import barrier_rows
@@ -22,6 +22,8 @@ from edc_swarm.solver.normals import DELTA_M
 
 TOUCH_M = 1.5 * DELTA_M
 """Distance beyond D up to which a UAV touches a barrier."""
+SMALL_HULL_SLOTS = 3
+"""Steps up to which the radius of a foreign UAV's hull is small."""
 
 
 def weights(mission: Mission, speed_mps: float) -> tuple[float, float]:
@@ -72,7 +74,7 @@ class Edc:
 
     def _wishes(self, arrays: Arrays) -> Floats:
         """Return the preferred waypoints: those of guidance, but for UAVs that must first fly away from a hull."""
-        free, obstacles = ~self._held(arrays), arrays.obstacles
+        free, obstacles = ~self._held(arrays), self._with_foreign_hulls(arrays)
         if not free.all():
             # A plan for a UAV that cannot move would only keep others from going where it never goes.
             still_m, still_r_m = arrays.position_m[~free], arrays.r_m[~free]
@@ -85,12 +87,27 @@ class Edc:
         position_m, r_m = arrays.position_m[free], arrays.r_m[free]
         goal_m = ways.free_goals(arrays.target_m[free], r_m, obstacles, self._airspace)
         wish_m = arrays.position_m.copy()
-        wish_m[free] = self._guidance.wishes(
-            Scene(arrays.slot, arrays.uav[free], position_m, goal_m, r_m, obstacles, arrays.rest_m[free])
-        )
+        scene = Scene(arrays.slot, arrays.uav[free], position_m, goal_m, r_m, obstacles, arrays.rest_m[free])
+        wish_m[free] = self._guidance.wishes(with_foreign(scene, arrays.foreign))[: len(position_m)]
         if len(arrays.obstacles.keep_m) and len(arrays.uav):
             self._leave(arrays, wish_m)
         return wish_m
+
+    def _with_foreign_hulls(self, arrays: Arrays) -> Obstacles:
+        """Return the hulls with those of foreign UAVs that are small: such a UAV is dead, or unheard for a few slots.
+
+        A large hull tells nothing of where its UAV goes, and would be no way round.
+        """
+        hulls, obstacles = arrays.foreign.hulls, arrays.obstacles
+        small = hulls.radius_m <= SMALL_HULL_SLOTS * float(self._u_max_m.max(initial=0.0))
+        if not small.any():
+            return obstacles
+        return Obstacles(
+            np.concatenate([obstacles.a_m, hulls.a_m[small]]),
+            np.concatenate([obstacles.b_m, hulls.b_m[small]]),
+            np.concatenate([obstacles.radius_m, hulls.radius_m[small]]),
+            np.concatenate([obstacles.keep_m, hulls.keep_m[small]]),
+        )
 
     def _held(self, arrays: Arrays) -> NDArray[np.bool_]:
         """(n,) UAVs within a hull, or nearer than R to hulls without a step that leads away from all of them.
@@ -136,3 +153,21 @@ class Edc:
         r_m = arrays.r_m[:, None] if k is None else arrays.r_m[k]
         away_m = point_segment_distance_m(point_m[..., None, :], obstacles.a_m, obstacles.b_m)
         return np.asarray(r_m + obstacles.keep_m + obstacles.radius_m - away_m)
+
+
+def with_foreign(scene: Scene, foreign: ForeignArrays) -> Scene:
+    """Return the scene with the UAVs of other clusters behind the own ones.
+
+    Guidance plans for both, with the same rules of right of way, which are those of the other heads too.
+    """
+    if not len(foreign.uav):
+        return scene
+    return Scene(
+        scene.slot,
+        np.concatenate([scene.uav, foreign.uav]),
+        np.concatenate([scene.position_m, foreign.position_m]),
+        np.concatenate([scene.goal_m, foreign.target_m]),
+        np.concatenate([scene.r_m, foreign.r_m]),
+        scene.obstacles,
+        np.concatenate([np.broadcast_to(scene.rest_m, len(scene.uav)), foreign.rest_m]),
+    )

@@ -84,6 +84,30 @@ class Neighbour:
 
 
 @dataclass(frozen=True, slots=True)
+class ForeignUav:
+    """A UAV of another cluster, by its fix of the slot before the one to plan.
+
+    Attributes
+    ----------
+    uav
+        Index in the roster.
+    position_m, previous_m
+        Centre of its tracked disc at the start of the slot to plan, and one slot earlier.
+    target_m, rest_m
+        Point that it flies to now, and the length of the way beyond.
+    r_m
+        GPS error radius.
+    """
+
+    uav: int
+    position_m: tuple[float, float]
+    previous_m: tuple[float, float]
+    target_m: tuple[float, float]
+    rest_m: float
+    r_m: float
+
+
+@dataclass(frozen=True, slots=True)
 class PlanRequest:
     """Request for the plan of one slot. The n commanded UAVs come in roster order.
 
@@ -107,6 +131,9 @@ class PlanRequest:
         (n,) length of the way beyond `target_m`, 0 for the last point of a route; None for 0 everywhere.
     neighbours
         UAVs that plan for themselves (local control); empty in the request of a head.
+    foreign, foreign_hulls
+        UAVs of other clusters, which heads of their own move: those whose fixes of the slot before have come, and the
+        hulls of the others when the slot to plan begins. Steps keep to their half of the gap (`solver.foreign_rows`).
     """
 
     slot: int
@@ -118,6 +145,8 @@ class PlanRequest:
     previous_m: Points | None = None
     rest_m: Scalars | None = None
     neighbours: Sequence[Neighbour] = ()
+    foreign: Sequence[ForeignUav] = ()
+    foreign_hulls: Sequence[Hull] = ()
 
 
 @dataclass(frozen=True, slots=True)

@@ -2,14 +2,28 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from collections.abc import Sequence
+from dataclasses import dataclass, field
 
 import numpy as np
 
 from edc_swarm.errors import InputError
 from edc_swarm.geometry import Floats, Indices
-from edc_swarm.planner.interface import PlanRequest
+from edc_swarm.planner.interface import ForeignUav, Hull, PlanRequest
 from edc_swarm.solver.hull_rows import Obstacles
+
+
+@dataclass(frozen=True, slots=True)
+class ForeignArrays:
+    """UAVs of other clusters as arrays: `uav` (m,), places and targets (m, 2), `rest_m` and `r_m` (m,); the hulls."""
+
+    uav: Indices
+    position_m: Floats
+    previous_m: Floats
+    target_m: Floats
+    rest_m: Floats
+    r_m: Floats
+    hulls: Obstacles
 
 
 @dataclass(frozen=True, slots=True)
@@ -24,6 +38,7 @@ class Arrays:
     previous_m: Floats | None
     obstacles: Obstacles
     rest_m: Floats
+    foreign: ForeignArrays = field(default_factory=lambda: _foreign_arrays((), ()))
 
 
 def checked_arrays(request: PlanRequest) -> Arrays:
@@ -38,11 +53,6 @@ def checked_arrays(request: PlanRequest) -> Arrays:
     count = len(uav)
     if len(np.unique(uav)) != count or (count and uav.min() < 0):
         raise InputError("request.uav", request.uav, "distinct roster indices")
-    hulls = np.array(
-        [(h.ax_m, h.ay_m, h.bx_m, h.by_m, h.radius_m, h.r_m) for h in request.hulls], dtype=np.float64
-    ).reshape(-1, 6)
-    _check("hulls", hulls, len(hulls))
-    _check("hulls", hulls[:, 4:], len(hulls), least=0.0)
     previous_m = request.previous_m
     return Arrays(
         request.slot,
@@ -51,8 +61,31 @@ def checked_arrays(request: PlanRequest) -> Arrays:
         _points("target_m", request.target_m, count),
         _lengths("r_m", request.r_m, count),
         None if previous_m is None else _points("previous_m", previous_m, count),
-        Obstacles(hulls[:, 0:2], hulls[:, 2:4], hulls[:, 4], hulls[:, 5]),
+        _obstacles("hulls", request.hulls),
         np.zeros(count) if request.rest_m is None else _lengths("rest_m", request.rest_m, count),
+        _foreign_arrays(request.foreign, request.foreign_hulls),
+    )
+
+
+def _obstacles(name: str, given: Sequence[Hull]) -> Obstacles:
+    hulls = np.array([(h.ax_m, h.ay_m, h.bx_m, h.by_m, h.radius_m, h.r_m) for h in given], dtype=np.float64).reshape(
+        -1, 6
+    )
+    _check(name, hulls, len(hulls))
+    _check(name, hulls[:, 4:], len(hulls), least=0.0)
+    return Obstacles(hulls[:, 0:2], hulls[:, 2:4], hulls[:, 4], hulls[:, 5])
+
+
+def _foreign_arrays(foreign: Sequence[ForeignUav], hulls: Sequence[Hull]) -> ForeignArrays:
+    count = len(foreign)
+    return ForeignArrays(
+        np.array([other.uav for other in foreign], dtype=np.int64),
+        _points("foreign", [other.position_m for other in foreign], count),
+        _points("foreign", [other.previous_m for other in foreign], count),
+        _points("foreign", [other.target_m for other in foreign], count),
+        _lengths("foreign", [other.rest_m for other in foreign], count),
+        _lengths("foreign", [other.r_m for other in foreign], count),
+        _obstacles("foreign_hulls", hulls),
     )
 
 

@@ -18,7 +18,9 @@ from edc_swarm.planner.pilot import momentum_of
 from edc_swarm.planner.request import Arrays, steps_of
 from edc_swarm.solver import certificate, slot_qp, solution
 from edc_swarm.solver.barrier_rows import Airspace
+from edc_swarm.solver.foreign_rows import Foreign
 from edc_swarm.solver.slot_qp import Problem
+from edc_swarm.solver.stopping import Momentum
 
 
 def airspace_of(mission: Mission) -> Airspace:
@@ -88,9 +90,39 @@ class SafeSteps:
         momentum = momentum_of(arrays, self._u_max_m, self._change_m)
         if momentum is None:
             u_max_m = steps_of(self._u_max_m, arrays.uav)
+            lags = arrays.previous_m is not None
             return slot_qp.slot_problem(
-                arrays.position_m, wish_m, arrays.r_m, u_max_m, arrays.obstacles, arrays.previous_m, self._airspace
+                arrays.position_m,
+                wish_m,
+                arrays.r_m,
+                u_max_m,
+                arrays.obstacles,
+                arrays.previous_m,
+                self._airspace,
+                arrays.uav,
+                self._foreign(arrays, lags=lags),
             )
         previous_m = arrays.previous_m if self._lags else None
         wish_m = momentum.towards_m(wish_m)
-        return slot_qp.moving_problem(momentum, wish_m, arrays.r_m, arrays.obstacles, previous_m, self._airspace)
+        return slot_qp.moving_problem(
+            momentum,
+            wish_m,
+            arrays.r_m,
+            arrays.obstacles,
+            previous_m,
+            self._airspace,
+            arrays.uav,
+            self._foreign(arrays, lags=self._lags),
+        )
+
+    def _foreign(self, arrays: Arrays, *, lags: bool) -> Foreign | None:
+        """Return the UAVs of other clusters as the slot QP sees them, None if there are none."""
+        others = arrays.foreign
+        if not len(others.uav) and not len(others.hulls.keep_m):
+            return None
+        from_m, rest_m = others.previous_m if lags else others.position_m, others.position_m
+        if self._change_m is not None:
+            last_m = others.position_m - others.previous_m
+            u_max_m = steps_of(self._u_max_m, others.uav)
+            rest_m = Momentum(others.position_m, last_m, self._change_m[others.uav], u_max_m).rest_m
+        return Foreign(others.uav, from_m, rest_m, others.r_m, others.hulls)

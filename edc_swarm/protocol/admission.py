@@ -18,6 +18,7 @@ from edc_swarm.errors import MessageError, MissionError
 from edc_swarm.mission.faults import parse_faults
 from edc_swarm.mission.roles import OPERATOR, ROLES
 from edc_swarm.mission.vehicle_budget import grown_r_m
+from edc_swarm.protocol.backing import Backing
 from edc_swarm.protocol.events import EventKind
 from edc_swarm.protocol.messages import NO_ONE, Command, Event, Fix, Goal, Message, MissionMessage, Report, Truth
 
@@ -35,6 +36,7 @@ class Admission:
         self._mission = mission
         self._roster = {entry.uav: entry for entry in mission.roster}
         self._ids = frozenset(self._roster)
+        self._backing = Backing(mission)
         self._last_slot = mission.max_slots + SLACK_SLOTS
         self._last_term = TERMS_PER_SLOT * (mission.max_slots + SLACK_SLOTS)
 
@@ -112,7 +114,7 @@ class Admission:
             if len(named) < len(uavs):
                 yield "a UAV is named twice"
         yield from self._unknown({report.successor} - {NO_ONE})
-        if report.status != "no-quorum" and not report.is_backed(self._ids, self._mission.quorum):
+        if report.status != "no-quorum" and not self._backing.backs(report):
             yield "a plan or claim without a quorum"
         if len({len(report.hull_uav), *map(len, report.hull_columns)}) > 1:
             yield "its lists of hulls differ in length"

@@ -3,13 +3,15 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 
 from msgspec import UNSET
 
+from edc_swarm.mission.clusters import cluster_names, cluster_of, of_cluster
 from edc_swarm.mission.configuration import Mission
 from edc_swarm.mission.failsafe import failsafe_of
-from edc_swarm.mission.faults import GiveGoal, parse_faults
+from edc_swarm.mission.fault_syntax import HEAD, STANDBY
+from edc_swarm.mission.faults import Fault, GiveGoal, parse_faults
 from edc_swarm.mission.prospect import prospect_of, settled_slot
 from edc_swarm.mission.roster_entry import RosterEntry
 from edc_swarm.mission.routes import headed
@@ -31,8 +33,8 @@ ANSWER_SLOTS = 2
 """Slots after a goal is given in which its UAV may not have answered yet."""
 
 
-class MissionMonitor:
-    """Monitor of fixes, commands and reports that decides when a mission is over.
+class ClusterMonitor:
+    """Monitor of fixes, commands and reports that decides when the mission of one cluster is over.
 
     A lifelong mission is never complete, and no mission is before the last goal that its faults give. Any other is
     over when every UAV that still flies is at its target, or kept from it by UAVs that move no more (`complete`, see
@@ -47,13 +49,13 @@ class MissionMonitor:
         Newest report with a quorum, of the highest term; None without one.
     """
 
-    def __init__(self, mission: Mission) -> None:
+    def __init__(self, mission: Mission, faults: Sequence[Fault]) -> None:
+        """Take the mission as the cluster flies it (`mission.clusters.of_cluster`), and all faults."""
         self._mission = mission
         self._roster = frozenset(entry.uav for entry in mission.roster)
         self._newest: dict[str, Fix] = {}
         self._moved_slot: dict[str, int] = {}
         self._ended: set[str] = set()
-        faults = parse_faults(mission)
         self._settled_slot, self._side = settled_slot(mission, faults), prospect_of(mission, faults).side
         self._failsafe = failsafe_of(mission)
         goal_slots = (math.ceil(fault.at_s / mission.dt_s) for fault in faults if isinstance(fault, GiveGoal))
@@ -193,3 +195,92 @@ class MissionMonitor:
             return
         centre_m = (other.start_x_m, other.start_y_m) if fix is None else (fix.waypoint_x_m, fix.waypoint_y_m)
         yield from (place for place in places_of(other, centre_m, self.report) if not strays or place.what == "hull")
+
+
+class MissionMonitor:
+    """Monitor of a whole mission: it is over when it is over for each of its clusters (`ClusterMonitor`).
+
+    A cluster that is complete waits for the others. Where one cluster has stalled, all others have to be complete or
+    stalled too, since they may still make way for it.
+    """
+
+    def __init__(self, mission: Mission) -> None:
+        self._cluster = cluster_of(mission)
+        faults, names = parse_faults(mission), cluster_names(mission.roster)
+        self.clusters = {name: ClusterMonitor(of_cluster(mission, name), faults) for name in names}
+
+    def hear_fix(self, fix: Fix) -> None:
+        """Process a fix."""
+        self._of(fix.uav).hear_fix(fix)
+
+    def hear_command(self, command: Command) -> None:
+        """Process a command."""
+        self._of(command.uav).hear_command(command)
+
+    def hear_report(self, report: Report) -> None:
+        """Process a report."""
+        self._of(report.head).hear_report(report)
+
+    def end(self, uav: str) -> None:
+        """Stop waiting for a UAV that is gone and will not restart."""
+        self._of(uav).end(uav)
+
+    def revive(self, uav: str) -> None:
+        """Wait again for a UAV that has restarted."""
+        self._of(uav).revive(uav)
+
+    def fix_of(self, uav: str) -> Fix | None:
+        """Return the newest fix of a UAV, None if there is none."""
+        return self._of(uav).fix_of(uav)
+
+    @property
+    def slot(self) -> int:
+        """Newest slot with a fix, -1 without one."""
+        return max(cluster.slot for cluster in self.clusters.values())
+
+    @property
+    def report(self) -> Report | None:
+        """Newest report with a quorum of the first cluster's highest term; None without one."""
+        return next(iter(self.clusters.values())).report
+
+    @property
+    def grounded(self) -> set[str]:
+        """Ids of the UAVs that move no more."""
+        return set().union(*(cluster.grounded for cluster in self.clusters.values()))
+
+    @property
+    def head(self) -> str:
+        """Id of the head of the first cluster, "" if there is none."""
+        return next(iter(self.clusters.values())).head
+
+    @property
+    def standbys(self) -> list[str]:
+        """Ids of that head's standbys, best first."""
+        return next(iter(self.clusters.values())).standbys
+
+    @property
+    def in_office(self) -> dict[str, str]:
+        """Ids that `head-NAME` and `standby-NAME` stand for in a fault, by these words; "" for nobody."""
+        said: dict[str, str] = {}
+        for name, cluster in self.clusters.items():
+            said[f"{HEAD}-{name}"], said[f"{STANDBY}-{name}"] = cluster.head, next(iter(cluster.standbys), "")
+        return said
+
+    @property
+    def arrived(self) -> int:
+        """Number of UAVs at their targets."""
+        return sum(cluster.arrived for cluster in self.clusters.values())
+
+    def complete(self, slot: int) -> bool:
+        """Return True if the mission of every cluster is complete in `slot`."""
+        return all(cluster.complete(slot) for cluster in self.clusters.values())
+
+    def stalled(self, slot: int) -> bool:
+        """Return True if a cluster has stalled, and every other one has stalled or is complete."""
+        over = [cluster for cluster in self.clusters.values() if cluster.stalled(slot)]
+        return bool(over) and all(cluster in over or cluster.complete(slot) for cluster in self.clusters.values())
+
+    def _of(self, uav: str) -> ClusterMonitor:
+        """Return the monitor of a UAV's cluster; of the first one for a UAV that is not in the roster."""
+        clusters = self.clusters
+        return clusters.get(self._cluster.get(uav, ""), next(iter(clusters.values())))

@@ -11,13 +11,15 @@ from msgspec import Struct
 from numpy.typing import NDArray
 
 from edc_swarm.analysis.columns import Columns, columns_of
-from edc_swarm.analysis.metrics import HeadTerm
+from edc_swarm.analysis.head_terms import HeadTerm
 from edc_swarm.analysis.separation import least_gaps_m
 from edc_swarm.analysis.story import Story, story_of
 from edc_swarm.analysis.timings import Timing
 from edc_swarm.foreign_text import MAX_LINE, shown
+from edc_swarm.mission.clusters import cluster_names, cluster_of
 from edc_swarm.mission.field_types import ZoneKind
 from edc_swarm.mission.zone import Zone
+from edc_swarm.protocol.backing import Backing
 from edc_swarm.protocol.events import EventKind
 from edc_swarm.protocol.messages import MissionMessage, Report
 from edc_swarm.recording.model import Recording
@@ -25,6 +27,8 @@ from edc_swarm.report_page.flight_rows import FlightRow, flight_rows
 from edc_swarm.report_page.itineraries import Itinerary, itineraries
 from edc_swarm.story.happening import STATES, Level
 
+CLUSTER_COLOURS = ("#0072B2", "#E69F00", "#009E73", "#CC79A7", "#D55E00", "#56B4E9", "#F0E442", "#7F7F7F")
+"""Colours of clusters on the map, which most kinds of colour blindness tell apart; more clusters begin again."""
 MAX_ANIMATED = 1_000_000
 """Most UAV-slots that are animated; the animation of a longer mission skips slots evenly."""
 MAX_FAULT_MARKS = 200
@@ -98,11 +102,12 @@ class Area(Struct, frozen=True):
 class Page(Struct, frozen=True, kw_only=True):
     """The data of one mission.
 
-    `centres` is float32 (F + 1, K, 2), `leader` an index or -1 (F), `heard` uint8 (F, K): 1 for heard, 0 for silent, 2
-    for a UAV that has landed. `states` is uint8 (F, K), indices of `state_names`; `ages` uint8 (F, K): slots since a
+    `centres` is float32 (F + 1, K, 2), `leader` an index or -1 (F, C), `heard` uint8 (F, K): 1 for heard, 0 for silent,
+    2 for a UAV that has landed. `states` is uint8 (F, K), indices of `state_names`; `ages` uint8 (F, K): slots since a
     head had a fix of the UAV, 255 for never; `battery` uint8 (F, K): per cent of the first charge, 255 for unknown;
     `offsets` int8 (F, K, 2): true place less the disc's centre, in 1/127 of `r_m`, -128 for unknown. `active_s` is the
-    time after which no UAV moves.
+    time after which no UAV moves. `clusters` (C,) are the names of the clusters and `cluster` (K,) each UAV's place
+    among them; empty where there is one, and C is then 1.
     """
 
     name: str
@@ -130,6 +135,9 @@ class Page(Struct, frozen=True, kw_only=True):
     left_out: int = 0
     itineraries: list[Itinerary]
     rows: list[FlightRow] = []
+    clusters: list[str] = []
+    cluster: list[int] = []
+    cluster_colours: tuple[str, ...] = CLUSTER_COLOURS
 
     @classmethod
     def of(cls, recording: Recording, heads: list[HeadTerm], timings: Sequence[Timing] = ()) -> Page:
@@ -139,7 +147,8 @@ class Page(Struct, frozen=True, kw_only=True):
         every = max(1, -(-slots * count // MAX_ANIMATED))
         heard = np.where(columns.grounded, 2, ~np.isnan(columns.energy_j))[::every]
         plans = _plans(recording, columns)
-        whole_leader = _leader(plans, columns)
+        names = cluster_names(mission.roster)
+        whole_leader = _leader(plans, columns, mission)
         leader = whole_leader[::every]
         story, flown = story_of(recording), itineraries(recording)
         told = _told(story, mission)
@@ -155,7 +164,7 @@ class Page(Struct, frozen=True, kw_only=True):
             end_s=mission.dt_s * slots,
             centres=_packed(np.concatenate([columns.centre_m[:-1:every], columns.centre_m[-1:]]), np.float32),
             heard=_packed(heard, np.uint8),
-            leader=leader.tolist(),
+            leader=leader.ravel().tolist(),
             terms=heads,
             slot_s=mission.dt_s,
             faults=_faults(recording),
@@ -168,7 +177,9 @@ class Page(Struct, frozen=True, kw_only=True):
             story=told,
             left_out=story.left_out + len(story.happenings) - len(told),
             itineraries=flown,
-            rows=flight_rows(mission, columns, story, plans, whole_leader.tolist()),
+            rows=flight_rows(mission, columns, story, plans, whole_leader.ravel().tolist()),
+            clusters=names if len(names) > 1 else [],
+            cluster=[names.index(entry.cluster) for entry in mission.roster] if len(names) > 1 else [],
         )
 
 
@@ -187,35 +198,34 @@ def _extent_m(
     return min(left_m), min(low_m), max(right_m), max(high_m)
 
 
-def _plans(recording: Recording, columns: Columns) -> dict[int, Report]:
-    """Return the plan of the highest term of each slot that has one with a quorum."""
-    roster, plans = set(columns.uavs), dict[int, Report]()
+def _plans(recording: Recording, columns: Columns) -> dict[str, dict[int, Report]]:
+    """Return, by cluster, the plan of the highest term of each slot that has one with a quorum."""
+    backing, cluster = Backing(recording.mission), cluster_of(recording.mission)
+    plans: dict[str, dict[int, Report]] = {name: {} for name in cluster_names(recording.mission.roster)}
     for report in sorted(recording.reports, key=lambda report: report.term):
-        if (
-            report.has_quorum
-            and report.is_backed(roster, recording.mission.quorum)
-            and 0 <= report.slot < len(columns.time_s)
-        ):
-            plans[report.slot] = report
+        if report.has_quorum and backing.backs(report) and 0 <= report.slot < len(columns.time_s):
+            plans[cluster[report.head]][report.slot] = report
     return plans
 
 
-def _leader(plans: Mapping[int, Report], columns: Columns) -> NDArray[np.int64]:
-    """Return (S,) roster indices of the head that planned with the fixes of each slot, -1 for none."""
-    index = {uav: k for k, uav in enumerate(columns.uavs)}
-    leader = np.full(len(columns.time_s), -1, np.int64)
-    for slot, plan in plans.items():
-        leader[slot] = index.get(plan.head, -1)
+def _leader(plans: Mapping[str, Mapping[int, Report]], columns: Columns, mission: MissionMessage) -> NDArray[np.int64]:
+    """Return (S, C) roster indices of the heads that planned with the fixes of each slot, -1 for none."""
+    index = {entry.uav: k for k, entry in enumerate(mission.roster)}
+    leader = np.full((len(columns.time_s), len(plans)), -1, np.int64)
+    for place, of_slot in enumerate(plans.values()):
+        for slot, plan in of_slot.items():
+            leader[slot, place] = index.get(plan.head, -1)
     return leader
 
 
-def _ages(plans: Mapping[int, Report], columns: Columns) -> NDArray[np.int64]:
+def _ages(plans: Mapping[str, Mapping[int, Report]], columns: Columns) -> NDArray[np.int64]:
     """Return (S, K) slots since a head had a fix of each UAV; 255 for never."""
     index = {uav: k for k, uav in enumerate(columns.uavs)}
     ages, last = np.full(columns.step_m.shape, NEVER, np.int64), np.full(len(index), -NEVER, np.int64)
     for slot in range(len(ages)):
-        if (plan := plans.get(slot)) is not None:
-            last[[index[uav] for uav in (plan.head, *plan.heard) if uav in index]] = slot
+        for of_slot in plans.values():
+            if (plan := of_slot.get(slot)) is not None:
+                last[[index[uav] for uav in (plan.head, *plan.heard) if uav in index]] = slot
         ages[slot] = np.minimum(slot - last, NEVER)
     return ages
 

@@ -33,9 +33,13 @@ class FlightRow(Struct, frozen=True):
 
 
 def flight_rows(
-    mission: MissionMessage, columns: Columns, story: Story, plans: Mapping[int, Report], leader: list[int]
+    mission: MissionMessage,
+    columns: Columns,
+    story: Story,
+    clusters: Mapping[str, Mapping[int, Report]],
+    leader: list[int],
 ) -> list[FlightRow]:
-    """Return the rows in roster order; `plans` by slot, `leader` the roster index of the head of each slot."""
+    """Return the rows in roster order; plans by cluster and slot, `leader` the roster indices of all heads."""
     states = np.array([list(row) for row in story.states], np.uint8).reshape(len(story.states), -1)
     flown = np.flatnonzero(columns.executed.any(axis=1))
     first = int(flown[0]) if len(flown) else len(states)
@@ -46,6 +50,7 @@ def flight_rows(
         counted = slice(first, max(first, home))
         moving = columns.alive[counted, k] & ~columns.lost[counted, k]
         heard = ~np.isnan(columns.energy_j[:, k])
+        plans = clusters[entry.cluster]
         asked = [slot for slot in plans if slot < len(heard) and heard[slot]]
         missed = sum(entry.uav in plans[slot].unheard for slot in asked)
         charge = columns.energy_j[heard, k]

@@ -61,6 +61,8 @@ const createMap = (page, canvas, theme, layers) => {
     points.forEach(([x, y], n) => (n ? g.lineTo(x, y) : g.moveTo(x, y)));
     g.stroke();
   };
+  const clusterOf = (k) => page.cluster[k] ?? 0, C = Math.max(1, page.clusters.length);
+  const leaderOf = (k, i) => page.leader[i * C + clusterOf(k)] ?? -1;  // The head of the cluster of UAV k.
   const draw = (t) => {
     timeS = Math.min(t, page.end_s);
     const ratio = window.devicePixelRatio || 1;
@@ -73,7 +75,7 @@ const createMap = (page, canvas, theme, layers) => {
     for (const zone of page.zones) drawZone(g, v, zone);
     drawGrid(g, v);
     const at = page.uavs.map((_, k) => centre(k, timeS)), i = frameAt(timeS), hit = overlapping(at, i);
-    const leads = (k) => page.leader[i] === k;
+    const leads = (k) => leaderOf(k, i) === k;
     if (layers.links.checked) drawLinks(g, v, at, i);
     if (layers.targets.checked) for (let k = 0; k < K; k++) drawTarget(g, v, k, at[k], landed(k, i));
     if (layers.trails.checked) for (let k = 0; k < K; k++) drawTrail(g, v, k);
@@ -119,12 +121,10 @@ const createMap = (page, canvas, theme, layers) => {
     if (excludes && g.measureText(zone.name).width < v.scale * width) write(g, zone.name, "10px", v.x(x), v.y(y), colour);
   };
   const drawLinks = (g, v, at, i) => {
-    const head = page.leader[i];
-    if (head < 0) return;
     g.setLineDash([]);
     for (let k = 0; k < K; k++) {
-      const age = ages[i * K + k];
-      if (k === head || landed(k, i) || age === 255) continue;
+      const age = ages[i * K + k], head = leaderOf(k, i);
+      if (head < 0 || k === head || landed(k, i) || age === 255) continue;
       g.strokeStyle = theme.of(age === 0 ? "--green" : age < 5 ? "--amber" : "--vermillion");
       g.globalAlpha = age === 0 ? 0.35 : 0.8; g.lineWidth = age === 0 ? 1 : 1.8;
       path(g, [[v.x(at[k][0]), v.y(at[k][1])], [v.x(at[head][0]), v.y(at[head][1])]]);
@@ -165,6 +165,10 @@ const createMap = (page, canvas, theme, layers) => {
     if (state === "dead") {
       const d = 0.7 * r;
       g.globalAlpha = 0.6; path(g, [[x - d, y - d], [x + d, y + d]]); path(g, [[x - d, y + d], [x + d, y - d]]); g.globalAlpha = 1;
+    }
+    if (page.clusters.length) {
+      g.strokeStyle = page.cluster_colours[clusterOf(k) % page.cluster_colours.length]; g.lineWidth = 3;
+      g.beginPath(); g.arc(x, y, Math.max(2, 0.55 * r), 0, 2 * Math.PI); g.stroke();
     }
     if (leads || k === followed) {
       g.strokeStyle = theme.of("--ink"); g.lineWidth = leads ? 3 : 1.2;
@@ -214,7 +218,7 @@ const createMap = (page, canvas, theme, layers) => {
     if (camera.zoom === 1) camera.x = camera.y = 0;
   };
   return {
-    draw, under, zoomBy, camera, frameAt, leader: (t) => page.leader[frameAt(t)] ?? -1,
+    draw, under, zoomBy, camera, frameAt, leaders: (t) => page.leader.slice(frameAt(t) * C, (frameAt(t) + 1) * C),
     reset: () => { camera.zoom = 1; camera.x = camera.y = 0; },
     panBy: (dx, dy) => { const { scale } = view(); camera.x -= dx / scale; camera.y += dy / scale; },
     hover: (k) => { const changed = k !== hovered; hovered = k; return changed; },
@@ -227,7 +231,8 @@ const createMap = (page, canvas, theme, layers) => {
       const { points, leg, number } = goalOf(k, t);
       if (number || points.length > 1) words.push(`point ${leg + 1} of ${points.length}${number ? ` of its goal ${number + 1}` : ""}`);
       words.push(charge === 255 ? "battery unknown" : `battery ${charge} %`);
-      if (page.leader[i] === k) words.push("the head"); else words.push(!page.terms.length ? "no plan is recorded" : age === 255 ? "no head has heard it" : age ? `the head's fix of it is ${age} slots old` : "the head has its fix");
+      if (page.clusters.length) words.push(`cluster ${page.clusters[clusterOf(k)]}`);
+      if (leaderOf(k, i) === k) words.push("the head"); else words.push(!page.terms.length ? "no plan is recorded" : age === 255 ? "no head has heard it" : age ? `the head's fix of it is ${age} slots old` : "the head has its fix");
       return words.join("; ");
     },
   };

@@ -6,6 +6,7 @@ import re
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from html import escape
+from itertools import cycle
 from string import Template
 from typing import Any
 
@@ -148,10 +149,16 @@ def _flights(page: Page, label: str) -> str:
 
 
 def _zone_legend(page: Page) -> str:
-    """Return the entries of the legend for the kinds of zones on the map."""
+    """Return the entries of the legend for the kinds of zones on the map, and for the clusters."""
     words = {"inclusion": "fence (inclusion zone)", "exclusion": "exclusion zone"}
     kinds = {zone.kind for zone in page.zones}
-    return "".join(f'<li><i class="{kind}"></i>{said}</li>\n' for kind, said in words.items() if kind in kinds)
+    zones = [f'<li><i class="{kind}"></i>{said}</li>\n' for kind, said in words.items() if kind in kinds]
+    colours = cycle(page.cluster_colours)
+    clusters = [
+        f'<li><i style="border: 3px solid {colour}; background: none"></i>cluster {escape(name)}</li>\n'
+        for name, colour in zip(page.clusters, colours, strict=False)
+    ]
+    return "".join([*zones, *clusters])
 
 
 def _zones(page: Page) -> str:

@@ -196,6 +196,7 @@ class Computer:
         mission = self._world.mission
         self._lives += 1
         self.subscribes_to_fixes = False
+        self._world.network.listen(self, frozenset())
         self.process = Process(
             UavNode(
                 mission,
@@ -370,8 +371,9 @@ class Computer:
                 self._world.network.publish(self.uav, msgspec.structs.replace(message, sent_ns=sent_ns))
             case Persist(promise, airframe):
                 self.disk.write(promise, airframe)
-            case Listen(all_fixes):
+            case Listen(all_fixes, near):
                 self.subscribes_to_fixes = all_fixes
+                self._world.network.listen(self, near)
             case WantPlanner():
                 planner = self._world.make_planner()
                 self._schedule.at(self._schedule.now_ns, partial(self.step, PlannerReady(planner)))

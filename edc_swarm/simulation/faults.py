@@ -46,7 +46,7 @@ class Swarm:
 def inject(swarm: Swarm, fault: Fault) -> None:
     """Record and carry out a fault whose time has come; only record it if no process is its target."""
     monitor = swarm.network.monitor
-    concrete = resolve(fault, monitor.head, monitor.standbys, [*swarm.computers])
+    concrete = resolve(fault, monitor.head, monitor.standbys, [*swarm.computers], monitor.in_office)
     if concrete is None or RECORDER in concrete.names:
         swarm.network.publish_event(EventKind.FAULT_WITHOUT_TARGET, str(fault))
         return

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections import defaultdict
 from collections.abc import Callable, Iterable, Mapping
 from functools import partial
 from typing import Protocol
@@ -10,6 +11,7 @@ import msgspec
 
 from edc_swarm.agent.node import NodeEvent, PeerGone, Received
 from edc_swarm.emulation.links import LinkEmulator, have_queues, have_range
+from edc_swarm.mission.clusters import cluster_of
 from edc_swarm.mission.field_types import Point
 from edc_swarm.mission.roles import OPERATOR
 from edc_swarm.protocol.codec import encode
@@ -72,6 +74,10 @@ class Network:
         self._have_range = have_range(mission)
         self._have_queues = have_queues(mission)
         self._ports: Mapping[str, Port] = {}
+        self._cluster = cluster_of(mission)
+        self._mates: dict[str, list[Port]] = {}
+        self._near: dict[str, frozenset[str]] = {}
+        self._listeners: dict[str, dict[str, Port]] = defaultdict(dict)
         self._operator_seq = 0
         self.monitor = MissionMonitor(mission)
         self._desk = GoalDesk(mission)
@@ -81,6 +87,18 @@ class Network:
     def connect(self, ports: Mapping[str, Port]) -> None:
         """Connect the computers, by id."""
         self._ports = ports
+        mates: dict[str, list[Port]] = defaultdict(list)
+        for port in ports.values():
+            mates[self._cluster[port.uav]].append(port)
+        self._mates = dict(mates)
+
+    def listen(self, port: Port, near: frozenset[str]) -> None:
+        """Let a computer hear the fixes of UAVs of other clusters, and the reports of their clusters; no others."""
+        before, self._near[port.uav] = self._near.get(port.uav, frozenset()), near
+        for uav in before - near:
+            del self._listeners[uav][port.uav]
+        for uav in near - before:
+            self._listeners[uav][port.uav] = port
 
     @property
     def router_up(self) -> bool:
@@ -94,13 +112,16 @@ class Network:
             case Fix():
                 self.monitor.hear_fix(message)
                 self._desk.hear_fix(message)
-                self._send(sender, message, [port for port in self._ports.values() if port.subscribes_to_fixes])
+                mates = [port for port in self._mates_of(sender) if port.subscribes_to_fixes]
+                self._send(sender, message, [*mates, *_by_id(self._listeners.get(sender, {}))])
             case Command():
                 self.monitor.hear_command(message)
                 self._send(sender, message, [self._ports[message.uav]])
             case Report():
                 self.monitor.hear_report(message)
-                self._send(sender, message, self._ports.values())
+                mates, names = self._mates_of(sender), [port.uav for port in self._mates_of(sender)]
+                others = {uav: port for name in names for uav, port in self._listeners.get(name, {}).items()}
+                self._send(sender, message, [*mates, *_by_id(others)])
             case Event():
                 self._desk.hear_event(message)
             case Truth() if self._have_range:
@@ -155,9 +176,13 @@ class Network:
 
     def announce_end(self, gone: Port) -> None:
         """Tell every peer that hears it that the liveliness token of `gone` has vanished, unless the router is down."""
-        for port in self._ports.values():
+        for port in self._mates_of(gone.uav):
             if port is not gone and self.router_up and not port.links.is_cut(gone.uav, self._schedule.mission_s):
                 port.step(PeerGone(gone.uav))
+
+    def _mates_of(self, uav: str) -> list[Port]:
+        """Return the computers of a UAV's cluster."""
+        return self._mates[self._cluster[uav]]
 
     def _send(self, sender: str, message: Message, receivers: Iterable[Port]) -> None:
         if not self.router_up:
@@ -171,3 +196,8 @@ class Network:
                 receiver.links.log.arrive(sender, delay_ns)
                 when_ns = self._schedule.now_ns + TRANSIT_NS + delay_ns
                 self._schedule.at(when_ns, partial(receiver.step, event))
+
+
+def _by_id(ports: Mapping[str, Port]) -> list[Port]:
+    """Return computers in an order that does not depend on when they began to listen."""
+    return [ports[uav] for uav in sorted(ports)]

@@ -39,6 +39,7 @@ from edc_swarm.geometry import (
     near_pairs,
 )
 from edc_swarm.solver.barrier_rows import Airspace, barrier_rows, moving_barrier_rows
+from edc_swarm.solver.foreign_rows import Foreign, foreign_rows
 from edc_swarm.solver.hull_rows import Obstacles, moving_obstacle_rows, obstacle_rows
 from edc_swarm.solver.normals import DELTA_M, fan, towards_wishes
 from edc_swarm.solver.stopping import Momentum
@@ -61,7 +62,8 @@ class Problem:
     room_m
         (p,) n.(p_k - p_l) - R, without buffer.
     row_uav, row_normal, row_room_m
-        (h,), (h, 2), (h,): the same for UAVs against hulls and barriers, where only the UAV moves.
+        (h,), (h, 2), (h,): the same for UAVs against hulls, barriers and, with half of the room, UAVs of other
+        clusters: the plan moves only the UAV.
     hull_rows
         Number of the first rows that are of hulls.
     frozen
@@ -118,11 +120,14 @@ def slot_problem(
     obstacles: Obstacles | None = None,
     previous_m: Floats | None = None,
     airspace: Airspace | None = None,
+    uav: Indices | None = None,
+    foreign: Foreign | None = None,
 ) -> Problem:
     """Assemble the QP of one slot; `u_max_m` is the longest step of each UAV (n,), or one for all.
 
     With `previous_m` (vehicles that finish up to a slot late) each UAV occupies the segment from
-    its previous to its present centre, and the room of a pair is that of the worst end points.
+    its previous to its present centre, and the room of a pair is that of the worst end points. `foreign` UAVs need the
+    roster indices `uav` (n,) of the others.
     """
     u_max_m = np.broadcast_to(np.asarray(u_max_m, dtype=np.float64), (len(position_m),))
     if previous_m is None:
@@ -132,8 +137,20 @@ def slot_problem(
         first, second, gap_m = _segment_pairs(previous_m, position_m, r_m, u_max_m)
         normal, room_m = _normals(previous_m, position_m, wish_m, r_m, first, second, gap_m)
     hull_uav, *hull_rows, frozen = obstacle_rows(position_m, wish_m, r_m, u_max_m, obstacles or Obstacles.none())
-    uav, *rows, at_centre = barrier_rows(position_m, wish_m, r_m, u_max_m, airspace or Airspace.unbounded())
-    row_normal, row_room_m = (np.concatenate(both) for both in zip(hull_rows, rows, strict=True))
+    walled, *rows, at_centre = barrier_rows(position_m, wish_m, r_m, u_max_m, airspace or Airspace.unbounded())
+    row_uav, row_normal, row_room_m = (
+        np.concatenate(both) for both in zip([hull_uav, *hull_rows], [walled, *rows], strict=True)
+    )
+    frozen = frozen | at_centre
+    if uav is not None and foreign is not None:
+        places_m = np.stack([position_m] if previous_m is None else [position_m, previous_m])
+        others = foreign_rows(uav, places_m, r_m, u_max_m, foreign)
+        row_uav = np.concatenate([row_uav, others.uav])
+        row_normal, row_room_m = (
+            np.concatenate([row_normal, others.normal]),
+            np.concatenate([row_room_m, others.room_m]),
+        )
+        frozen = frozen | others.frozen
     return Problem(
         position_m,
         wish_m,
@@ -142,10 +159,10 @@ def slot_problem(
         second,
         normal,
         room_m,
-        np.concatenate([hull_uav, uav]),
+        row_uav,
         row_normal,
         row_room_m,
-        frozen | at_centre,
+        frozen,
         len(hull_uav),
     )
 
@@ -157,6 +174,8 @@ def moving_problem(
     obstacles: Obstacles | None = None,
     previous_m: Floats | None = None,
     airspace: Airspace | None = None,
+    uav: Indices | None = None,
+    foreign: Foreign | None = None,
 ) -> Problem:
     """Assemble the QP of one slot for UAVs that cannot stop at once; `wish_m` are waypoints that they can fly to.
 
@@ -180,8 +199,16 @@ def moving_problem(
     normal, room_m, spare_m = _moving_normals(places_m, stop_m - rest_m, r_m, first, second, gap_m, path_m)
     obstacles, airspace = obstacles or Obstacles.none(), airspace or Airspace.unbounded()
     hull_uav, *hull_rows, frozen = moving_obstacle_rows(places_m, stop_m, r_m, reach_m, obstacles)
-    uav, *rows, at_centre = moving_barrier_rows(places_m, stop_m, r_m, reach_m, airspace)
-    row_normal, row_room_m, row_spare_m = (np.concatenate(both) for both in zip(hull_rows, rows, strict=True))
+    walled, *rows, at_centre = moving_barrier_rows(places_m, stop_m, r_m, reach_m, airspace)
+    row_uav, row_normal, row_room_m, row_spare_m = (
+        np.concatenate(both) for both in zip([hull_uav, *hull_rows], [walled, *rows], strict=True)
+    )
+    frozen = frozen | at_centre
+    if uav is not None and foreign is not None:
+        others = foreign_rows(uav, places_m, r_m, reach_m, foreign)
+        row_uav, row_normal = np.concatenate([row_uav, others.uav]), np.concatenate([row_normal, others.normal])
+        row_room_m = np.concatenate([row_room_m, others.room_m])
+        row_spare_m, frozen = np.concatenate([row_spare_m, others.spare_m]), frozen | others.frozen
     return Problem(
         rest_m,
         stop_m,
@@ -190,10 +217,10 @@ def moving_problem(
         second,
         normal,
         room_m,
-        np.concatenate([hull_uav, uav]),
+        row_uav,
         row_normal,
         row_room_m,
-        frozen | at_centre,
+        frozen,
         len(hull_uav),
         spare_m[0],
         spare_m[1],

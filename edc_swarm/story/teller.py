@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import re
 
+from edc_swarm.mission.clusters import cluster_names, cluster_of, of_cluster
 from edc_swarm.mission.faults import Freeze, Kill, Restart, read_fault
 from edc_swarm.mission.roles import OPERATOR
 from edc_swarm.protocol.events import EVENT_FORMS, EventKind
@@ -41,20 +42,25 @@ PLAIN = {
 """Events that are told as they are, with the words before their detail."""
 
 
-class Storyteller:
-    """The story of one mission. Call `hear` with every message, and `close` with every slot once it has been heard.
+class ClusterTeller:
+    """The story of one cluster, told into the log of the mission.
 
-    Attributes
+    Parameters
     ----------
-    happenings
-        All that was told, in order; what lasts is completed when it is over.
-    left_out
-        Number of happenings beyond the most that are kept.
+    mission
+        The mission as the cluster flies it.
+    log
+        The log of all clusters.
+    first_slot
+        The first slot to tell.
+    tells_mission
+        True for the cluster that also tells what the operator says.
     """
 
-    def __init__(self, mission: MissionMessage, first_slot: int = 0) -> None:
+    def __init__(self, mission: MissionMessage, log: Log, first_slot: int, *, tells_mission: bool) -> None:
         self._mission = mission
-        self._log = Log(mission.dt_s)
+        self._log = log
+        self._tells_mission = tells_mission
         self._fleet = Fleet(mission, self._log, from_first=first_slot == 0)
         self._inbox = Inbox(self._fleet.uavs.keys(), mission.quorum, first_slot)
         self._plan: Report | None = None
@@ -64,16 +70,6 @@ class Storyteller:
         self._overload: Happening | None = None
         self._late_slot = -1
         self._over = False
-
-    @property
-    def happenings(self) -> list[Happening]:
-        """All that was told, in order of telling; what lasts is completed when it is over."""
-        return self._log.happenings
-
-    @property
-    def left_out(self) -> int:
-        """Number of happenings beyond the most that are kept."""
-        return self._log.left_out
 
     @property
     def next_slot(self) -> int:
@@ -94,9 +90,8 @@ class Storyteller:
         """Keep a message until its slot is told."""
         self._inbox.hear(message)
 
-    def close(self, slot: int) -> list[Happening]:
-        """Tell a slot, of which nothing more will be heard; return what is told now."""
-        self._log.begin(slot)
+    def close(self, slot: int) -> None:
+        """Tell a slot, of which nothing more will be heard."""
         heard = self._inbox.take(slot)
         if not self._over:
             before = self._plan if self._plan is not None and self._plan.slot == slot - 1 else None
@@ -111,11 +106,13 @@ class Storyteller:
                     self._fleet.close(event)
                 if event.kind == EventKind.END:
                     self._take_event(event)
-        return self._log.told
 
     # --- the mission ---------------------------------------------------------------------------
 
     def _take_event(self, event: Event) -> None:
+        if not self._tells_mission and event.source not in self._fleet.uavs:
+            self._take_untold(event)
+            return
         time_s = None
         if event.source == OPERATOR and event.sent_ns:
             time_s = max(0.0, (event.sent_ns - self._mission.epoch_ns) * self._mission.time_scale / 1e9)
@@ -140,6 +137,15 @@ class Storyteller:
                 self._log.tell("notice", who, f"{PLAIN[EventKind(kind)]}{event.detail}", level=level)
             case _:
                 pass
+
+    def _take_untold(self, event: Event) -> None:
+        """Take what another cluster's teller tells."""
+        if event.kind == EventKind.FAULT:
+            self._take_fault(event)
+        if event.kind == EventKind.EXITED:
+            name, _, how = event.detail.partition(" ")
+            self._fleet.stop(name, "dead", f"its process {how}")
+        self._over = self._over or event.kind == EventKind.END
 
     def _take_fault(self, event: Event) -> None:
         fault = read_fault(event.detail, self._mission.dt_s)
@@ -201,6 +207,71 @@ class Storyteller:
                 self._overload = self._log.tell("overload", detail=words, level=level, lasts=True)
         elif self._overload is not None and self._log.slot - self._late_slot >= QUIET_SLOTS:
             self._overload.last_slot, self._overload = self._late_slot, None
+
+
+class Storyteller:
+    """The story of one mission. Call `hear` with every message, and `close` with every slot once it has been heard.
+
+    Attributes
+    ----------
+    happenings
+        All that was told, in order; what lasts is completed when it is over.
+    left_out
+        Number of happenings beyond the most that are kept.
+    """
+
+    def __init__(self, mission: MissionMessage, first_slot: int = 0) -> None:
+        self._log = Log(mission.dt_s)
+        self._cluster = cluster_of(mission)
+        self._tellers = {
+            name: ClusterTeller(of_cluster(mission, name), self._log, first_slot, tells_mission=index == 0)
+            for index, name in enumerate(cluster_names(mission.roster))
+        }
+
+    @property
+    def happenings(self) -> list[Happening]:
+        """All that was told, in order of telling; what lasts is completed when it is over."""
+        return self._log.happenings
+
+    @property
+    def left_out(self) -> int:
+        """Number of happenings beyond the most that are kept."""
+        return self._log.left_out
+
+    @property
+    def next_slot(self) -> int:
+        """The slot that is to be told next."""
+        return next(iter(self._tellers.values())).next_slot
+
+    @property
+    def states(self) -> dict[str, State]:
+        """State of every UAV, in roster order, in the slot that was told last."""
+        of = {name: teller.states for name, teller in self._tellers.items()}
+        return {uav: of[name][uav] for uav, name in self._cluster.items()}
+
+    @property
+    def whys(self) -> dict[str, str]:
+        """Return why a UAV is kept where it is, in words, for each UAV that something keeps."""
+        of = {name: teller.whys for name, teller in self._tellers.items()}
+        return {uav: of[name][uav] for uav, name in self._cluster.items() if uav in of[name]}
+
+    def hear(self, message: Message) -> None:
+        """Keep a message until its slot is told."""
+        sender = getattr(message, "head", "") if isinstance(message, Report) else getattr(message, "uav", "")
+        if isinstance(message, Event):
+            sender = message.source
+        if sender in self._cluster:
+            self._tellers[self._cluster[sender]].hear(message)
+            return
+        for teller in self._tellers.values():
+            teller.hear(message)
+
+    def close(self, slot: int) -> list[Happening]:
+        """Tell a slot, of which nothing more will be heard; return what is told now."""
+        self._log.begin(slot)
+        for teller in self._tellers.values():
+            teller.close(slot)
+        return self._log.told
 
 
 def _shorter(fault: str) -> str:

@@ -14,6 +14,7 @@ from msgspec import UNSET
 
 from edc_swarm.mission.configuration import NS_PER_S
 from edc_swarm.mission.routes import rectangle_m
+from edc_swarm.protocol.backing import Backing
 from edc_swarm.protocol.messages import Command, Event, Fix, Message, MissionMessage, Report, Truth
 from edc_swarm.story.happening import Happening, grouped
 from edc_swarm.story.teller import Storyteller
@@ -84,6 +85,7 @@ class Scenery:
         self._mission: MissionMessage | None = None
         self._uavs: dict[str, Seen] = {}
         self._teller: Storyteller | None = None
+        self._backing: Backing | None = None
         self._zones: list[SceneEntity] = []
         self._label_m = 0.0
         self._report: Report | None = None
@@ -143,6 +145,7 @@ class Scenery:
     def _begin(self, mission: MissionMessage, now_ns: int) -> None:
         if self._mission is None:
             self._mission = mission
+            self._backing = Backing(mission)
             self._teller = Storyteller(mission, max(0, self._slot(now_ns)))
             self._zones = list(zone_entities(mission.zone, now_ns))
             (left_m, low_m), (right_m, high_m) = extent_m(mission)
@@ -153,7 +156,7 @@ class Scenery:
     def _hear_report(self, report: Report, now_ns: int) -> None:
         assert self._mission is not None
         known = self._report
-        if not report.is_backed(self._uavs.keys(), self._mission.quorum):
+        if self._backing is None or not self._backing.backs(report):
             return
         if not report.has_quorum or (known is not None and (report.term, report.slot) < (known.term, known.slot)):
             return

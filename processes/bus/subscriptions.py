@@ -7,7 +7,7 @@ from __future__ import annotations
 
 import heapq
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Set
 from dataclasses import dataclass
 from functools import partial
 from itertools import count
@@ -16,6 +16,8 @@ import zenoh
 
 from edc_swarm.emulation.links import DelayError, LinkEmulator
 from edc_swarm.errors import MessageError
+from edc_swarm.mission.clusters import cluster_of, of_cluster
+from edc_swarm.mission.configuration import Mission
 from edc_swarm.mission.roles import OPERATOR
 from edc_swarm.protocol.admission import Admission
 from edc_swarm.protocol.codec import MAX_MESSAGE_BYTES, decode
@@ -63,7 +65,9 @@ class UavSubscriptions:
         self._session = session
         self._keys = keys
         self._inbox = inbox
-        self._fixes: zenoh.Subscriber[None] | None = None
+        self._fixes: list[zenoh.Subscriber[None]] = []
+        self._mates: tuple[str, ...] = ("*",)
+        self._near: dict[str, zenoh.Subscriber[None]] = {}
         for key in (keys.mission, keys.all_reports, keys.event(OPERATOR), keys.goal("*", uav)):
             self._subscribe(key)
         self._subscribe(keys.commands_to(uav), inbox.put_quietly)
@@ -73,26 +77,37 @@ class UavSubscriptions:
 
     @property
     def hears_fixes(self) -> bool:
-        """True if the UAV subscribes to the fixes of all UAVs."""
-        return self._fixes is not None
+        """True if the UAV subscribes to the fixes of all UAVs of its cluster."""
+        return bool(self._fixes)
 
     @property
     def hears_swarm(self) -> bool:
         """True if messages of all UAVs come in: fixes, or truths for the emulated radio."""
-        return self._fixes is not None or self._hears_truths
+        return self.hears_fixes or self._hears_truths
 
     def ask_for_mission(self) -> None:
         """Query the messages that a late joiner has missed: the mission, and the faults in force."""
         for key in (self._keys.mission, self._keys.event(OPERATOR)):
             self._session.get(key, hand_over(self._take_reply), consolidation=zenoh.ConsolidationMode.NONE)
 
-    def listen_to_fixes(self, wanted: bool) -> None:
-        """Subscribe to the fixes of all UAVs if `wanted`, else unsubscribe."""
-        if wanted and self._fixes is None:
-            self._fixes = self._subscribe(self._keys.all_fixes, self._inbox.put_quietly)
-        elif not wanted and self._fixes is not None:
-            self._fixes.undeclare()
-            self._fixes = None
+    def join_cluster(self, mission: Mission, uav: str) -> None:
+        """Let "all fixes" mean those of the UAV's own cluster."""
+        own = of_cluster(mission, cluster_of(mission)[uav])
+        if own is not mission:
+            self._mates = tuple(entry.uav for entry in own.roster)
+
+    def listen_to_fixes(self, wanted: bool, near: Set[str] = frozenset()) -> None:
+        """Subscribe to the fixes of all UAVs of the cluster if `wanted`, and to those of the UAVs `near` of others."""
+        if wanted and not self._fixes:
+            self._fixes = [self._subscribe(self._keys.fix(mate), self._inbox.put_quietly) for mate in self._mates]
+        elif not wanted and self._fixes:
+            for fixes in self._fixes:
+                fixes.undeclare()
+            self._fixes = []
+        for uav in self._near.keys() - near:
+            self._near.pop(uav).undeclare()
+        for uav in sorted(near - self._near.keys()):
+            self._near[uav] = self._subscribe(self._keys.fix(uav), self._inbox.put_quietly)
 
     def watch(self, head: str) -> bool:
         """Watch the liveliness tokens of all UAVs if this one hears all fixes, else of its head; return True if new.

@@ -103,7 +103,7 @@ class Injector:
         bus = self._processes.bus
         assert bus.monitor is not None
         roster = [entry.uav for entry in self._mission.roster]
-        concrete = resolve(fault, bus.monitor.head, bus.monitor.standbys, roster)
+        concrete = resolve(fault, bus.monitor.head, bus.monitor.standbys, roster, bus.monitor.in_office)
         if concrete is None or (isinstance(concrete, Restart) and concrete.target == RECORDER):
             bus.publish_event(EventKind.FAULT_WITHOUT_TARGET, str(fault))
             return

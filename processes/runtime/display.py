@@ -94,6 +94,9 @@ class Display:
         parts = [f"slot {max(monitor.slot, 0)}", f"arrived {monitor.arrived}/{len(self._order)}"]
         parts += [f"dead or silent {gone}"] if gone else []
         alone = "local control" if self._mission.control == "local" else "no head"
+        if len(monitor.clusters) > 1:
+            parts += [f"heads {', '.join(cluster.head or 'none' for cluster in monitor.clusters.values())}"]
+            return parts
         parts += [f"head {report.head} term {report.term}" if report else alone]
         if report is not None:
             begun_ns = self._mission.epoch_ns + report.slot * self._mission.slot_ns

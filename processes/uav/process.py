@@ -262,6 +262,7 @@ class UavProcess:
             body=autopilot.body if autopilot is not None else None,
         )
         self._gate.know(mission)
+        self._subscriptions.join_cluster(mission, entry.uav)
         postbox = Postbox(LinkEmulator(mission, entry.uav))
         if have_range(mission):
             self._subscriptions.listen_to_truths()
@@ -345,8 +346,8 @@ class UavProcess:
                     self._publisher.publish(message)
                     if isinstance(message, Truth) and self._flight is not None:
                         self._flight.place(message)
-                case Listen(all_fixes):
-                    self._subscriptions.listen_to_fixes(all_fixes)
+                case Listen(all_fixes, near):
+                    self._subscriptions.listen_to_fixes(all_fixes, near)
                 case WantPlanner():
                     assert self._flight is not None
                     load_planner(self._flight.mission, partial(self._take_planner, self._flight.faults))

@@ -204,8 +204,8 @@ def restarted_head_plans_in_its_term(patch: Patch) -> None:
     """Nothing bars the term on disk."""
     init = Head.__init__
 
-    def mutant(self: Head, mission: Any, uav: str, barred_term: int, knowledge: Any) -> None:
-        init(self, mission, uav, -1, knowledge)
+    def mutant(self: Head, mission: Any, uav: str, barred_term: int, *knowledge: Any) -> None:
+        init(self, mission, uav, -1, *knowledge)
         if barred_term:
             self.office = Office((barred_term, uav))
 
@@ -245,8 +245,8 @@ def hull_grown_by_the_speed_of_the_mission(patch: Patch) -> None:
     """The ball about an unheard UAV grows as if it had no speed of its own."""
     init = Head.__init__
 
-    def mutant(self: Head, mission: Any, uav: str, barred_term: int, knowledge: Any) -> None:
-        init(self, mission, uav, barred_term, knowledge)
+    def mutant(self: Head, mission: Any, uav: str, barred_term: int, *knowledge: Any) -> None:
+        init(self, mission, uav, barred_term, *knowledge)
         self._rules = replace(self._rules, u_max_m=dict.fromkeys(self._roster, mission.u_max_m))
 
     patch.setattr(Head, "__init__", mutant)

@@ -436,7 +436,7 @@ BAD_VALUES: dict[str, dict[str, str | None]] = {
             "mavlink": "x", "mavlink-commands": ANY, "arm": ANY, "overload": "x"},
     "join": {"uavs": "0", "state": "/proc/x", "certs": ANY, "arm": ANY},  # With certificates the address is wrong.
     "certs": {"uavs": "0", "out": "/proc/x", "host": "a b", "days": "0", "force": ANY, "json": ANY},
-    "fuzz": {"runs": "0", "seed": "-1", "jobs": "0", "keep": "x", "json": ANY},
+    "fuzz": {"runs": "0", "seed": "-1", "jobs": "0", "keep": "x", "clusters": ANY, "json": ANY},
     "figures": {"runs": "0", "only": "x", "jobs": "0", "out": "/proc/x", "scheduler": "x", "json": ANY},
     "latency": {
         "engine": "x", "delays": "-1", "jitters": "-1", "losses": "2", "slots": "0", "uavs": "1", "repeats": "0",
@@ -460,7 +460,7 @@ BAD_VALUES: dict[str, dict[str, str | None]] = {
     "sim": {
         "uavs": "0", "area": "0", "area-x": "-1", "area-y": "-1", "fence": "x", "failsafe": "x", "land-after": "-1",
         "quiet": ANY, "verbose": ANY, "vehicle": "x", "autopilot": "x", "resends": "-1",
-        "wind-mps": "-1", "gust-mps": "-1",
+        "wind-mps": "-1", "gust-mps": "-1", "clusters": "0",
         "gps-error": "-1", "gps-model": "x", "seed": "-1", "slot": "0", "speed-max": "0",
         "planner": "x", "control": "x", "minimise": "x", "elect": "x", "fault": "x", "fault-help": ANY,
         "delay-ms": "-1", "jitter-ms": "-1", "loss": "1.5", "time-scale": "0", "max-slots": "-1", "out": "x",

@@ -10,7 +10,8 @@ import pytest
 
 from edc_swarm.analysis.columns import columns_of
 from edc_swarm.analysis.energy_bill import energy_bills
-from edc_swarm.analysis.metrics import HeadTerm, Metrics, Quantiles, compute_metrics
+from edc_swarm.analysis.head_terms import HeadTerm
+from edc_swarm.analysis.metrics import Metrics, Quantiles, compute_metrics
 from edc_swarm.analysis.tables import metric_rows
 from edc_swarm.analysis.timings import Timing, Timings, content_hash, load_timings
 from edc_swarm.emulation.energy import propulsion_power_w

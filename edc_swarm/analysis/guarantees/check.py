@@ -8,6 +8,7 @@ violation that is certain stays one.
 
 from __future__ import annotations
 
+from edc_swarm.analysis.guarantees.clusters import of_each, parts_of
 from edc_swarm.analysis.guarantees.completeness import check_no_loss
 from edc_swarm.analysis.guarantees.evidence import Evidence, gather
 from edc_swarm.analysis.guarantees.fencing import check_fencing
@@ -30,11 +31,18 @@ CHECKERS = (
     check_zones,
 )
 
+OF_CLUSTERS = (check_one_head, check_progress)
+"""Checkers of what each cluster promises for itself."""
+
 
 def check(recording: Recording) -> list[GuaranteeResult]:
     """Return the verdict on every guarantee, in order."""
     evidence = gather(recording)
-    results = [_on_evidence(evidence, checker(evidence)) for checker in CHECKERS]
+    parts = parts_of(evidence) if evidence.mission.clusters > 1 else {}
+    results = [
+        _on_evidence(evidence, of_each(parts, checker) if parts and checker in OF_CLUSTERS else checker(evidence))
+        for checker in CHECKERS
+    ]
     return results if evidence.mission.control == "head" else [without_head(result) for result in results]
 
 

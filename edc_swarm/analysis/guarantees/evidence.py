@@ -74,6 +74,8 @@ class Evidence:
         Reports of slots with a plan, each once.
     ends
         How each publisher ended.
+    whole
+        The mission of all clusters, with all faults; `mission` is that of one cluster where a cluster is judged.
     """
 
     recording: Recording
@@ -85,6 +87,7 @@ class Evidence:
     plans: list[Report]
     gaps: list[Gap]
     ends: Ends
+    whole: MissionMessage
 
     @cached_property
     def paths(self) -> TruePaths | None:
@@ -223,6 +226,7 @@ def gather(recording: Recording) -> Evidence:
         plans=plans_of(recording),
         gaps=gaps,
         ends=ends,
+        whole=recording.mission,
     )
 
 

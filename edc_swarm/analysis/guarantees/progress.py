@@ -253,7 +253,7 @@ def _missing(evidence: Evidence, voyages: Voyages, k: int) -> Violation:
 
 def _faults(evidence: Evidence) -> list[Fault]:
     """Return the faults by time: as the events report them, and the planned ones that no event reports."""
-    mission, events = evidence.mission, evidence.recording.events
+    mission, events = evidence.whole, evidence.recording.events
     told = [
         read_fault(event.detail, mission.dt_s)
         for event in events
@@ -282,5 +282,5 @@ def _stalled(evidence: Evidence) -> bool:
 
 def _given(evidence: Evidence) -> str:
     """Return a remark if the user gave a `max_slots` below the default, else ""."""
-    mission = evidence.mission
+    mission = evidence.whole
     return f" (max_slots = {mission.max_slots} was given)" if mission.max_slots < default_max_slots(mission) else ""

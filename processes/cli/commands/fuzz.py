@@ -56,6 +56,8 @@ class FuzzOptions:
         Processes that simulate at the same time (the number of processors).
     keep
         Fly only these faults of each schedule: indices joined by commas, or "none".
+    clusters
+        Fly missions with two to four clusters.
     json
         Print the result as JSON alone on standard output.
     """
@@ -64,6 +66,7 @@ class FuzzOptions:
     seed: int = 0
     jobs: int | None = None
     keep: str | None = None
+    clusters: bool = False
     json: bool = False
 
 
@@ -107,27 +110,27 @@ def _search(options: FuzzOptions, kept: tuple[int, ...] | None) -> Iterator[Foun
     jobs = min(options.jobs or os.cpu_count() or 1, options.runs)
     seeds = range(options.seed, options.seed + options.runs)
     if jobs == 1:
-        yield from (_run((seed, kept)) for seed in seeds)
+        yield from (_run((seed, kept, options.clusters)) for seed in seeds)
         return
     with ProcessPoolExecutor(jobs, get_context("spawn"), begin_worker, (os.getpid(),)) as pool:
         window = jobs * RUNS_AHEAD
         for start in range(0, len(seeds), window):
             with sigint_blocked():
-                found = pool.map(_run, [(seed, kept) for seed in seeds[start : start + window]])
+                found = pool.map(_run, [(seed, kept, options.clusters) for seed in seeds[start : start + window]])
             yield from found
 
 
-def _run(job: tuple[int, tuple[int, ...] | None]) -> Found | None:
+def _run(job: tuple[int, tuple[int, ...] | None, bool]) -> Found | None:
     from edc_swarm.experiments.fuzz_scenarios import scenario  # noqa: PLC0415 - as below
     from edc_swarm.experiments.fuzzing import search, smallest  # noqa: PLC0415 - heavy, and only the workers need it
 
-    seed, kept = job
-    finding = search(seed, kept)
+    seed, kept, clusters = job
+    finding = search(seed, kept, clusters=clusters)
     if finding is None:
         return None
     if kept is None:
         finding = smallest(finding)
-    faults = list(scenario(seed, finding.kept).fault)
+    faults = list(scenario(seed, finding.kept, clusters=clusters).fault)
     return Found(seed, list(finding.kept), faults, list(finding.broken), finding.command)
 
 

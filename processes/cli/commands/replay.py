@@ -222,6 +222,8 @@ def _verify(path: Path, *, as_json: bool, load_planner: bool) -> int:
     mission = recording.mission
     if not any(report.planner for report in recording.reports):
         raise RecordingError(path, "holds no plan to be verified")
+    if mission.clusters > 1:
+        raise RecordingError(path, "does not say which UAVs of other clusters a head has heard: no plan is verified")
     if otherwise := made_otherwise(recording.run):
         note(f"note: the recording was {otherwise}: another version may well plan otherwise")
     if not load_planner and mission.planner in foreign_parts(mission):

@@ -1,0 +1,231 @@
+"""Clusters: who is in which, what bad input says, what a head knows of foreign UAVs, and the verdicts of each."""
+
+from __future__ import annotations
+
+from collections import Counter
+from typing import Any
+
+import pytest
+
+from edc_swarm.agent.foreign import NEAR_SLOTS, Foreign
+from edc_swarm.analysis.guarantees.check import check
+from edc_swarm.analysis.head_terms import failover_slots, heads_of
+from edc_swarm.errors import MissionError
+from edc_swarm.mission.clusters import cluster_names, of_cluster
+from edc_swarm.mission.configuration import Mission
+from edc_swarm.mission.faults import parse_faults
+from edc_swarm.mission.roster import complete_mission
+from edc_swarm.mission.validation import mission_from_dict
+from edc_swarm.planner.registry import make_planner
+from edc_swarm.protocol.admission import Admission
+from edc_swarm.protocol.completion import MissionMonitor
+from edc_swarm.protocol.messages import Message, MissionMessage, Report
+from edc_swarm.recording.by_cluster import by_cluster
+from edc_swarm.recording.model import Recording
+from edc_swarm.simulation.simulator import Simulation
+from edc_swarm.story.teller import Storyteller
+from tests.builders import EPOCH_NS, at, entry, fix, mission_message
+
+TWO = [
+    *(entry(f"a{k}", (20.0 * k, 0.0), (20.0 * k, 8.0), cluster="a", energy_j=1e6) for k in range(3)),
+    *(entry(f"b{k}", (20.0 * k, 40.0), (20.0 * k, 32.0), cluster="b", energy_j=1e6) for k in range(2)),
+]
+"""Two clusters that never come near each other."""
+
+
+def _refused(**fields: Any) -> str:
+    with pytest.raises(MissionError) as refused:
+        complete_mission(mission_from_dict(fields))
+    return str(refused.value)
+
+
+def _named(*names: str) -> list[dict[str, Any]]:
+    return [
+        {"uav": f"u{k}", "start_x_m": 20.0 * k, "start_y_m": 0.0, "target_x_m": 20.0 * k, "target_y_m": 9.0, **named}
+        for k, name in enumerate(names)
+        for named in [{"cluster": name} if name else {}]
+    ]
+
+
+def _flown(faults: tuple[str, ...] = ()) -> list[Message]:
+    said: list[Message] = []
+    flown = complete_mission(Mission(roster=TWO, uavs=len(TWO), fault=list(faults), max_slots=60))
+    fields = {name: getattr(flown, name) for name in flown.__struct_fields__}
+    message = MissionMessage(**fields, epoch_ns=EPOCH_NS)
+    Simulation(message, lambda: make_planner("edc", message), lambda _key, each, _ns: said.append(each)).run()
+    return said
+
+
+@pytest.fixture(scope="module")
+def flight() -> list[Message]:
+    """Return what two clusters say, of which one loses its head."""
+    return _flown(("kill head-b @3 for 2",))
+
+
+def test_k_means_leaves_no_cluster_empty_and_depends_on_the_seed_alone() -> None:
+    """Drawing twice, and completing twice, gives the same clusters."""
+    for seed in range(5):
+        drawn = Mission(uavs=9, clusters=4, seed=seed, area_m2=20_000.0)
+        flown = complete_mission(drawn)
+        assert flown == complete_mission(drawn) == complete_mission(flown)
+        sizes = Counter(each.cluster for each in flown.roster)
+        assert set(sizes) == {"c1", "c2", "c3", "c4"}
+        assert sum(sizes.values()) == 9
+
+
+def test_as_many_clusters_as_uavs_are_one_uav_each() -> None:
+    """Nobody shares a cluster then."""
+    assert len(cluster_names(complete_mission(Mission(uavs=4, clusters=4)).roster)) == 4
+
+
+def test_k_means_puts_together_who_flies_together() -> None:
+    """Two groups far apart are two clusters."""
+    roster = [
+        entry(f"u{k}", (12.0 * (k // 2), 200.0 * (k % 2)), (12.0 * (k // 2), 200.0 * (k % 2) + 9)) for k in range(8)
+    ]
+    flown = complete_mission(Mission(roster=roster, uavs=8, clusters=2, seed=5))
+    assert [each.cluster for each in flown.roster] == ["c1", "c2"] * 4
+
+
+def test_a_mission_with_one_cluster_is_its_own_part() -> None:
+    """Its roster names no cluster, also where the file names one."""
+    flown = complete_mission(Mission(uavs=3))
+    assert of_cluster(flown, "") is flown
+    assert all(not each.cluster for each in flown.roster)
+    assert complete_mission(mission_from_dict({"roster": _named("a", "a")})).roster[0].cluster == ""
+
+
+def test_bad_input_is_refused_in_one_line() -> None:
+    """Too many clusters, an empty one, a UAV in two or in none, overlaps, and planners that keep nobody apart."""
+    assert "clusters = 5: must be at most the number of UAVs (4)" in _refused(uavs=4, clusters=5)
+    assert "roster[1].cluster" in _refused(roster=_named("a", ""))
+    assert "none may be empty" in _refused(roster=_named("a", "b", "b"), clusters=3)
+    assert "an id that no other UAV has" in _refused(roster=[*_named("a", "b"), {**_named("a")[0], "cluster": "b"}])
+    near = _named("a", "b")
+    near[1]["start_x_m"] = 3.0
+    assert "m from the start of u" in _refused(roster=near)
+    assert "planner" in _refused(roster=_named("a", "b"), planner="orca")
+    assert "clusters" in _refused(roster=_named("a", "b"), control="local", planner="orca")
+    for text in map(str, (_refused(uavs=4, clusters=5), _refused(roster=_named("a", "")))):
+        assert "\n" not in text
+
+
+def test_faults_name_the_heads_of_clusters() -> None:
+    """`head-NAME` and `standby-NAME` are targets where there is such a cluster."""
+    flown = mission_message(TWO, clusters=2, fault=["kill head-b @3", "kill standby-a @4"])
+    assert len(parse_faults(flown)) == 2
+    with pytest.raises(MissionError):
+        parse_faults(mission_message(TWO, clusters=2, fault=["kill head-c @3"]))
+    with pytest.raises(MissionError):
+        parse_faults(mission_message([entry("a")], fault=["kill head-a @3"]))
+
+
+def test_a_foreign_uav_is_where_its_fix_of_the_slot_says_and_nowhere_else() -> None:
+    """A fix of a slot before is a hull, which grows by the longest step for each slot."""
+    foreign = Foreign(mission_message(TWO, clusters=2), "a")
+    foreign.hear_fix(fix("b0", 4, (0.0, 38.0)), 4)
+    assert [(seen.uav, seen.position_m) for seen in foreign.heard(4)] == [(3, (0.0, 38.0))]
+    assert [hull.uav for hull in foreign.hulls(4, strays=False)] == [4]
+    assert foreign.heard(5) == []
+    later = {hull.uav: hull.radius_m for hull in foreign.hulls(6, strays=False)}
+    assert later == {3: pytest.approx(2 * 2.5), 4: pytest.approx(7 * 2.5)}
+
+
+def test_a_report_of_its_head_makes_a_foreign_hull_smaller_and_landing_takes_it_away() -> None:
+    """A report that no quorum backs changes nothing."""
+    foreign = Foreign(mission_message(TWO, clusters=2), "a")
+    ends = {"hull_ax_m": [20.0], "hull_ay_m": [38.0], "hull_bx_m": [20.0], "hull_by_m": [38.0]}
+    place: dict[str, Any] = {**ends, "hull_r_m": [1.0]}
+    said = Report(head="b0", slot=5, term=1, status="planned", grants=["b0", "b1"], quorum=2, hull_uav=["b1"], **place)
+    alone = Report(head="b0", slot=6, term=2, status="planned", grants=["b0"], quorum=1, landed=["b1"])
+    foreign.hear_report(said)
+    foreign.hear_report(alone)
+    assert {hull.uav: hull.radius_m for hull in foreign.hulls(6, strays=False)}[4] == pytest.approx(1.0 + 2.5)
+    foreign.hear_report(
+        Report(head="b0", slot=7, term=1, status="planned", grants=["b0", "b1"], quorum=2, landed=["b1"])
+    )
+    assert 4 not in {hull.uav for hull in foreign.hulls(7, strays=False)}
+
+
+def test_a_head_hears_the_uavs_that_can_come_near_and_asks_again_for_the_others_as_their_hulls_grow() -> None:
+    """A UAV that was far away is asked for again once its hull comes near."""
+    far_m = 2 * (5.0 + NEAR_SLOTS * 2.5) + 30.0
+    roster = [*TWO[:3], entry("b0", (0.0, far_m), (0.0, far_m + 9), cluster="b")]
+    foreign = Foreign(mission_message(roster, clusters=2), "a")
+    places = [(0.0, 0.0), (20.0, 0.0)]
+    assert foreign.look_around(0, places) == frozenset()
+    assert foreign.look_around(12, places) == {"b0"}
+    foreign.hear_fix(fix("b0", 13, (0.0, far_m)), 13)
+    assert foreign.look_around(13, places) == frozenset()
+
+
+def test_a_report_is_admitted_by_the_quorum_of_its_own_cluster() -> None:
+    """Grants of another cluster back nothing."""
+    admission = Admission(mission_message(TWO, clusters=2))
+    of: dict[str, Any] = {"slot": 3, "term": 1, "status": "planned", "sent_ns": at(3.5)}
+    assert admission.refusal(Report(head="b0", grants=["b0", "b1"], quorum=2, **of)) is None
+    assert admission.refusal(Report(head="b0", grants=["b0", "a0"], quorum=2, **of)) is not None
+    assert admission.refusal(Report(head="a0", grants=["a0"], quorum=1, **of)) is not None
+
+
+def test_both_clusters_elect_heads_and_every_guarantee_holds(flight: list[Message]) -> None:
+    """One of them loses its head and elects another."""
+    recording = Recording.from_messages(flight)
+    heads = heads_of(recording)
+    assert [len(terms) for terms in heads.values()] == [1, 2]
+    assert len(failover_slots(heads)) == 1
+    assert {r.guarantee: r.status for r in check(recording)} == {
+        **dict.fromkeys(("G1", "G2", "G3", "G4", "G5", "G7"), "held"),
+        "G8": "not-applicable",
+    }
+
+
+def test_two_heads_in_one_term_of_one_cluster_break_g1_and_in_two_clusters_do_not(flight: list[Message]) -> None:
+    """Both clusters have a head in term 1."""
+    plan = next(each for each in flight if isinstance(each, Report) and each.head.startswith("a") and each.has_quorum)
+    rival = Report(
+        head="a2" if plan.head != "a2" else "a1", slot=plan.slot, term=plan.term, status="planned",
+        grants=plan.grants, quorum=plan.quorum, sent_ns=plan.sent_ns,
+    )  # fmt: skip
+    g1 = next(r for r in check(Recording.from_messages([*flight, rival])) if r.guarantee == "G1")
+    assert g1.broken
+    assert any(found.kind == "two-heads" and found.text.startswith("cluster a: ") for found in g1.violations)
+
+
+def test_a_cluster_that_does_not_arrive_breaks_g7(flight: list[Message]) -> None:
+    """The record ends before the UAVs of one cluster arrive."""
+    cut = [each for each in flight if getattr(each, "slot", 0) < 4 or not str(getattr(each, "uav", "")).startswith("b")]
+    results = {result.guarantee: result for result in check(Recording.from_messages(cut))}
+    assert not results["G7"].held
+
+
+def test_the_recording_of_each_cluster_has_its_own_messages(flight: list[Message]) -> None:
+    """Quorums are those of the clusters."""
+    parts = by_cluster(Recording.from_messages(flight))
+    assert {name: {each.uav[0] for each in part.fixes} for name, part in parts.items()} == {"a": {"a"}, "b": {"b"}}
+    assert [part.mission.quorum for part in parts.values()] == [2, 2]
+
+
+def test_the_story_names_the_head_of_each_cluster_once(flight: list[Message]) -> None:
+    """What the operator says is told once."""
+    teller = Storyteller(next(each for each in flight if isinstance(each, MissionMessage)))
+    for each in flight:
+        teller.hear(each)
+    for slot in range(40):
+        teller.close(slot)
+    terms = [told.uavs[0][0] for told in teller.happenings if told.kind == "term"]
+    assert sorted(terms) == ["a", "b", "b"]
+    assert sum(told.kind == "fault" for told in teller.happenings) == 1
+    assert sum(told.kind == "end" for told in teller.happenings) <= 1
+    assert list(teller.states) == [each.uav for each in TWO]
+
+
+def test_a_mission_is_complete_when_every_cluster_is() -> None:
+    """The monitor knows the heads of all clusters."""
+    monitor = MissionMonitor(mission_message(TWO, clusters=2))
+    for each in TWO:
+        at_m = (each.target_x_m, each.target_y_m)
+        assert not monitor.complete(3)
+        monitor.hear_fix(fix(each.uav, 3, at_m, arrived=True))
+    assert monitor.complete(3)
+    assert set(monitor.in_office) == {"head-a", "standby-a", "head-b", "standby-b"}
