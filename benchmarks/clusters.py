@@ -1,17 +1,16 @@
 """Several clusters: what they cost against one head, and how far they go.
 
     python benchmarks/clusters.py --runs 30                    K = 200 in 1 and in 4 clusters, the same missions
-    python benchmarks/clusters.py --scale 100 400 1000 2000    K UAVs in K / 100 clusters, 8 slots of 1 s each
+    python benchmarks/clusters.py --scale 100 400 1000 2000    K UAVs in K / 100 clusters, 11 slots of 1 s each
 
 Runs are kept in `--out`, so an interrupted one goes on where it stopped. Missions of the first kind are random, of
 800 m2 for each UAV, with seeds from 1000. Those of the second kind have a square block of 80 000 m2 for each cluster,
 side by side, in which 100 random UAVs have their starts and targets, so that every cluster has up to eight neighbours.
 
 *overlaps*: pairs of discs that can overlap in continuous time, whatever pace each UAV keeps within a slot. *plan*: time
-of the planner's thread, median and greatest over all heads and slots. *heard*: messages that reach a head in a slot, its
-own left out; of them *fixes*. *slot*: processor time of the whole simulation for a slot, median of those after slot 2;
-below 1 s the simulation is faster than the real mission. *head*: the part of it that the busiest head took, of which a
-real head has a processor of its own.
+of the planner's thread, of all heads and slots. *heard*: messages that reach a head in a slot, its own left out; of
+them *fixes*. *slot*: processor time of the whole simulation for a slot, mean of those after slot 2; below 1 s the
+simulation is faster than the mission. *head*: the most of it that one head took in a slot; real ones are processes.
 """
 
 from __future__ import annotations
@@ -22,16 +21,16 @@ import math
 import resource
 import statistics
 import time
-from collections import Counter
+from collections import Counter, defaultdict
 from collections.abc import Iterator, Sequence
 from concurrent.futures import ProcessPoolExecutor
 from multiprocessing import get_context
 from pathlib import Path
-from typing import Any
+from typing import Any, ClassVar
 
 from msgspec.structs import replace
 
-from edc_swarm.agent.node import NodeEvent, Received, UavNode
+from edc_swarm.agent.node import Effect, NodeEvent, Received, UavNode
 from edc_swarm.analysis.metrics import compute_metrics
 from edc_swarm.analysis.timings import Timing
 from edc_swarm.experiments.fuzzing import overlaps, with_braking
@@ -53,7 +52,7 @@ FIRST_SEED = 1000
 MOST_SLOTS = 600
 SIZE = 100
 """UAVs of a cluster in the second kind of mission."""
-SLOTS, SETTLED = 8, 3
+SLOTS, SETTLED = 11, 3
 """Slots of a mission of the second kind, and those before every cluster has a head that plans."""
 
 COMPARED: tuple[tuple[str, str, Kind], ...] = (
@@ -80,11 +79,11 @@ SCALED = (
 class CountingNode(UavNode):
     """A node that counts the messages it receives and the processor time it takes, in each slot in which it leads."""
 
-    heard: Counter[tuple[str, int]] = Counter()
-    fixes: Counter[tuple[str, int]] = Counter()
-    used_s: Counter[tuple[str, int]] = Counter()
+    heard: ClassVar[Counter[tuple[str, int]]] = Counter()
+    fixes: ClassVar[Counter[tuple[str, int]]] = Counter()
+    used_s: ClassVar[dict[tuple[str, int], float]] = defaultdict(float)
 
-    def step(self, event: NodeEvent, now_ns: int) -> list[computers.Effect]:
+    def step(self, event: NodeEvent, now_ns: int) -> list[Effect]:
         start_s = time.thread_time()
         effects = super().step(event, now_ns)
         if self.leads:
@@ -95,12 +94,12 @@ class CountingNode(UavNode):
         return effects
 
 
-def counted(simulation: type[Simulation] = Simulation) -> type[Simulation]:
-    """Return the simulation with nodes that count, from zero."""
-    for counter in (CountingNode.heard, CountingNode.fixes, CountingNode.used_s):
-        counter.clear()
-    computers.UavNode = CountingNode  # type: ignore[misc]
-    return simulation
+def count_from_zero() -> None:
+    """Let simulations fly nodes that count."""
+    CountingNode.heard.clear()
+    CountingNode.fixes.clear()
+    CountingNode.used_s.clear()
+    vars(computers)["UavNode"] = CountingNode
 
 
 def compare(clusters: int, seed: int) -> dict[str, Any]:
@@ -109,7 +108,8 @@ def compare(clusters: int, seed: int) -> dict[str, Any]:
     mission = mission_message(complete_mission(drawn))
     warm_up(mission)
     said, timings = list[Message](), list[Timing]()
-    simulation = counted()(mission, lambda: TimedPlanner(mission, timings), lambda _key, each, _ns: said.append(each))
+    count_from_zero()
+    simulation = Simulation(mission, lambda: TimedPlanner(mission, timings), lambda _key, each, _ns: said.append(each))
     end = simulation.run()
     metrics = compute_metrics(Recording.from_messages(said), timings)
     return {
@@ -130,21 +130,21 @@ def scale(uavs: int, seed: int) -> dict[str, Any]:
     warm_up(mission)
     messages, slot_s = Counter[int](), list[float]()
     begun_s = time.process_time()
-    simulation: Simulation
+    count_from_zero()
 
     def count(_key: str, _message: Message, _ns: int) -> None:
         messages[simulation.slot] += 1
 
-    simulation = counted()(mission, lambda: make_planner(mission.planner, mission), count)
+    simulation = Simulation(mission, lambda: make_planner(mission.planner, mission), count)
     start_s = time.process_time() - begun_s
     now_s = time.process_time()
     for _ in simulation.slots():
         before_s, now_s = now_s, time.process_time()
         slot_s.append(now_s - before_s)
-    fixes = [count for (_, slot), count in CountingNode.fixes.items() if slot >= SETTLED]
+    fixes = [found for (_, slot), found in CountingNode.fixes.items() if slot >= SETTLED]
     by_slot_s = [used_s for (_, slot), used_s in CountingNode.used_s.items() if slot >= SETTLED]
     return {
-        "slot_s": statistics.median(slot_s[SETTLED:]),
+        "slot_s": statistics.mean(slot_s[SETTLED:]),
         "head_s": max(by_slot_s),
         "start_s": start_s + sum(slot_s[:SETTLED]),
         "memory_mb": resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1024,

@@ -153,10 +153,22 @@ def test_a_head_hears_the_uavs_that_can_come_near_and_asks_again_for_the_others_
     roster = [*TWO[:3], entry("b0", (0.0, far_m), (0.0, far_m + 9), cluster="b")]
     foreign = Foreign(mission_message(roster, clusters=2), "a")
     places = [(0.0, 0.0), (20.0, 0.0)]
-    assert foreign.look_around(0, places) == frozenset()
-    assert foreign.look_around(12, places) == {"b0"}
-    foreign.hear_fix(fix("b0", 13, (0.0, far_m)), 13)
-    assert foreign.look_around(13, places) == frozenset()
+    seen = []
+    for slot in (0, 12, 13, 16):
+        if slot == 13:
+            foreign.hear_fix(fix("b0", 13, (0.0, far_m)), 13)
+        foreign.look_around(slot, places)
+        seen.append(set(foreign.near))
+    assert seen == [set(), {"b0"}, {"b0"}, set()]
+
+
+def test_only_hulls_that_no_uav_can_come_near_are_left_out() -> None:
+    """A hull that is far away is none of the request's; it is one as soon as it has grown near."""
+    far_m = 2 * (5.0 + NEAR_SLOTS * 2.5) + 30.0
+    foreign = Foreign(mission_message([*TWO[:3], entry("b0", (0.0, far_m), cluster="b")], clusters=2), "a")
+    found = [len(foreign.hulls(slot, strays=False, own=[(0.0, 0.0), (20.0, 0.0)])) for slot in (0, 12)]
+    assert found == [0, 1]
+    assert len(foreign.hulls(0, strays=False)) == 1
 
 
 def test_a_report_is_admitted_by_the_quorum_of_its_own_cluster() -> None:
