@@ -5,10 +5,14 @@ from __future__ import annotations
 from collections import Counter
 from typing import Any
 
+import msgspec
 import pytest
 
 from edc_swarm.agent.foreign import NEAR_SLOTS, Foreign
 from edc_swarm.analysis.guarantees.check import check
+from edc_swarm.analysis.guarantees.clusters import of_each, parts_of
+from edc_swarm.analysis.guarantees.evidence import Evidence, gather
+from edc_swarm.analysis.guarantees.verdict import GuaranteeResult, Violation, verdict
 from edc_swarm.analysis.head_terms import failover_slots, heads_of
 from edc_swarm.errors import MissionError
 from edc_swarm.mission.clusters import cluster_names, of_cluster
@@ -19,7 +23,7 @@ from edc_swarm.mission.validation import mission_from_dict
 from edc_swarm.planner.registry import make_planner
 from edc_swarm.protocol.admission import Admission
 from edc_swarm.protocol.completion import MissionMonitor
-from edc_swarm.protocol.messages import Message, MissionMessage, Report
+from edc_swarm.protocol.messages import Fix, Message, MissionMessage, Report
 from edc_swarm.recording.by_cluster import by_cluster
 from edc_swarm.recording.model import Recording
 from edc_swarm.simulation.simulator import Simulation
@@ -209,6 +213,44 @@ def test_a_cluster_that_does_not_arrive_breaks_g7(flight: list[Message]) -> None
     cut = [each for each in flight if getattr(each, "slot", 0) < 4 or not str(getattr(each, "uav", "")).startswith("b")]
     results = {result.guarantee: result for result in check(Recording.from_messages(cut))}
     assert not results["G7"].held
+
+
+def _late(flight: list[Message], kind: str = "not-arrived", guarantee: str = "G7", fault: str = "") -> GuaranteeResult:
+    """Return the verdict on both clusters if cluster a has a violation, with a fault in the mission."""
+    said = [
+        msgspec.structs.replace(each, fault=[*each.fault, fault])
+        if isinstance(each, MissionMessage) and fault
+        else each
+        for each in flight
+    ]
+
+    def checker(part: Evidence) -> GuaranteeResult:
+        found = [Violation(kind, "a0 is not there", uavs=("a0",))] if part.recording.fixes[0].uav[0] == "a" else []
+        return verdict(guarantee, "Title", found)
+
+    return of_each(parts_of(gather(Recording.from_messages(said))), checker)
+
+
+def test_g7_promises_nothing_where_a_partition_between_clusters_never_heals(flight: list[Message]) -> None:
+    """One that heals, one within a cluster, and another violation than not to be there are no excuse."""
+    assert _late(flight).broken
+    for fault in ("partition a0,a1,a2|rest @2", "partition a0>b0 @2"):
+        assert not _late(flight, fault=fault).broken, fault
+    for fault in ("partition a0,a1,a2|rest @2 for 20", "partition a0|a1,a2 @2", "partition b0|b1 @2"):
+        assert _late(flight, fault=fault).broken, fault
+    assert _late(flight, "landed-unasked", fault="partition a0,a1,a2|rest @2").broken
+    assert _late(flight, guarantee="G1", fault="partition a0,a1,a2|rest @2").broken
+
+
+def test_g7_promises_nothing_while_another_cluster_has_no_quorum_left(flight: list[Message]) -> None:
+    """The loss of one of two UAVs of cluster b is one; that of one of three of cluster a is none."""
+
+    def without(uav: str) -> list[Message]:
+        return [each for each in flight if not (isinstance(each, Fix) and each.uav == uav and each.slot > 3)]
+
+    assert not _late(without("b1")).broken
+    assert _late(without("a2")).broken
+    assert _late(without("b1"), guarantee="G1").broken
 
 
 def test_the_recording_of_each_cluster_has_its_own_messages(flight: list[Message]) -> None:
