@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import math
 from collections import Counter
+from random import Random
 from typing import Any
 
 import msgspec
@@ -15,11 +17,13 @@ from edc_swarm.analysis.guarantees.evidence import Evidence, gather
 from edc_swarm.analysis.guarantees.verdict import GuaranteeResult, Violation, verdict
 from edc_swarm.analysis.head_terms import failover_slots, heads_of
 from edc_swarm.errors import MissionError
+from edc_swarm.geometry import segment_distance_m
 from edc_swarm.mission.clusters import cluster_names, of_cluster
 from edc_swarm.mission.configuration import Mission
 from edc_swarm.mission.faults import parse_faults
 from edc_swarm.mission.roster import complete_mission
 from edc_swarm.mission.validation import mission_from_dict
+from edc_swarm.mission.vehicle_model import VehicleModel
 from edc_swarm.planner.registry import make_planner
 from edc_swarm.protocol.admission import Admission
 from edc_swarm.protocol.completion import MissionMonitor
@@ -166,13 +170,25 @@ def test_a_head_hears_the_uavs_that_can_come_near_and_asks_again_for_the_others_
     assert seen == [set(), {"b0"}, {"b0"}, set()]
 
 
-def test_only_hulls_that_no_uav_can_come_near_are_left_out() -> None:
-    """A hull that is far away is none of the request's; it is one as soon as it has grown near."""
-    far_m = 2 * (5.0 + NEAR_SLOTS * 2.5) + 30.0
-    foreign = Foreign(mission_message([*TWO[:3], entry("b0", (0.0, far_m), cluster="b")], clusters=2), "a")
-    found = [len(foreign.hulls(slot, strays=False, own=[(0.0, 0.0), (20.0, 0.0)])) for slot in (0, 12)]
-    assert found == [0, 1]
-    assert len(foreign.hulls(0, strays=False)) == 1
+@pytest.mark.parametrize("a_max_mps2", [math.inf, 0.4])
+def test_only_hulls_that_no_uav_can_come_near_are_left_out(a_max_mps2: float) -> None:
+    """However old its fix, a hull left out is not near, its braking path included."""
+    autopilot = VehicleModel(model="mavlink", autopilot="udpin:127.0.0.1:{14550+i}", a_max_mps2=a_max_mps2)
+    inertia = {} if math.isinf(a_max_mps2) else {"vehicle": autopilot}
+    rng, own, counts = Random("far"), [(0.0, 0.0), (40.0, 0.0)], Counter[bool]()
+    away_m = [(rng.uniform(60, 700) * math.cos(k), rng.uniform(60, 700) * math.sin(k)) for k in range(60)]
+    roster = [*TWO[:3], *(entry(f"b{k}", at_m, cluster="b") for k, at_m in enumerate(away_m))]
+    foreign = Foreign(mission_message(roster, clusters=2, lag_slots=len(inertia), **inertia), "a")
+    for k, (x_m, y_m) in enumerate(away_m[:50]):
+        foreign.hear_fix(fix(f"b{k}", k % 20, (x_m, y_m), from_x_m=x_m - 1.5, from_y_m=y_m + 2.0), 20)
+    near = {hull.uav for hull in foreign.hulls(20, strays=False, own=own)}
+    for hull in foreign.hulls(20, strays=False):
+        counts[hull.uav in near] += 1
+        ends_m = (hull.ax_m, hull.ay_m), (hull.bx_m, hull.by_m)
+        apart_m = min(float(segment_distance_m(at_m, at_m, *ends_m)) for at_m in own) - hull.radius_m
+        assert hull.uav in near or apart_m > foreign._near_m
+    assert counts[True] > 5
+    assert counts[False] > 5
 
 
 def test_a_report_is_admitted_by_the_quorum_of_its_own_cluster() -> None:
