@@ -241,7 +241,7 @@ def _late(flight: list[Message], kind: str = "not-arrived", guarantee: str = "G7
     ]
 
     def checker(part: Evidence) -> GuaranteeResult:
-        found = [Violation(kind, "a0 is not there", uavs=("a0",))] if part.recording.fixes[0].uav[0] == "a" else []
+        found = [Violation(kind, "a0 is not there", uavs=["a0"])] if part.recording.fixes[0].uav[0] == "a" else []
         return verdict(guarantee, "Title", found)
 
     return of_each(parts_of(gather(Recording.from_messages(said))), checker)
