@@ -138,13 +138,24 @@ def test_a_report_of_its_head_makes_a_foreign_hull_smaller_and_landing_takes_it_
     place: dict[str, Any] = {**ends, "hull_r_m": [1.0]}
     said = Report(head="b0", slot=5, term=1, status="planned", grants=["b0", "b1"], quorum=2, hull_uav=["b1"], **place)
     alone = Report(head="b0", slot=6, term=2, status="planned", grants=["b0"], quorum=1, landed=["b1"])
-    foreign.hear_report(said)
-    foreign.hear_report(alone)
+    foreign.hear_report(said, 5)
+    foreign.hear_report(alone, 6)
     assert {hull.uav: hull.radius_m for hull in foreign.hulls(6, strays=False)}[4] == pytest.approx(1.0 + 2.5)
     foreign.hear_report(
-        Report(head="b0", slot=7, term=1, status="planned", grants=["b0", "b1"], quorum=2, landed=["b1"])
+        Report(head="b0", slot=7, term=1, status="planned", grants=["b0", "b1"], quorum=2, landed=["b1"]), 7
     )
     assert 4 not in {hull.uav for hull in foreign.hulls(7, strays=False)}
+
+
+def test_a_report_of_a_slot_to_come_says_nothing_of_this_one() -> None:
+    """A cluster whose clock is ahead reports where its UAV is one slot later; until then it may be a step away."""
+    foreign = Foreign(mission_message(TWO, clusters=2), "a")
+    ends = {"hull_ax_m": [20.0], "hull_ay_m": [30.5], "hull_bx_m": [20.0], "hull_by_m": [30.5], "hull_r_m": [0.0]}
+    early = Report(head="b0", slot=4, term=1, status="planned", grants=["b0", "b1"], quorum=2, hull_uav=["b1"], **ends)
+    foreign.hear_report(early, 3)
+    assert {hull.uav: hull.radius_m for hull in foreign.hulls(3, strays=False)}[4] == pytest.approx(4 * 2.5)
+    foreign.begin_slot(4)
+    assert {hull.uav: hull.radius_m for hull in foreign.hulls(4, strays=False)}[4] == 0.0
 
 
 def test_a_head_hears_the_uavs_that_can_come_near_and_asks_again_for_the_others_as_their_hulls_grow() -> None:
