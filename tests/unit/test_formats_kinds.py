@@ -180,3 +180,11 @@ def test_a_scenario_of_a_map_that_lies_across() -> None:
     agents: Any = scenario((0, 0, 5, 0), size=(9, 20))
     with pytest.raises(FormatError, match="map of 9 x 20 cells: must be 20 x 9"):
         imported(("w.map", WAREHOUSE), ("w.scen", agents))
+
+
+def test_an_unknown_home_and_a_home_with_an_old_command() -> None:
+    """A plan's home at 0, 0 is none, as in a way point file; old programs give item 0 the command 0."""
+    unknown = plan(item(16, 47.398, 8.546), item(16, 47.399, 8.546), plannedHomePosition=[0, 0, 0])
+    assert_near(in_degrees(imported(("a.plan", unknown)).mission), [(47.398, 8.546), (47.399, 8.546)])
+    old = WPL.replace("0\t1\t0\t16\t", "0\t1\t0\t0\t", 1)
+    assert imported(("a.waypoints", old)).mission == imported(("a.waypoints", WPL)).mission
