@@ -150,7 +150,13 @@ def test_a_report_of_its_head_makes_a_foreign_hull_smaller_and_landing_takes_it_
 def test_a_report_of_a_slot_to_come_says_nothing_of_this_one() -> None:
     """A cluster whose clock is ahead reports where its UAV is one slot later; until then it may be a step away."""
     foreign = Foreign(mission_message(TWO, clusters=2), "a")
-    ends = {"hull_ax_m": [20.0], "hull_ay_m": [30.5], "hull_bx_m": [20.0], "hull_by_m": [30.5], "hull_r_m": [0.0]}
+    ends: dict[str, Any] = {
+        "hull_ax_m": [20.0],
+        "hull_ay_m": [30.5],
+        "hull_bx_m": [20.0],
+        "hull_by_m": [30.5],
+        "hull_r_m": [0.0],
+    }
     early = Report(head="b0", slot=4, term=1, status="planned", grants=["b0", "b1"], quorum=2, hull_uav=["b1"], **ends)
     foreign.hear_report(early, 3)
     assert {hull.uav: hull.radius_m for hull in foreign.hulls(3, strays=False)}[4] == pytest.approx(4 * 2.5)
