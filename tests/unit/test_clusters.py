@@ -118,6 +118,9 @@ def test_faults_name_the_heads_of_clusters() -> None:
         parse_faults(mission_message(TWO, clusters=2, fault=["kill head-c @3"]))
     with pytest.raises(MissionError):
         parse_faults(mission_message([entry("a")], fault=["kill head-a @3"]))
+    named = [entry("head-a", (40.0, 80.0), (40.0, 90.0), cluster="a"), *TWO]
+    with pytest.raises(MissionError, match="both an id and a word"):
+        parse_faults(mission_message(named, clusters=2, fault=["kill head-a @3"]))
 
 
 def test_a_foreign_uav_is_where_its_fix_of_the_slot_says_and_nowhere_else() -> None:
