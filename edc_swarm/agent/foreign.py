@@ -10,11 +10,14 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable, Sequence
+from collections.abc import Collection
+from functools import cached_property
 
 from edc_swarm.agent.knowledge import HullRules, Knowledge
-from edc_swarm.mission.braking import change_of
+from edc_swarm.mission.braking import braking_m, change_of
 from edc_swarm.mission.configuration import Mission
+from edc_swarm.mission.field_types import Point
+from edc_swarm.mission.roster_entry import RosterEntry
 from edc_swarm.mission.vehicle_budget import grown_r_m, vehicle_of
 from edc_swarm.planner.interface import ForeignUav, Hull
 from edc_swarm.protocol.backing import Backing
@@ -22,6 +25,8 @@ from edc_swarm.protocol.messages import Fix, Report, roster_index
 
 NEAR_SLOTS = 16
 """Slots at full speed, of both UAVs, within which a foreign UAV is near."""
+LOOK_SLOTS = 4
+"""Slots from one look for near UAVs to the next one."""
 MAX_NEAR = 512
 """Most foreign UAVs whose fixes one UAV hears: the nearest ones."""
 
@@ -30,31 +35,57 @@ class Foreign:
     """Knowledge of all UAVs of the mission that are not of one cluster; it is empty in a mission with one cluster."""
 
     def __init__(self, mission: Mission, cluster: str) -> None:
-        others = [entry for entry in mission.roster if entry.cluster != cluster]
-        self._roster = {entry.uav: entry for entry in others}
-        self._index = roster_index(mission.roster)
-        self._knowledge = Knowledge(others, self._index)
-        self._backing = Backing(mission)
         self._mission = mission
-        self._rules = HullRules(
-            {entry.uav: mission.step_m(entry) for entry in others},
-            mission.lag_slots,
-            {entry.uav: change_of(mission, entry) for entry in others},
-        )
-        self._r_m = {entry.uav: grown_r_m(mission, entry) for entry in others}
-        self._free_m = {entry.uav: vehicle_of(mission, entry).free_mps * mission.dt_s for entry in others}
-        step_m = max(mission.steps_m, default=0.0)
-        self._near_m = 2 * (max([mission.r_m, *self._r_m.values()]) + NEAR_SLOTS * step_m)
+        self._own = frozenset(entry.uav for entry in mission.roster if entry.cluster == cluster)
+        self._next_look = 0
         self._early: dict[str, Report] = {}
         self.near: frozenset[str] = frozenset()
 
+    # Most UAVs never lead. Tables of all others for each UAV of a large mission would cost K^2.
+
+    @cached_property
+    def _roster(self) -> dict[str, RosterEntry]:
+        return {entry.uav: entry for entry in self._mission.roster if entry.uav not in self._own}
+
+    @cached_property
+    def _knowledge(self) -> Knowledge:
+        return Knowledge(list(self._roster.values()), roster_index(self._mission.roster))
+
+    @cached_property
+    def _backing(self) -> Backing:
+        return Backing(self._mission)
+
+    @cached_property
+    def _rules(self) -> HullRules:
+        mission, others = self._mission, self._roster
+        steps_m = {uav: mission.step_m(entry) for uav, entry in others.items()}
+        changes_m = {uav: change_of(mission, entry) for uav, entry in others.items()}
+        return HullRules(steps_m, mission.lag_slots, changes_m)
+
+    @cached_property
+    def _r_m(self) -> dict[str, float]:
+        return {uav: grown_r_m(self._mission, entry) for uav, entry in self._roster.items()}
+
+    @cached_property
+    def _free_m(self) -> dict[str, float]:
+        mission = self._mission
+        return {uav: vehicle_of(mission, entry).free_mps * mission.dt_s for uav, entry in self._roster.items()}
+
+    @cached_property
+    def _near_m(self) -> float:
+        mission = self._mission
+        step_m = max(mission.steps_m, default=0.0)
+        brake_m = max((braking_m(step_m, change_of(mission, entry)) for entry in mission.roster), default=0.0)
+        # More than two UAVs can close in by in a slot: their steps, and the braking paths before and after them.
+        return 2 * (max([mission.r_m, *self._r_m.values()]) + NEAR_SLOTS * step_m + 2 * brake_m)
+
     def __len__(self) -> int:
         """Return the number of UAVs of other clusters."""
-        return len(self._roster)
+        return len(self._mission.roster) - len(self._own)
 
     def __contains__(self, uav: str) -> bool:
         """Return True for a UAV of another cluster."""
-        return uav in self._roster
+        return uav not in self._own and uav in self._roster
 
     def hear_fix(self, fix: Fix, slot: int) -> None:
         """Keep a fix of a foreign UAV; `slot` is the receiver's current slot."""
@@ -83,29 +114,51 @@ class Foreign:
         """Return the near UAVs whose fixes of `slot` have come, in roster order."""
         return [self._seen(fix) for fix in self._knowledge.recent(slot) if self._is_heard(fix.uav, slot)]
 
-    def hulls(self, slot: int, *, strays: bool) -> list[Hull]:
-        """Return where the others are at the end of `slot`, or in the next slot those that stray, in roster order."""
+    def hulls(self, slot: int, *, strays: bool, own: Collection[Point] = ()) -> list[Hull]:
+        """Return where the others are at the end of `slot`, or in the next slot those that stray, in roster order.
+
+        Hulls that no UAV at one of the places `own` can come near are left out, if there are such places.
+        """
+        box_m = _box_m(own)
         return [
             self._hull(uav, slot)
             for uav in self._roster
-            if self._knowledge.strays(uav) == strays and not self._is_heard(uav, slot) and not self._is_gone(uav, slot)
+            if not (self._is_heard(uav, slot) or self._is_gone(uav, slot))
+            and self._knowledge.strays(uav) == strays
+            and not self._is_far(uav, slot, box_m)
         ]
 
-    def look_around(self, slot: int, own: Iterable[tuple[float, float]]) -> frozenset[str]:
-        """Return the ids of the foreign UAVs that are near one of the places `own`, by what is known in `slot`."""
-        places = list(own)
-        if not places or not self._roster:
-            return frozenset()
-        away = []
-        grid = _Grid(places, self._near_m)
+    def look_around(self, slot: int, own: Collection[Point]) -> None:
+        """Note in `near` the foreign UAVs that are near one of the places `own`, every `LOOK_SLOTS` slots."""
+        if not own or not len(self):
+            self.near, self._next_look = frozenset(), 0
+        elif slot >= self._next_look:
+            self.near, self._next_look = self._find_near(slot, own), slot + LOOK_SLOTS
+
+    def _find_near(self, slot: int, own: Collection[Point]) -> frozenset[str]:
+        near, box_m = [], _box_m(own)
         for uav in self._roster:
-            if not self._is_gone(uav, slot):
-                hull = self._hull(uav, slot)
-                span_m = hull.radius_m + math.dist((hull.ax_m, hull.ay_m), (hull.bx_m, hull.by_m))
-                distance_m = grid.distance_m((hull.ax_m, hull.ay_m), self._near_m + span_m)
-                if distance_m <= self._near_m + span_m:
-                    away.append((distance_m - span_m, uav))
-        return frozenset(uav for _, uav in sorted(away)[:MAX_NEAR])
+            if self._is_gone(uav, slot) or self._is_far(uav, slot, box_m):
+                continue
+            hull = self._hull(uav, slot)
+            here_m, end_m = (hull.ax_m, hull.ay_m), (hull.bx_m, hull.by_m)
+            away_m = min(math.dist(here_m, place_m) for place_m in own) - math.dist(here_m, end_m) - hull.radius_m
+            if away_m <= self._near_m:
+                near.append((away_m, uav))
+        return frozenset(uav for _, uav in sorted(near)[:MAX_NEAR])
+
+    def _is_far(self, uav: str, slot: int, box_m: tuple[Point, Point] | None) -> bool:
+        """Return True if a UAV cannot be near a rectangle, by its newest fix or its start alone, which is soon said."""
+        if box_m is None or self._knowledge.strays(uav):
+            return False
+        fix, entry, step_m = self._knowledge.newest.get(uav), self._roster[uav], self._rules.u_max_m[uav]
+        x_m, y_m = (entry.start_x_m, entry.start_y_m) if fix is None else (fix.waypoint_x_m, fix.waypoint_y_m)
+        slots = slot - (-1 if fix is None else fix.slot)
+        # Its last step leads to the waypoint; no braking path is longer than after a step at full speed.
+        span_m = step_m + self._rules.reach_m(uav, max(slots, 1), step_m)
+        (left_m, low_m), (right_m, high_m) = box_m
+        away_m = max(left_m - x_m, x_m - right_m, low_m - y_m, y_m - high_m)
+        return away_m > self._near_m + span_m
 
     def _is_heard(self, uav: str, slot: int) -> bool:
         return self._knowledge.last_slot(uav) == slot and not self._knowledge.strays(uav)
@@ -121,31 +174,12 @@ class Foreign:
     def _seen(self, fix: Fix) -> ForeignUav:
         here_m, entry = (fix.waypoint_x_m, fix.waypoint_y_m), self._roster[fix.uav]
         aim_m, rest_m = fix.course.aim(entry, here_m, self._rules.u_max_m[fix.uav], self._mission.dt_s)
-        return ForeignUav(self._index[fix.uav], here_m, (fix.from_x_m, fix.from_y_m), aim_m, rest_m, fix.r_m)
+        return ForeignUav(self._knowledge.index[fix.uav], here_m, (fix.from_x_m, fix.from_y_m), aim_m, rest_m, fix.r_m)
 
 
-class _Grid:
-    """Places in square cells, for the distance to the nearest one."""
-
-    def __init__(self, places: Sequence[tuple[float, float]], cell_m: float) -> None:
-        self._places = places
-        self._cell_m = cell_m
-        self._cells: dict[tuple[int, int], list[tuple[float, float]]] = {}
-        for place in places:
-            self._cells.setdefault(self._cell(place), []).append(place)
-
-    def _cell(self, place: tuple[float, float]) -> tuple[int, int]:
-        return math.floor(place[0] / self._cell_m), math.floor(place[1] / self._cell_m)
-
-    def distance_m(self, point: tuple[float, float], within_m: float) -> float:
-        """Return the distance to the nearest place; above `within_m` it need not be exact."""
-        if within_m > self._cell_m:
-            return min(math.dist(point, place) for place in self._places)
-        column, row = self._cell(point)
-        near = (
-            math.dist(point, place)
-            for i in (column - 1, column, column + 1)
-            for j in (row - 1, row, row + 1)
-            for place in self._cells.get((i, j), ())
-        )
-        return min(near, default=math.inf)
+def _box_m(places: Collection[Point]) -> tuple[Point, Point] | None:
+    """Return the lower left and upper right corner of the rectangle around places; None if there are none."""
+    if not places:
+        return None
+    xs_m, ys_m = zip(*places, strict=True)
+    return (min(xs_m), min(ys_m)), (max(xs_m), max(ys_m))

@@ -113,8 +113,15 @@ class Head:
 
     def complete(self, slot: int, gone: Collection[str]) -> bool:
         """Return True if every UAV heard lately is heard in `slot`, except those in `gone` (they left the bus)."""
-        waited_for = {uav for uav in self._roster if slot - self._knowledge.last_slot(uav) <= ABSENT_SLOTS}
-        return waited_for - set(gone) <= set(self.heard(slot))
+        newest, grant = self._knowledge.newest, self.office.grant
+        # It ends with the first UAV that is missing: the head asks after every message.
+        for uav in self._roster:
+            fix = newest.get(uav)
+            if fix is not None and fix.slot == slot and (fix.term, fix.head) == grant:
+                continue
+            if uav not in gone and slot - (-1 if fix is None else fix.slot) <= ABSENT_SLOTS:
+                return False
+        return True
 
     def plan(self, slot: int, planner: Planner) -> Outcome:
         """Plan slot + 1 from the fixes of `slot`; the caller has checked the quorum and `may_plan`."""
@@ -172,16 +179,17 @@ class Head:
 
     def _request(self, slot: int, fixes: Sequence[Fix], hulls: dict[str, Hull]) -> PlanRequest:
         aims = [self._aim(fix) for fix in fixes]
+        here_m = [(fix.waypoint_x_m, fix.waypoint_y_m) for fix in fixes]
         return PlanRequest(
             slot=slot + 1,
             uav=[self._index[fix.uav] for fix in fixes],
-            position_m=[(fix.waypoint_x_m, fix.waypoint_y_m) for fix in fixes],
+            position_m=here_m,
             target_m=[aim_m for aim_m, _ in aims],
             rest_m=[rest_m for _, rest_m in aims],
             r_m=[fix.r_m for fix in fixes],
             hulls=[*hulls.values(), *self._foreign.hulls(slot, strays=True)],
             foreign=self._foreign.heard(slot),
-            foreign_hulls=self._foreign.hulls(slot, strays=False),
+            foreign_hulls=self._foreign.hulls(slot, strays=False, own=here_m),
             previous_m=[(fix.from_x_m, fix.from_y_m) for fix in fixes] if self._with_previous else None,
         )
 

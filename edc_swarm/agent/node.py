@@ -326,14 +326,14 @@ class UavNode:
 
     def _look_around(self) -> None:
         """Find the UAVs of other clusters whose fixes this UAV needs as head, or soon may need."""
-        self._foreign.begin_slot(self.slot)
         if not (self._election.in_office and len(self._foreign)):
-            self._foreign.near = frozenset()
+            self._foreign.look_around(self.slot, ())
             return
+        self._foreign.begin_slot(self.slot)
         places = {entry.uav: (entry.start_x_m, entry.start_y_m) for entry in self._cluster.roster}
         fixes = self._knowledge.newest.values()
         places |= {fix.uav: (fix.waypoint_x_m, fix.waypoint_y_m) for fix in fixes}
-        self._foreign.near = self._foreign.look_around(self.slot, places.values())
+        self._foreign.look_around(self.slot, places.values())
 
     def _take_command(self, command: Command) -> None:
         """Keep a command of the head granted for a later slot; ignore all others.

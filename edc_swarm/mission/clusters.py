@@ -16,6 +16,9 @@ from edc_swarm.mission.roster_entry import RosterEntry
 
 M = TypeVar("M", bound=Mission)
 
+CLUSTER_COLOURS = ("#0072B2", "#E69F00", "#009E73", "#CC79A7", "#D55E00", "#56B4E9", "#F0E442", "#7F7F7F")
+"""Colours of clusters on maps, which most kinds of colour blindness tell apart; more clusters begin again."""
+
 
 def cluster_names(roster: Sequence[RosterEntry]) -> list[str]:
     """Return the names of the clusters, in the order in which the roster has them; [""] for a mission with one."""

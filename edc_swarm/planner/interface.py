@@ -133,7 +133,8 @@ class PlanRequest:
         UAVs that plan for themselves (local control); empty in the request of a head.
     foreign, foreign_hulls
         UAVs of other clusters, which heads of their own move: those whose fixes of the slot before have come, and the
-        hulls of the others when the slot to plan begins. Steps keep to their half of the gap (`solver.foreign_rows`).
+        hulls of the others that are near when the slot to plan begins. Steps keep to their half of the gap
+        (`solver.foreign_rows`).
     """
 
     slot: int

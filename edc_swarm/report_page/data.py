@@ -16,7 +16,7 @@ from edc_swarm.analysis.separation import least_gaps_m
 from edc_swarm.analysis.story import Story, story_of
 from edc_swarm.analysis.timings import Timing
 from edc_swarm.foreign_text import MAX_LINE, shown
-from edc_swarm.mission.clusters import cluster_names, cluster_of
+from edc_swarm.mission.clusters import CLUSTER_COLOURS, cluster_names, cluster_of
 from edc_swarm.mission.field_types import ZoneKind
 from edc_swarm.mission.zone import Zone
 from edc_swarm.protocol.backing import Backing
@@ -27,8 +27,6 @@ from edc_swarm.report_page.flight_rows import FlightRow, flight_rows
 from edc_swarm.report_page.itineraries import Itinerary, itineraries
 from edc_swarm.story.happening import STATES, Level
 
-CLUSTER_COLOURS = ("#0072B2", "#E69F00", "#009E73", "#CC79A7", "#D55E00", "#56B4E9", "#F0E442", "#7F7F7F")
-"""Colours of clusters on the map, which most kinds of colour blindness tell apart; more clusters begin again."""
 MAX_ANIMATED = 1_000_000
 """Most UAV-slots that are animated; the animation of a longer mission skips slots evenly."""
 MAX_FAULT_MARKS = 200

@@ -58,9 +58,9 @@ def trails(uavs: Iterable[Seen], now_ns: int) -> list[SceneEntity]:
     return shown
 
 
-def links(head: Point, others: Iterable[tuple[Point, int]], now_ns: int) -> list[SceneEntity]:
-    """Return a line from the head to each other UAV, in the colour of the age of its fix, in slots."""
-    ends = [(head, at, GREEN if age == 0 else AMBER if age < LATE_SLOTS else RED) for at, age in others]
+def links(pairs: Iterable[tuple[Point, Point, int]], now_ns: int) -> list[SceneEntity]:
+    """Return a line from each head to each other UAV, in the colour of the age of its fix, in slots."""
+    ends = [(head, at, GREEN if age == 0 else AMBER if age < LATE_SLOTS else RED) for head, at, age in pairs]
     made = entity("links", now_ns)
     if ends:
         made.lines.append(segments(ends, 1.5, 0.6))

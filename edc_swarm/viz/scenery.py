@@ -12,6 +12,7 @@ import msgspec
 from foxglove_schemas_protobuf.SceneEntity_pb2 import SceneEntity
 from msgspec import UNSET
 
+from edc_swarm.mission.clusters import cluster_names
 from edc_swarm.mission.configuration import NS_PER_S
 from edc_swarm.mission.routes import rectangle_m
 from edc_swarm.protocol.backing import Backing
@@ -34,6 +35,7 @@ from edc_swarm.viz.shapes import (
     WHITE,
     Point,
     Rgb,
+    cluster_colour,
     colour_of,
     disc,
     entity,
@@ -62,6 +64,8 @@ OUTLINES: dict[str, Rgb] = {
     "holding": AMBER, "arrived": GREEN, "beside": CYAN, "cut-off": PURPLE, "unknown": GREY,
 }  # fmt: skip
 """Colours of the outlines of discs by state; a UAV that flies has its own colour."""
+CLUSTER_RING = 0.55
+"""Radius of the ring in the colour of a UAV's cluster, as a share of its disc."""
 NEAR_LIMIT = 0.2
 """Share of the limit of the plan time from which a plan counts as near it."""
 
@@ -88,7 +92,8 @@ class Scenery:
         self._backing: Backing | None = None
         self._zones: list[SceneEntity] = []
         self._label_m = 0.0
-        self._report: Report | None = None
+        self._clusters: dict[str, int] = {}
+        self._reports: dict[str, Report] = {}
         self._said: list[Shown] = []
         self._next_ns = 0
         self._ticks = 0
@@ -150,17 +155,19 @@ class Scenery:
             self._zones = list(zone_entities(mission.zone, now_ns))
             (left_m, low_m), (right_m, high_m) = extent_m(mission)
             self._label_m = max(right_m - left_m, high_m - low_m) / LABELS_HIGH
+            self._clusters = {name: number for number, name in enumerate(cluster_names(mission.roster))}
             self._uavs = {entry.uav: Seen(entry, index) for index, entry in enumerate(mission.roster)}
             self._next_ns = now_ns
 
     def _hear_report(self, report: Report, now_ns: int) -> None:
         assert self._mission is not None
-        known = self._report
-        if self._backing is None or not self._backing.backs(report):
+        if self._backing is None or report.head not in self._uavs or not self._backing.backs(report):
             return
+        cluster = self._uavs[report.head].entry.cluster
+        known = self._reports.get(cluster)
         if not report.has_quorum or (known is not None and (report.term, report.slot) < (known.term, known.slot)):
             return
-        self._report = report
+        self._reports[cluster] = report
         self._heard_in.update(dict.fromkeys((report.head, *report.heard), report.slot))
         payload = msgspec.json.encode(self._status(report, now_ns))
         self._said.append(Shown(ROOT + channels.STATUS, now_ns, payload))
@@ -227,38 +234,44 @@ class Scenery:
         ]
 
     def _links(self, centres: dict[str, Point], now_ns: int) -> list[SceneEntity]:
-        """Return the links of the head; none while no head is known."""
-        report = self._report
-        if report is None or report.head not in centres:
-            return layers.links((0.0, 0.0), [], now_ns)
-        aged = layers.ages(report.slot, self._heard_in, (name for name in centres if self._flies(name)))
-        others = [(centres[name], age) for name, age in aged.items() if name != report.head]
-        return layers.links(centres[report.head], others, now_ns)
+        """Return the links of each head to the UAVs of its cluster; none where no head is known."""
+        links = []
+        for cluster, report in self._reports.items():
+            mates = (name for name, uav in self._uavs.items() if uav.entry.cluster == cluster and self._flies(name))
+            aged = layers.ages(report.slot, self._heard_in, mates)
+            links += [(centres[report.head], centres[name], age) for name, age in aged.items() if name != report.head]
+        return layers.links(links, now_ns)
 
     @property
     def _landed(self) -> list[str]:
-        """UAVs that the head knows to be out of the airspace."""
-        return [] if self._report is None else self._report.landed
+        """UAVs that the head of their cluster knows to be out of the airspace."""
+        return [uav for report in self._reports.values() for uav in report.landed]
 
     def _disc(self, uav: Seen, centre: Point, overlaps: bool, state: str, now_ns: int) -> SceneEntity:
         entry, own = uav.entry, RED if overlaps else colour_of(uav.index)
         made = entity(entry.uav, now_ns)
         made.cylinders.append(disc(centre, entry.r_m, own, 0.45 if overlaps else 0.22))
         made.lines.append(ring(centre, entry.r_m, own if overlaps else OUTLINES.get(state, own), 2.0))
-        if self._report is not None and entry.uav == self._report.head:
+        if len(self._clusters) > 1:
+            made.lines.append(
+                ring(centre, entry.r_m * CLUSTER_RING, cluster_colour(self._clusters[entry.cluster]), 4.0)
+            )
+        report = self._reports.get(entry.cluster)
+        if report is not None and entry.uav == report.head:
             made.lines.append(ring(centre, entry.r_m * 1.06, WHITE, 4.0))
-        if role := self._role(entry.uav):
+        if role := self._role(entry.uav, report):
             role_y_m = min(centre[1] - 0.3 * entry.r_m, self._label_at(uav, centre)[1] - self._label_m)
             made.texts.append(text((centre[0], role_y_m), role, WHITE))
         return made
 
-    def _role(self, uav: str) -> str:
+    @staticmethod
+    def _role(uav: str, report: Report | None) -> str:
         """Return the label of a UAV's role (head, or rank of the standby), which stands inside the disc."""
-        if self._report is None:
+        if report is None:
             return ""
-        if uav == self._report.head:
+        if uav == report.head:
             return "H"
-        return f"s{self._report.standby.index(uav) + 1}" if uav in self._report.standby else ""
+        return f"s{report.standby.index(uav) + 1}" if uav in report.standby else ""
 
     def _commands(self, now_ns: int) -> list[SceneEntity]:
         """Return the steps that UAVs fly in this slot or the next one."""
@@ -272,12 +285,16 @@ class Scenery:
         return shown
 
     def _hulls(self, now_ns: int) -> list[SceneEntity]:
-        """Return the hulls of the UAVs that the head does not hear, widened by their GPS error."""
-        report, shown = self._report, []
-        if report is None:
-            return []
-        for name, ax_m, ay_m, bx_m, by_m, radius_m in zip(report.hull_uav, *report.hull_columns, strict=False):
-            if name in self._uavs and name != report.head:
+        """Return the hulls of the UAVs that the head of their cluster does not hear, widened by their GPS error."""
+        shown = []
+        hulls = (
+            hull
+            for report in self._reports.values()
+            for hull in zip(report.hull_uav, *report.hull_columns, strict=False)
+            if hull[0] != report.head
+        )
+        for name, ax_m, ay_m, bx_m, by_m, radius_m in hulls:
+            if name in self._uavs:
                 outline = stadium((ax_m, ay_m), (bx_m, by_m), radius_m + self._uavs[name].entry.r_m)
                 shown.append(entity(name, now_ns))
                 shown[-1].lines.append(line(outline, AMBER, 3.0, closed=True))

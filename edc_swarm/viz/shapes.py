@@ -20,6 +20,7 @@ from foxglove_schemas_protobuf.TriangleListPrimitive_pb2 import TriangleListPrim
 from foxglove_schemas_protobuf.Vector3_pb2 import Vector3
 from google.protobuf.timestamp_pb2 import Timestamp
 
+from edc_swarm.mission.clusters import CLUSTER_COLOURS
 from edc_swarm.mission.configuration import NS_PER_S
 
 Point = tuple[float, float]
@@ -39,6 +40,12 @@ def colour_of(index: int) -> Rgb:
     """Return the colour of a UAV: neighbours in the roster differ much in hue, and none has the red of an overlap."""
     hue = 0.08 + 0.84 * ((index * 0.618034) % 1.0)
     return colorsys.hls_to_rgb(hue, 0.62, 0.75)
+
+
+def cluster_colour(number: int) -> Rgb:
+    """Return the colour of a cluster, by its place among the names of all: that of the report page."""
+    red, green, blue = bytes.fromhex(CLUSTER_COLOURS[number % len(CLUSTER_COLOURS)][1:])
+    return red / 255, green / 255, blue / 255
 
 
 def scene(entities: Iterable[SceneEntity], time_ns: int) -> bytes:

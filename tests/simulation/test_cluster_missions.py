@@ -56,9 +56,9 @@ def forgotten_cluster(patch: Patch) -> None:
     """A new head, which has heard nobody of another cluster yet, plans as if there was none."""
     hulls = Foreign.hulls
 
-    def mutant(self: Foreign, slot: int, *, strays: bool) -> Any:
-        known = {self._index[uav] for uav in self._knowledge.newest}
-        return [hull for hull in hulls(self, slot, strays=strays) if hull.uav in known]
+    def mutant(self: Foreign, slot: int, **which: Any) -> Any:
+        known = {self._knowledge.index[uav] for uav in self._knowledge.newest}
+        return [hull for hull in hulls(self, slot, **which) if hull.uav in known]
 
     patch.setattr(Foreign, "hulls", mutant)
 

@@ -2,24 +2,32 @@
 
 from __future__ import annotations
 
+import math
 from collections import Counter
+from random import Random
 from typing import Any
 
+import msgspec
 import pytest
 
 from edc_swarm.agent.foreign import NEAR_SLOTS, Foreign
 from edc_swarm.analysis.guarantees.check import check
+from edc_swarm.analysis.guarantees.clusters import of_each, parts_of
+from edc_swarm.analysis.guarantees.evidence import Evidence, gather
+from edc_swarm.analysis.guarantees.verdict import GuaranteeResult, Violation, verdict
 from edc_swarm.analysis.head_terms import failover_slots, heads_of
 from edc_swarm.errors import MissionError
+from edc_swarm.geometry import segment_distance_m
 from edc_swarm.mission.clusters import cluster_names, of_cluster
 from edc_swarm.mission.configuration import Mission
 from edc_swarm.mission.faults import parse_faults
 from edc_swarm.mission.roster import complete_mission
 from edc_swarm.mission.validation import mission_from_dict
+from edc_swarm.mission.vehicle_model import VehicleModel
 from edc_swarm.planner.registry import make_planner
 from edc_swarm.protocol.admission import Admission
 from edc_swarm.protocol.completion import MissionMonitor
-from edc_swarm.protocol.messages import Message, MissionMessage, Report
+from edc_swarm.protocol.messages import Fix, Message, MissionMessage, Report
 from edc_swarm.recording.by_cluster import by_cluster
 from edc_swarm.recording.model import Recording
 from edc_swarm.simulation.simulator import Simulation
@@ -173,10 +181,34 @@ def test_a_head_hears_the_uavs_that_can_come_near_and_asks_again_for_the_others_
     roster = [*TWO[:3], entry("b0", (0.0, far_m), (0.0, far_m + 9), cluster="b")]
     foreign = Foreign(mission_message(roster, clusters=2), "a")
     places = [(0.0, 0.0), (20.0, 0.0)]
-    assert foreign.look_around(0, places) == frozenset()
-    assert foreign.look_around(12, places) == {"b0"}
-    foreign.hear_fix(fix("b0", 13, (0.0, far_m)), 13)
-    assert foreign.look_around(13, places) == frozenset()
+    seen = []
+    for slot in (0, 12, 13, 16):
+        if slot == 13:
+            foreign.hear_fix(fix("b0", 13, (0.0, far_m)), 13)
+        foreign.look_around(slot, places)
+        seen.append(set(foreign.near))
+    assert seen == [set(), {"b0"}, {"b0"}, set()]
+
+
+@pytest.mark.parametrize("a_max_mps2", [math.inf, 0.4])
+def test_only_hulls_that_no_uav_can_come_near_are_left_out(a_max_mps2: float) -> None:
+    """However old its fix, a hull left out is not near, its braking path included."""
+    autopilot = VehicleModel(model="mavlink", autopilot="udpin:127.0.0.1:{14550+i}", a_max_mps2=a_max_mps2)
+    inertia = {} if math.isinf(a_max_mps2) else {"vehicle": autopilot}
+    rng, own, counts = Random("far"), [(0.0, 0.0), (40.0, 0.0)], Counter[bool]()
+    away_m = [(rng.uniform(60, 700) * math.cos(k), rng.uniform(60, 700) * math.sin(k)) for k in range(60)]
+    roster = [*TWO[:3], *(entry(f"b{k}", at_m, cluster="b") for k, at_m in enumerate(away_m))]
+    foreign = Foreign(mission_message(roster, clusters=2, lag_slots=len(inertia), **inertia), "a")
+    for k, (x_m, y_m) in enumerate(away_m[:50]):
+        foreign.hear_fix(fix(f"b{k}", k % 20, (x_m, y_m), from_x_m=x_m - 1.5, from_y_m=y_m + 2.0), 20)
+    near = {hull.uav for hull in foreign.hulls(20, strays=False, own=own)}
+    for hull in foreign.hulls(20, strays=False):
+        counts[hull.uav in near] += 1
+        ends_m = (hull.ax_m, hull.ay_m), (hull.bx_m, hull.by_m)
+        apart_m = min(float(segment_distance_m(at_m, at_m, *ends_m)) for at_m in own) - hull.radius_m
+        assert hull.uav in near or apart_m > foreign._near_m
+    assert counts[True] > 5
+    assert counts[False] > 5
 
 
 def test_a_report_is_admitted_by_the_quorum_of_its_own_cluster() -> None:
@@ -217,6 +249,44 @@ def test_a_cluster_that_does_not_arrive_breaks_g7(flight: list[Message]) -> None
     cut = [each for each in flight if getattr(each, "slot", 0) < 4 or not str(getattr(each, "uav", "")).startswith("b")]
     results = {result.guarantee: result for result in check(Recording.from_messages(cut))}
     assert not results["G7"].held
+
+
+def _late(flight: list[Message], kind: str = "not-arrived", guarantee: str = "G7", fault: str = "") -> GuaranteeResult:
+    """Return the verdict on both clusters if cluster a has a violation, with a fault in the mission."""
+    said = [
+        msgspec.structs.replace(each, fault=[*each.fault, fault])
+        if isinstance(each, MissionMessage) and fault
+        else each
+        for each in flight
+    ]
+
+    def checker(part: Evidence) -> GuaranteeResult:
+        found = [Violation(kind, "a0 is not there", uavs=["a0"])] if part.recording.fixes[0].uav[0] == "a" else []
+        return verdict(guarantee, "Title", found)
+
+    return of_each(parts_of(gather(Recording.from_messages(said))), checker)
+
+
+def test_g7_promises_nothing_where_a_partition_between_clusters_never_heals(flight: list[Message]) -> None:
+    """One that heals, one within a cluster, and another violation than not to be there are no excuse."""
+    assert _late(flight).broken
+    for fault in ("partition a0,a1,a2|rest @2", "partition a0>b0 @2"):
+        assert not _late(flight, fault=fault).broken, fault
+    for fault in ("partition a0,a1,a2|rest @2 for 20", "partition a0|a1,a2 @2", "partition b0|b1 @2"):
+        assert _late(flight, fault=fault).broken, fault
+    assert _late(flight, "landed-unasked", fault="partition a0,a1,a2|rest @2").broken
+    assert _late(flight, guarantee="G1", fault="partition a0,a1,a2|rest @2").broken
+
+
+def test_g7_promises_nothing_while_another_cluster_has_no_quorum_left(flight: list[Message]) -> None:
+    """The loss of one of two UAVs of cluster b is one; that of one of three of cluster a is none."""
+
+    def without(uav: str) -> list[Message]:
+        return [each for each in flight if not (isinstance(each, Fix) and each.uav == uav and each.slot > 3)]
+
+    assert not _late(without("b1")).broken
+    assert _late(without("a2")).broken
+    assert _late(without("b1"), guarantee="G1").broken
 
 
 def test_the_recording_of_each_cluster_has_its_own_messages(flight: list[Message]) -> None:

@@ -31,8 +31,8 @@ from edc_swarm.viz.channels import SCENES_OF_A_MISSION, Status, Told, channel_of
 from edc_swarm.viz.gaps import gaps
 from edc_swarm.viz.layers import MANY_UAVS
 from edc_swarm.viz.layout import BUSY, MAP_PX, TILE_MPP, layout
-from edc_swarm.viz.scenery import Scenery, Shown, extent_m
-from edc_swarm.viz.shapes import AMBER, GREEN, RED, VERTICES, colour_of, stadium
+from edc_swarm.viz.scenery import CLUSTER_RING, Scenery, Shown, extent_m
+from edc_swarm.viz.shapes import AMBER, GREEN, RED, VERTICES, cluster_colour, colour_of, stadium
 from edc_swarm.viz.zones import ears
 from tests.unit.synthetic import EPOCH_NS, OFFSET_M, SLOT_NS, at, change, flight, mission_of, parallel
 
@@ -160,6 +160,38 @@ def test_the_head_is_marked_and_standbys_are_numbered(messages: list[Message]) -
     assert len(entities["u0"].lines) == len(entities["u1"].lines) + 1
     disc, role = entities["u0"].cylinders[0], entities["u0"].texts[0].pose.position
     assert math.dist((role.x, role.y), (disc.pose.position.x, disc.pose.position.y)) < disc.size.x / 4
+
+
+def test_each_cluster_has_its_colour_and_its_head(messages: list[Message]) -> None:
+    """A ring inside each disc has the colour of the cluster; each cluster has a head, standbys and links of its own."""
+    mission = messages[0]
+    assert isinstance(mission, MissionMessage)
+    plain = scene(messages, "uavs", 3)
+    names = {"u0": "a", "u1": "b", "u2": "b"}
+    roster = [msgspec.structs.replace(entry, cluster=names[entry.uav]) for entry in mission.roster]
+    messages[0] = msgspec.structs.replace(mission, roster=roster, clusters=2)
+    reports = [message for message in messages if isinstance(message, Report)]
+    for report in reports:
+        messages.remove(report)
+        for head, mates, term in (("u0", ["u0"], 2), ("u1", ["u1", "u2"], 1)):
+            fields = {"head": head, "heard": mates, "grants": mates, "unheard": [], "term": term}
+            messages.append(msgspec.structs.replace(report, **fields, quorum=len(mates), standby=mates[1:]))
+    entities = scene(messages, "uavs", 3)
+    inner = {
+        name: [line.color for line in entity.lines if line.points[0].x == pytest.approx(CLUSTER_RING * 5.0)]
+        for name, entity in entities.items()
+    }
+    for name, number in (("u0", 0), ("u1", 1), ("u2", 1)):
+        assert [(colour.r, colour.g, colour.b) for colour in inner[name]] == [pytest.approx(cluster_colour(number))]
+    assert [len(entity.lines) for entity in plain.values()] == [2, 1, 1], "one cluster needs no colour"
+    assert {name: [each.text for each in entity.texts] for name, entity in entities.items()} == {
+        "u0": ["H"],
+        "u1": ["H"],
+        "u2": ["s1"],
+    }
+    assert [(line.points[0].x, line.points[1].x) for line in scene(messages, "links", 3)["links"].lines] == [
+        (12.0, 24.0)
+    ]
 
 
 def test_labels_are_legible_at_every_zoom_and_clear_their_disc(messages: list[Message]) -> None:

@@ -58,9 +58,8 @@ def _cut_off(evidence: Evidence) -> str:
         if any(isinstance(other, Heal) and other.at_s >= fault.at_s for other in faults):
             continue
         cut = resolve(fault, "", [], roster)
-        if not isinstance(cut, Partition) or {clusters[u] for u in cut.left} != {clusters[u] for u in cut.right}:
-            return f"'{fault}' never heals, and cuts clusters off from each other"
-        if len({clusters[u] for u in (*cut.left, *cut.right)}) > 1:
+        sides = (*cut.left, *cut.right) if isinstance(cut, Partition) else roster
+        if len({clusters[uav] for uav in sides}) > 1:
             return f"'{fault}' never heals, and cuts clusters off from each other"
     return ""
 
