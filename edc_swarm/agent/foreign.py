@@ -38,6 +38,7 @@ class Foreign:
         self._mission = mission
         self._own = frozenset(entry.uav for entry in mission.roster if entry.cluster == cluster)
         self._next_look = 0
+        self._early: dict[str, Report] = {}
         self.near: frozenset[str] = frozenset()
 
     # Most UAVs never lead. Tables of all others for each UAV of a large mission would cost K^2.
@@ -90,14 +91,24 @@ class Foreign:
         """Keep a fix of a foreign UAV; `slot` is the receiver's current slot."""
         self._knowledge.hear_fix(fix, slot)
 
-    def hear_report(self, report: Report) -> None:
-        """Keep the hulls of a foreign head's report, and who has landed by it, if a quorum of its cluster backs it."""
-        if report.has_quorum and self._backing.backs(report):
+    def hear_report(self, report: Report, slot: int) -> None:
+        """Keep the hulls of a foreign head's report, and who has landed by it, if a quorum of its cluster backs it.
+
+        One of a slot after the receiver's `slot` waits for it: its hulls say where UAVs come to, not where they are.
+        """
+        if not (report.has_quorum and self._backing.backs(report)):
+            return
+        if report.slot > slot:
+            self._early[report.head] = report
+        else:
             self._knowledge.hear_report(report)
 
     def begin_slot(self, slot: int) -> None:
-        """Process the fixes that came too early, now that `slot` has begun."""
+        """Process the fixes and reports that came too early, now that `slot` has begun."""
         self._knowledge.begin_slot(slot)
+        for report in [report for report in self._early.values() if report.slot <= slot]:
+            del self._early[report.head]
+            self._knowledge.hear_report(report)
 
     def heard(self, slot: int) -> list[ForeignUav]:
         """Return the near UAVs whose fixes of `slot` have come, in roster order."""

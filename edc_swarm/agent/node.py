@@ -141,8 +141,11 @@ class UavNode:
 
     @property
     def is_urgent(self) -> bool:
-        """True if all others wait for this UAV: it leads, or hears all fixes without a head and may have to claim."""
-        return self._election.leads or (self._election.listens and self._election.suspects)
+        """True if all others wait for this UAV: it leads, or hears all fixes without a head and may have to claim.
+
+        A UAV that strays has given up its office.
+        """
+        return not self._strays and (self._election.leads or (self._election.listens and self._election.suspects))
 
     @property
     def last_seqs(self) -> dict[str, int]:
@@ -316,7 +319,7 @@ class UavNode:
             case Fix() if message.uav in self._foreign:
                 self._foreign.hear_fix(message, self.slot)
             case Report() if message.head in self._foreign:
-                self._foreign.hear_report(message)
+                self._foreign.hear_report(message, self.slot)
             case _:
                 return False
         return True

@@ -341,7 +341,7 @@ def parse_faults(mission: Mission) -> list[Fault]:
     Raises
     ------
     MissionError
-        A fault cannot be read, or names a UAV that is not in the roster.
+        A fault cannot be read, names a UAV that is not in the roster, or one whose id is a word for a role too.
     """
     roster = {entry.uav for entry in mission.roster}
     clusters = {entry.cluster for entry in mission.roster if entry.cluster}
@@ -353,6 +353,8 @@ def parse_faults(mission: Mission) -> list[Fault]:
         for name in fault.names:
             if name not in roster | words:
                 raise MissionError("fault", text, f"about a UAV of the roster, which {name!r} is not")
+            if name in roster & words:
+                raise MissionError("fault", text, f"about one UAV: {name!r} is both an id and a word for a role")
         faults.append(fault)
     return sorted(faults, key=lambda fault: fault.at_s)
 

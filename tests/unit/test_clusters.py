@@ -126,6 +126,9 @@ def test_faults_name_the_heads_of_clusters() -> None:
         parse_faults(mission_message(TWO, clusters=2, fault=["kill head-c @3"]))
     with pytest.raises(MissionError):
         parse_faults(mission_message([entry("a")], fault=["kill head-a @3"]))
+    named = [entry("head-a", (40.0, 80.0), (40.0, 90.0), cluster="a"), *TWO]
+    with pytest.raises(MissionError, match="both an id and a word"):
+        parse_faults(mission_message(named, clusters=2, fault=["kill head-a @3"]))
 
 
 def test_a_foreign_uav_is_where_its_fix_of_the_slot_says_and_nowhere_else() -> None:
@@ -146,13 +149,30 @@ def test_a_report_of_its_head_makes_a_foreign_hull_smaller_and_landing_takes_it_
     place: dict[str, Any] = {**ends, "hull_r_m": [1.0]}
     said = Report(head="b0", slot=5, term=1, status="planned", grants=["b0", "b1"], quorum=2, hull_uav=["b1"], **place)
     alone = Report(head="b0", slot=6, term=2, status="planned", grants=["b0"], quorum=1, landed=["b1"])
-    foreign.hear_report(said)
-    foreign.hear_report(alone)
+    foreign.hear_report(said, 5)
+    foreign.hear_report(alone, 6)
     assert {hull.uav: hull.radius_m for hull in foreign.hulls(6, strays=False)}[4] == pytest.approx(1.0 + 2.5)
     foreign.hear_report(
-        Report(head="b0", slot=7, term=1, status="planned", grants=["b0", "b1"], quorum=2, landed=["b1"])
+        Report(head="b0", slot=7, term=1, status="planned", grants=["b0", "b1"], quorum=2, landed=["b1"]), 7
     )
     assert 4 not in {hull.uav for hull in foreign.hulls(7, strays=False)}
+
+
+def test_a_report_of_a_slot_to_come_says_nothing_of_this_one() -> None:
+    """A cluster whose clock is ahead reports where its UAV is one slot later; until then it may be a step away."""
+    foreign = Foreign(mission_message(TWO, clusters=2), "a")
+    ends: dict[str, Any] = {
+        "hull_ax_m": [20.0],
+        "hull_ay_m": [30.5],
+        "hull_bx_m": [20.0],
+        "hull_by_m": [30.5],
+        "hull_r_m": [0.0],
+    }
+    early = Report(head="b0", slot=4, term=1, status="planned", grants=["b0", "b1"], quorum=2, hull_uav=["b1"], **ends)
+    foreign.hear_report(early, 3)
+    assert {hull.uav: hull.radius_m for hull in foreign.hulls(3, strays=False)}[4] == pytest.approx(4 * 2.5)
+    foreign.begin_slot(4)
+    assert {hull.uav: hull.radius_m for hull in foreign.hulls(4, strays=False)}[4] == 0.0
 
 
 def test_a_head_hears_the_uavs_that_can_come_near_and_asks_again_for_the_others_as_their_hulls_grow() -> None:
