@@ -66,6 +66,7 @@ class Metrics(Struct, frozen=True, kw_only=True):
     """The metrics that `edc-swarm metrics --json` prints, defined in docs/metrics.md. None: undefined for this run."""
 
     uavs: int
+    control: str
     inclusion_zones: int
     exclusion_zones: int
     slots: int | None
@@ -139,6 +140,7 @@ def compute_metrics(recording: Recording, timings: Sequence[Timing] = ()) -> Met
     ended_m = _ended_m(voyages, columns.centre_m[-1])
     return Metrics(
         uavs=len(tracks.uavs),
+        control=mission.control,
         inclusion_zones=sum(zone.kind == "inclusion" for zone in mission.zone),
         exclusion_zones=sum(zone.kind == "exclusion" for zone in mission.zone),
         slots=slots,

@@ -30,7 +30,7 @@ def metric_rows(m: Metrics) -> list[tuple[str, str]]:
         *_goals(m),
         *_deadlines(m),
         ("slots", f"{_slots(m)}, {_count(m.slots_missed)} without commands"),
-        ("heads", (heads + (", ..." if len(m.heads) > MAX_HEADS else "")) or "none recorded"),
+        ("heads", (heads + (", ..." if len(m.heads) > MAX_HEADS else "")) or _no_head(m)),
         *_clusters(m),
         ("collisions", f"{_count(m.potential_collisions)} potential, {_count(m.true_collisions)} true"),
         (
@@ -41,14 +41,25 @@ def metric_rows(m: Metrics) -> list[tuple[str, str]]:
         ("way flown", "-" if m.path_m is None else f"{m.path_m:.1f} m{_extra(m)}"),
         ("makespan", _makespan(m)),
         ("energy", f"{_kj(m.energy_propulsion_j)}, straight {_kj(m.energy_straight_j)}"),
-        ("plan time", _quantiles(m.plan_ms)),
-        ("fix to command", _quantiles(m.fix_to_command_ms)),
-        ("age of fixes", _age(m.fix_age_ms)),
-        ("age of commands", _age(m.command_age_ms)),
+        *([] if m.control == "local" else _of_heads(m)),
         *_held(m),
         ("late ticks", _number(m.ticks_late_pct, "%")),
         ("messages", f"{m.messages}, {_count(m.gaps)} gaps" + _late_and_twice(m)),
         *undone,
+    ]
+
+
+def _no_head(m: Metrics) -> str:
+    return "none: control is local, every UAV plans for itself" if m.control == "local" else "none recorded"
+
+
+def _of_heads(m: Metrics) -> list[tuple[str, str]]:
+    """Return the rows about plans and commands of heads, which a mission without a head does not have."""
+    return [
+        ("plan time", _quantiles(m.plan_ms)),
+        ("fix to command", _quantiles(m.fix_to_command_ms)),
+        ("age of fixes", _age(m.fix_age_ms)),
+        ("age of commands", _age(m.command_age_ms)),
     ]
 
 

@@ -10,6 +10,7 @@ from edc_swarm.agent.local import LocalControl
 from edc_swarm.analysis.guarantees.check import check
 from edc_swarm.analysis.guarantees.verdict import GuaranteeResult
 from edc_swarm.analysis.metrics import compute_metrics
+from edc_swarm.analysis.tables import metric_rows
 from edc_swarm.mission.configuration import Mission
 from edc_swarm.mission.roster import complete_mission
 from edc_swarm.planner.registry import make_planner
@@ -58,6 +59,9 @@ def test_a_swarm_without_a_head_arrives_and_says_what_is_not_promised(planner: s
     metrics = compute_metrics(recording)
     assert metrics.completed
     assert metrics.slots_missed == 0
+    rows = dict(metric_rows(metrics))
+    assert rows["heads"].startswith("none: control is local")
+    assert not rows.keys() & {"plan time", "fix to command", "age of fixes", "age of commands"}
     assert metrics.makespan_s is not None
 
 
