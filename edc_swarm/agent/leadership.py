@@ -8,12 +8,12 @@ from edc_swarm.agent.election import Election
 from edc_swarm.agent.foreign import Foreign
 from edc_swarm.agent.head import ABSENT_SLOTS, Head
 from edc_swarm.agent.knowledge import Knowledge
+from edc_swarm.agent.planning_state import PlanningState
 from edc_swarm.agent.rota import Rota
 from edc_swarm.agent.slot_clock import SlotClock
 from edc_swarm.mission.clusters import cluster_names, of_cluster
 from edc_swarm.mission.configuration import Mission
-from edc_swarm.planner.interface import Planner
-from edc_swarm.protocol.messages import Command, Report
+from edc_swarm.protocol.messages import Report
 
 CLAIM_WAIT_FRACTION = 0.1
 """Fraction of a slot for which a new head waits for retransmitted fixes."""
@@ -27,19 +27,13 @@ def startup_candidates(mission: Mission) -> set[str]:
     return {uav for cluster in clusters for uav in Rota(cluster).on_duty(0)}
 
 
-class Leadership:
+class Leadership(PlanningState):
     """One UAV's duty as head, or as a UAV that may have to lead.
 
     Attributes
     ----------
     head
         The head's memory of its term, and its plans.
-    planner
-        The planner, None until the shell has loaded it.
-    gone
-        UAVs that have left the bus: the head does not wait for their fixes.
-    own_command
-        The head's newest command to itself, which it receives in the step after planning.
     """
 
     def __init__(
@@ -51,18 +45,14 @@ class Leadership:
         clock: SlotClock,
         foreign: Foreign | None = None,
     ) -> None:
+        super().__init__()
         self._mission = mission
         self._uav = uav
         self._knowledge = knowledge
         self._election = election
         self._clock = clock
-        self._planner_wanted = False
         self._office_ns = 0
-        self._problem = ""
         self.head = Head(mission, uav, election.term, knowledge, foreign)
-        self.planner: Planner | None = None
-        self.gone: set[str] = set()
-        self.own_command: Command | None = None
 
     def take_office(self, slot: int, now_ns: int) -> bool:
         """Begin the term granted if this UAV leads it; return True if it may plan."""
@@ -118,18 +108,7 @@ class Leadership:
         fix = self._knowledge.newest.get(uav)
         return fix is not None and slot - fix.slot <= ABSENT_SLOTS and not fix.suspects and uav not in self.gone
 
-    def is_new(self, problem: str) -> bool:
-        """Return True for a problem other than that of the plan before."""
-        before, self._problem = self._problem, problem
-        return bool(problem) and problem != before
-
-    def take_own_command(self, slot: int) -> Command | None:
-        """Return the own command, once, if its slot is after `slot`: planning may have taken too long."""
-        own, self.own_command = self.own_command, None
-        return own if own is not None and slot < own.slot else None
-
-    def wants_planner(self) -> bool:
-        """Return True, once, if this UAV may have to lead and has no planner."""
-        wants = self._election.listens and not self._planner_wanted and self.planner is None
-        self._planner_wanted = self._planner_wanted or wants
-        return wants
+    @property
+    def may_plan_soon(self) -> bool:
+        """True if this UAV may have to lead."""
+        return self._election.listens

@@ -12,6 +12,7 @@ from __future__ import annotations
 
 from edc_swarm.agent.election import TermClaim
 from edc_swarm.agent.knowledge import Grant, Knowledge
+from edc_swarm.agent.planning_state import PlanningState
 from edc_swarm.agent.slot_clock import SlotClock
 from edc_swarm.agent.vehicle import Vehicle
 from edc_swarm.mission.configuration import Mission
@@ -54,10 +55,11 @@ class NoElection:
         """Ignore a UAV that vanished: it was no head."""
 
 
-class LocalControl:
-    """One UAV that plans for itself; the attributes are those of `Leadership`."""
+class LocalControl(PlanningState):
+    """One UAV that plans for itself; the node asks it what it asks `Leadership`."""
 
     def __init__(self, mission: Mission, uav: str, knowledge: Knowledge, clock: SlotClock) -> None:
+        super().__init__()
         self._mission = mission
         self._uav = uav
         self._knowledge = knowledge
@@ -65,11 +67,6 @@ class LocalControl:
         self._entries = list(mission.roster)
         self._index = {entry.uav: index for index, entry in enumerate(mission.roster)}
         self._planned_slot = -1
-        self._planner_wanted = False
-        self._problem = ""
-        self.planner: Planner | None = None
-        self.gone: set[str] = set()
-        self.own_command: Command | None = None
 
     def take_office(self, slot: int, now_ns: int) -> bool:  # noqa: ARG002  (as in Leadership)
         """Return False: there is no office."""
@@ -124,22 +121,6 @@ class LocalControl:
             r_m=[vehicle.r_m],
             neighbours=[self._neighbour(other, slot) for other in self._entries if other.uav != self._uav],
         )
-
-    def is_new(self, problem: str) -> bool:
-        """Return True for a problem other than that of the plan before."""
-        before, self._problem = self._problem, problem
-        return bool(problem) and problem != before
-
-    def take_own_command(self, slot: int) -> Command | None:
-        """Return the own command, once, if its slot is after `slot`: planning may have taken too long."""
-        own, self.own_command = self.own_command, None
-        return own if own is not None and slot < own.slot else None
-
-    def wants_planner(self) -> bool:
-        """Return True, once, if this UAV has no planner."""
-        wants = not self._planner_wanted and self.planner is None
-        self._planner_wanted = self._planner_wanted or wants
-        return wants
 
     def _has_all(self, slot: int) -> bool:
         """Return True if every UAV that is on the bus and was heard lately is heard in `slot`."""
