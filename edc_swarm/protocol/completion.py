@@ -56,6 +56,7 @@ class ClusterMonitor:
         self._newest: dict[str, Fix] = {}
         self._moved_slot: dict[str, int] = {}
         self._ended: set[str] = set()
+        self._landed: set[str] = set()
         self._settled_slot, self._side = settled_slot(mission, faults), prospect_of(mission, faults).side
         self._failsafe = failsafe_of(mission)
         goal_slots = (math.ceil(fault.at_s / mission.dt_s) for fault in faults if isinstance(fault, GiveGoal))
@@ -89,6 +90,8 @@ class ClusterMonitor:
             return
         if report.has_quorum and (known is None or (report.term, report.slot) >= (known.term, known.slot)):
             self.report = report
+        if report.has_quorum:
+            self._landed.update(report.landed)
         if self._failsafe is not None and not set(report.unheard) <= set(report.landed):
             return
         if report.has_quorum and report.slot >= self._settled_slot and (report.term, report.slot) > self._planned:
@@ -183,9 +186,12 @@ class ClusterMonitor:
         self._changed_slot = max(self.slot, 0)
 
     def _grounded(self, uav: str) -> bool:
-        """Return True if a UAV moves no more: it is gone, or it lost its promise and grants no head."""
+        """Return True if a UAV moves no more: it is gone, it has landed, or it lost its promise and grants no head.
+
+        A process that is frozen for good cannot say that its UAV has landed; only the reports of its head do.
+        """
         fix = self._newest.get(uav)
-        return uav in self._ended or (fix is not None and not fix.voter)
+        return uav in self._ended or uav in self._landed or (fix is not None and not fix.voter)
 
     def _places(self, other: RosterEntry) -> Iterator[Place]:
         """Yield where a UAV is or can be for good, if it moves no more."""

@@ -64,6 +64,19 @@ def test_those_who_are_gone() -> None:
     assert not judge.complete(3)
 
 
+def test_who_has_landed_by_a_report_is_not_waited_for() -> None:
+    """A process that is frozen for good says nothing more; that its UAV has landed is known by its head alone."""
+    judge = monitor()
+    judge.hear_fix(fix("b", 3, False))
+    judge.hear_fix(fix("a", 9, True))
+    judge.hear_report(builders.report(9, grants=["a"], landed=["b"]))
+    assert not judge.complete(9), "no quorum backs that report"
+    judge.hear_report(builders.report(9, grants=["a", "b"], landed=["b"]))
+    assert judge.complete(9)
+    judge.hear_report(builders.report(10, 2, "a", grants=["a", "b"]))
+    assert judge.complete(9), "who has landed never flies again, whatever a new head knows"
+
+
 def test_who_leads() -> None:
     """The newest report with a quorum in the highest term tells."""
     judge = monitor()
