@@ -76,7 +76,8 @@ def test_faults_can_be_kept_by_index() -> None:
 def test_shrinking_keeps_only_what_is_needed(monkeypatch: pytest.MonkeyPatch) -> None:
     """The two faults that together break a guarantee remain."""
 
-    def broken_by_1_and_2(seed: int, kept: tuple[int, ...]) -> Counterexample | None:
+    def broken_by_1_and_2(seed: int, kept: tuple[int, ...], *, clusters: bool) -> Counterexample | None:
+        assert not clusters
         return Counterexample(seed, tuple(kept), ("G1: broken",)) if {1, 2} <= set(kept) else None
 
     monkeypatch.setattr(fuzzing, "search", broken_by_1_and_2)
