@@ -38,6 +38,7 @@ from edc_swarm.mission.roles import OPERATOR
 from edc_swarm.mission.roster_entry import ARRIVED_M
 from edc_swarm.mission.routes import hover_time_s
 from edc_swarm.mission.vehicle_budget import budget_of, vehicle_of
+from edc_swarm.protocol.backing import Backing
 from edc_swarm.protocol.events import EventKind
 from edc_swarm.recording.model import Recording
 
@@ -145,7 +146,7 @@ def compute_metrics(recording: Recording, timings: Sequence[Timing] = ()) -> Met
         exclusion_zones=sum(zone.kind == "exclusion" for zone in mission.zone),
         slots=slots,
         duration_s=duration_s,
-        completed=_completed(recording, home, known),
+        completed=_completed(recording, home, known, astray),
         arrived=int(home.sum()) or (None if unknown else 0),
         unknown=unknown,
         not_living=[uav for uav, lives in zip(tracks.uavs, living, strict=True) if not lives and uav not in unknown],
@@ -194,15 +195,20 @@ def compute_metrics(recording: Recording, timings: Sequence[Timing] = ()) -> Met
     )
 
 
-def _completed(recording: Recording, home: NDArray[np.bool_], known: Known) -> bool | None:
+def _completed(recording: Recording, home: NDArray[np.bool_], known: Known, astray: Sequence[NotHome]) -> bool | None:
     """Return True if all are home; None where the record lacks fixes, and does not tell how the mission ended.
 
-    A lifelong mission is complete if it has lasted `max_slots`.
+    A mission that the operator ends as complete may have UAVs that landed elsewhere: one of which a plan says so, and
+    that no head heard after its newest fix, is away for certain. A lifelong mission is complete if it has lasted
+    `max_slots`.
     """
     ends = {event.detail for event in recording.events if event.kind == EventKind.END and event.source == OPERATOR}
     if recording.mission.goals == "lifelong":
         return ends == {GIVEN_UP} if ends else None
-    if known.fixes or home.all() or ends - {COMPLETED}:
+    backing = Backing(recording.mission)
+    landed = {uav for report in recording.reports if backing.is_plan(report) for uav in report.landed}
+    is_away = any(who.uav in landed and not who.is_unknown for who in astray)
+    if known.fixes or home.all() or ends - {COMPLETED} or is_away:
         return bool(len(home) and home.all())
     return None
 

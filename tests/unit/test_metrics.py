@@ -17,6 +17,9 @@ from edc_swarm.analysis.timings import Timing, Timings, content_hash, load_timin
 from edc_swarm.emulation.energy import propulsion_power_w
 from edc_swarm.errors import RecordingError
 from edc_swarm.mission.power_models import EnergyModel
+from edc_swarm.mission.prospect import COMPLETED
+from edc_swarm.mission.roles import OPERATOR
+from edc_swarm.protocol.events import EventKind
 from edc_swarm.protocol.messages import Command, Event, Fix, Message, MissionMessage, Report, Truth
 from tests.unit.synthetic import EPOCH_NS, SLOT_NS, change, flight, parallel, recorded, straight, whole
 
@@ -363,3 +366,35 @@ def test_a_mission_without_fixes_or_of_one_uav_has_metrics() -> None:
     assert metrics([m for m in parked if not isinstance(m, Command)]).makespan_s is None
     alone = metrics(flight(parallel(1)))
     assert (alone.completed, alone.min_disc_gap_m, alone.min_true_distance_m) == (True, None, None)
+
+
+@pytest.mark.parametrize(("landed", "completed"), [([], None), (["u1"], False)])
+def test_a_mission_may_be_over_without_a_uav_that_landed_elsewhere(
+    messages: list[Message], landed: list[str], completed: bool | None
+) -> None:
+    """The process of `u1` falls silent, which no fault tells of, and the operator ends the mission as complete.
+
+    Its fixes may be missing from the record then, unless a plan says that it has landed.
+    """
+    said: list[Message] = []
+    for message in messages:
+        match message:
+            case Fix(uav="u1") | Truth(uav="u1") if message.slot > 2:
+                continue
+            case Event(source="u1"):
+                continue
+            case Command(uav="u1") if message.slot > 3:
+                continue
+            case Report() if message.slot > 2:
+                others = [uav for uav in message.heard if uav != "u1"]
+                said.append(
+                    msgspec.structs.replace(
+                        message, heard=others, unheard=["u1"], grants=["u0", "u2"], landed=landed * (message.slot > 7)
+                    )
+                )
+            case _:
+                said.append(message)
+    said.append(Event(source=OPERATOR, instance="op", sent_ns=EPOCH_NS, slot=8, kind=EventKind.END, detail=COMPLETED))
+    metrics = compute_metrics(recorded(said))
+    assert [(who.uav, who.cause) for who in metrics.not_home] == [("u1", "silent")]
+    assert metrics.completed is completed
