@@ -19,7 +19,8 @@ run: $(READY)
 	$(BIN)/edc-swarm run $(RUN)
 
 # Tests of real processes wait more than they compute, so four run side by side; of those marked `timing` only two, and
-# one of a file. A machine may stall: one of them that fails is run once more, and named at the end; never one that says that a guarantee is broken.
+# one of a file. A machine may stall: one of them that fails is run once more, and named at the end; never one that says
+# that a guarantee is broken.
 RETRY := --reruns 1 --rerun-except broken -raR
 
 test: $(READY)

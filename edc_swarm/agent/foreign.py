@@ -96,7 +96,7 @@ class Foreign:
 
         One of a slot after the receiver's `slot` waits for it: its hulls say where UAVs come to, not where they are.
         """
-        if not (report.has_quorum and self._backing.backs(report)):
+        if not self._backing.is_plan(report):
             return
         if report.slot > slot:
             self._early[report.head] = report

@@ -71,7 +71,7 @@ class Head:
         self, mission: Mission, uav: str, barred_term: int, knowledge: Knowledge, foreign: Foreign | None = None
     ) -> None:
         self._mission = mission
-        self._foreign = foreign or Foreign(mission, mission.roster[0].cluster)
+        self._foreign = Foreign(mission, mission.roster[0].cluster) if foreign is None else foreign
         self._uav = uav
         self._barred_term = barred_term
         self._knowledge = knowledge

@@ -25,7 +25,7 @@ from msgspec import UNSET
 from edc_swarm.mission.braking import Point, reach_m, rest_point
 from edc_swarm.mission.roster_entry import RosterEntry
 from edc_swarm.planner.interface import Hull
-from edc_swarm.protocol.messages import Command, Fix, Report
+from edc_swarm.protocol.messages import Command, Fix, Report, roster_index
 
 Key = TypeVar("Key")
 Grant = tuple[int, str]
@@ -38,7 +38,7 @@ class Knowledge:
     def __init__(self, roster: Sequence[RosterEntry], index: Mapping[str, int] | None = None) -> None:
         """Take the UAVs to know, and the roster index of each where they are not the whole roster."""
         self._roster = {entry.uav: entry for entry in roster}
-        self.index = index or {entry.uav: number for number, entry in enumerate(roster)}
+        self.index = index or roster_index(roster)
         self.roster = frozenset(self._roster)
         self.newest: dict[str, Fix] = {}
         self._granting: Counter[tuple[int, int, str]] = Counter()

@@ -65,7 +65,7 @@ class LocalControl(PlanningState):
         self._knowledge = knowledge
         self._clock = clock
         self._entries = list(mission.roster)
-        self._index = {entry.uav: index for index, entry in enumerate(mission.roster)}
+        self._index = knowledge.index
         self._planned_slot = -1
 
     def take_office(self, slot: int, now_ns: int) -> bool:  # noqa: ARG002  (as in Leadership)

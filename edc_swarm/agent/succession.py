@@ -8,7 +8,7 @@ from typing import Protocol
 from edc_swarm.agent.knowledge import Grant
 from edc_swarm.mission.configuration import Mission
 from edc_swarm.mission.plug_ins import called, made, number
-from edc_swarm.protocol.messages import Fix
+from edc_swarm.protocol.messages import Fix, roster_index
 
 HANDOVER_SLOTS = 20
 """Least number of slots between two planned handovers."""
@@ -37,7 +37,7 @@ class Candidates:
     def __init__(self, mission: Mission) -> None:
         self._key = _CRITERIA.get(mission.elect) or _own_criterion(mission)
         self._margin = mission.handover_margin
-        self._order = {entry.uav: index for index, entry in enumerate(mission.roster)}
+        self._order = roster_index(mission.roster)
         self.failed: set[str] = set()
         self.led = True
 

@@ -45,7 +45,7 @@ def heads_of(recording: Recording) -> dict[str, list[HeadTerm]]:
     backing, cluster = Backing(recording.mission), cluster_of(recording.mission)
     slots: dict[tuple[str, int, str], list[int]] = {}
     for report in recording.reports:
-        if report.has_quorum and backing.backs(report):
+        if backing.is_plan(report):
             slots.setdefault((cluster[report.head], report.term, report.head), []).append(report.slot)
     heads: dict[str, list[HeadTerm]] = {name: [] for name in cluster_names(recording.mission.roster)}
     for (name, term, head), led in sorted(slots.items()):

@@ -163,7 +163,7 @@ class _Judge:
         """Collect the state of all UAVs at the end."""
         slots = np.arange(tracks.slots)[:, None]
         backing = Backing(recording.mission)
-        plans = [report for report in recording.reports if report.has_quorum and backing.backs(report)]
+        plans = [report for report in recording.reports if backing.is_plan(report)]
         return cls(
             recording,
             tracks,

@@ -96,13 +96,12 @@ def scenario(seed: int, kept: Collection[int] | None = None, *, clusters: bool =
     else:
         fields["link"] = [{**link, "end_s": HEALED_S} for link in fields["link"]]
     mission = _placed(fields)
-    fields["roster"] = varied_roster(Random(f"fuzz/{seed}/roster"), mission)
-    fields["roster"] = fields["roster"] or (msgspec.to_builtins(mission.roster) if clusters else [])
-    for entry, name in zip(fields["roster"], names, strict=False):
+    varied = varied_roster(Random(f"fuzz/{seed}/roster"), mission)
+    roster = varied or msgspec.to_builtins(mission.roster)
+    for entry, name in zip(roster, names, strict=False):
         entry["cluster"] = name
-    mission = complete_mission(
-        mission_from_dict({**fields, "roster": fields["roster"] or msgspec.to_builtins(mission.roster)})
-    )
+    fields["roster"] = roster if varied or clusters else []  # Else the mission draws the same roster itself.
+    mission = complete_mission(mission_from_dict({**fields, "roster": roster}))
     zones = random_zones(Random(f"fuzz/{seed}/zones"), mission, with_ways=mission.planner != RECKLESS)
     zoned = msgspec.structs.replace(mission, zone=[msgspec.convert(zone, Zone) for zone in zones])
     faults = _schedule(rng, mission)

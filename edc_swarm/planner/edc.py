@@ -78,12 +78,7 @@ class Edc:
         if not free.all():
             # A plan for a UAV that cannot move would only keep others from going where it never goes.
             still_m, still_r_m = arrays.position_m[~free], arrays.r_m[~free]
-            obstacles = Obstacles(
-                np.concatenate([obstacles.a_m, still_m]),
-                np.concatenate([obstacles.b_m, still_m]),
-                np.concatenate([obstacles.radius_m, np.zeros(len(still_m))]),
-                np.concatenate([obstacles.keep_m, still_r_m]),
-            )
+            obstacles = obstacles.followed_by(Obstacles(still_m, still_m, np.zeros(len(still_m)), still_r_m))
         position_m, r_m = arrays.position_m[free], arrays.r_m[free]
         goal_m = ways.free_goals(arrays.target_m[free], r_m, obstacles, self._airspace)
         wish_m = arrays.position_m.copy()
@@ -100,14 +95,7 @@ class Edc:
         """
         hulls, obstacles = arrays.foreign.hulls, arrays.obstacles
         small = hulls.radius_m <= SMALL_HULL_SLOTS * float(self._u_max_m.max(initial=0.0))
-        if not small.any():
-            return obstacles
-        return Obstacles(
-            np.concatenate([obstacles.a_m, hulls.a_m[small]]),
-            np.concatenate([obstacles.b_m, hulls.b_m[small]]),
-            np.concatenate([obstacles.radius_m, hulls.radius_m[small]]),
-            np.concatenate([obstacles.keep_m, hulls.keep_m[small]]),
-        )
+        return obstacles.followed_by(hulls.chosen(small)) if small.any() else obstacles
 
     def _held(self, arrays: Arrays) -> NDArray[np.bool_]:
         """(n,) UAVs within a hull, or nearer than R to hulls without a step that leads away from all of them.

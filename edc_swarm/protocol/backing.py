@@ -21,3 +21,7 @@ class Backing:
         """Return True if the UAVs that grant it, with the head, are a quorum of the head's cluster."""
         ids, quorum = self._of.get(report.head, (frozenset[str](), report.quorum))
         return report.is_backed(ids, quorum)
+
+    def is_plan(self, report: Report) -> bool:
+        """Return True for a report of a plan, with a quorum of the head's cluster behind it."""
+        return report.has_quorum and self.backs(report)

@@ -8,7 +8,7 @@ readers ignore unknown fields. `seq` counts from 0 without gaps per publisher `i
 from __future__ import annotations
 
 import re
-from collections.abc import Set
+from collections.abc import Sequence, Set
 from itertools import chain
 from typing import Annotated, Literal, get_args
 
@@ -288,7 +288,7 @@ class MissionMessage(Mission, frozen=True, kw_only=True):
 Message = Fix | Truth | Command | Report | Event | Goal | MissionMessage
 
 
-def roster_index(roster: list[RosterEntry]) -> dict[str, int]:
+def roster_index(roster: Sequence[RosterEntry]) -> dict[str, int]:
     """Return the position of every UAV in the roster, by id."""
     return {entry.uav: index for index, entry in enumerate(roster)}
 

@@ -21,7 +21,7 @@ from edc_swarm.mission.field_types import ZoneKind
 from edc_swarm.mission.zone import Zone
 from edc_swarm.protocol.backing import Backing
 from edc_swarm.protocol.events import EventKind
-from edc_swarm.protocol.messages import MissionMessage, Report
+from edc_swarm.protocol.messages import MissionMessage, Report, roster_index
 from edc_swarm.recording.model import Recording
 from edc_swarm.report_page.flight_rows import FlightRow, flight_rows
 from edc_swarm.report_page.itineraries import Itinerary, itineraries
@@ -201,14 +201,14 @@ def _plans(recording: Recording, columns: Columns) -> dict[str, dict[int, Report
     backing, cluster = Backing(recording.mission), cluster_of(recording.mission)
     plans: dict[str, dict[int, Report]] = {name: {} for name in cluster_names(recording.mission.roster)}
     for report in sorted(recording.reports, key=lambda report: report.term):
-        if report.has_quorum and backing.backs(report) and 0 <= report.slot < len(columns.time_s):
+        if backing.is_plan(report) and 0 <= report.slot < len(columns.time_s):
             plans[cluster[report.head]][report.slot] = report
     return plans
 
 
 def _leader(plans: Mapping[str, Mapping[int, Report]], columns: Columns, mission: MissionMessage) -> NDArray[np.int64]:
     """Return (S, C) roster indices of the heads that planned with the fixes of each slot, -1 for none."""
-    index = {entry.uav: k for k, entry in enumerate(mission.roster)}
+    index = roster_index(mission.roster)
     leader = np.full((len(columns.time_s), len(plans)), -1, np.int64)
     for place, of_slot in enumerate(plans.values()):
         for slot, plan in of_slot.items():

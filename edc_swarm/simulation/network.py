@@ -119,8 +119,8 @@ class Network:
                 self._send(sender, message, [self._ports[message.uav]])
             case Report():
                 self.monitor.hear_report(message)
-                mates, names = self._mates_of(sender), [port.uav for port in self._mates_of(sender)]
-                others = {uav: port for name in names for uav, port in self._listeners.get(name, {}).items()}
+                mates = self._mates_of(sender)
+                others = {uav: port for mate in mates for uav, port in self._listeners.get(mate.uav, {}).items()}
                 self._send(sender, message, [*mates, *_by_id(others)])
             case Event():
                 self._desk.hear_event(message)

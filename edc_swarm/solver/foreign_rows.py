@@ -44,11 +44,6 @@ class Foreign:
     r_m: Floats
     hulls: Obstacles = field(default_factory=Obstacles.none)
 
-    @staticmethod
-    def none() -> Foreign:
-        """Return no foreign UAV."""
-        return Foreign(np.empty(0, np.int64), np.empty((0, 2)), np.empty((0, 2)), np.empty(0))
-
 
 @dataclass(frozen=True, slots=True)
 class Rows:

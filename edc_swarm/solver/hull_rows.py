@@ -37,6 +37,19 @@ class Obstacles:
         """Return no hull."""
         return Obstacles(np.empty((0, 2)), np.empty((0, 2)), np.empty(0), np.empty(0))
 
+    def chosen(self, mask: NDArray[np.bool_]) -> Obstacles:
+        """Return the hulls of a mask (m,)."""
+        return Obstacles(self.a_m[mask], self.b_m[mask], self.radius_m[mask], self.keep_m[mask])
+
+    def followed_by(self, more: Obstacles) -> Obstacles:
+        """Return these hulls, and more behind them."""
+        return Obstacles(
+            np.concatenate([self.a_m, more.a_m]),
+            np.concatenate([self.b_m, more.b_m]),
+            np.concatenate([self.radius_m, more.radius_m]),
+            np.concatenate([self.keep_m, more.keep_m]),
+        )
+
 
 def obstacle_rows(
     position_m: Floats, wish_m: Floats, r_m: Floats, u_max_m: Floats, obstacles: Obstacles

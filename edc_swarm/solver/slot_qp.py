@@ -24,7 +24,9 @@ It replaces eq. 29-43 of the paper, whose convexification does not separate anyt
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -138,19 +140,12 @@ def slot_problem(
         normal, room_m = _normals(previous_m, position_m, wish_m, r_m, first, second, gap_m)
     hull_uav, *hull_rows, frozen = obstacle_rows(position_m, wish_m, r_m, u_max_m, obstacles or Obstacles.none())
     walled, *rows, at_centre = barrier_rows(position_m, wish_m, r_m, u_max_m, airspace or Airspace.unbounded())
-    row_uav, row_normal, row_room_m = (
-        np.concatenate(both) for both in zip([hull_uav, *hull_rows], [walled, *rows], strict=True)
-    )
-    frozen = frozen | at_centre
+    kinds: list[list[NDArray[Any]]] = [[hull_uav, *hull_rows, frozen], [walled, *rows, at_centre]]
     if uav is not None and foreign is not None:
         places_m = np.stack([position_m] if previous_m is None else [position_m, previous_m])
         others = foreign_rows(uav, places_m, r_m, u_max_m, foreign)
-        row_uav = np.concatenate([row_uav, others.uav])
-        row_normal, row_room_m = (
-            np.concatenate([row_normal, others.normal]),
-            np.concatenate([row_room_m, others.room_m]),
-        )
-        frozen = frozen | others.frozen
+        kinds.append([others.uav, others.normal, others.room_m, others.frozen])
+    (row_uav, row_normal, row_room_m), frozen = _stacked(kinds)
     return Problem(
         position_m,
         wish_m,
@@ -165,6 +160,15 @@ def slot_problem(
         frozen,
         len(hull_uav),
     )
+
+
+def _stacked(kinds: Sequence[Sequence[NDArray[Any]]]) -> tuple[list[NDArray[Any]], NDArray[np.bool_]]:
+    """Return the columns of the rows of all kinds, one kind behind the other, and the UAVs that any kind freezes.
+
+    Each kind has its columns, and a mask (n,) of the UAVs that it freezes.
+    """
+    *columns, frozen = zip(*kinds, strict=True)
+    return [np.concatenate(parts) for parts in columns], np.asarray(np.any(frozen, axis=0))
 
 
 def moving_problem(
@@ -200,15 +204,11 @@ def moving_problem(
     obstacles, airspace = obstacles or Obstacles.none(), airspace or Airspace.unbounded()
     hull_uav, *hull_rows, frozen = moving_obstacle_rows(places_m, stop_m, r_m, reach_m, obstacles)
     walled, *rows, at_centre = moving_barrier_rows(places_m, stop_m, r_m, reach_m, airspace)
-    row_uav, row_normal, row_room_m, row_spare_m = (
-        np.concatenate(both) for both in zip([hull_uav, *hull_rows], [walled, *rows], strict=True)
-    )
-    frozen = frozen | at_centre
+    kinds: list[list[NDArray[Any]]] = [[hull_uav, *hull_rows, frozen], [walled, *rows, at_centre]]
     if uav is not None and foreign is not None:
         others = foreign_rows(uav, places_m, r_m, reach_m, foreign)
-        row_uav, row_normal = np.concatenate([row_uav, others.uav]), np.concatenate([row_normal, others.normal])
-        row_room_m = np.concatenate([row_room_m, others.room_m])
-        row_spare_m, frozen = np.concatenate([row_spare_m, others.spare_m]), frozen | others.frozen
+        kinds.append([others.uav, others.normal, others.room_m, others.spare_m, others.frozen])
+    (row_uav, row_normal, row_room_m, row_spare_m), frozen = _stacked(kinds)
     return Problem(
         rest_m,
         stop_m,

@@ -161,11 +161,11 @@ class Scenery:
 
     def _hear_report(self, report: Report, now_ns: int) -> None:
         assert self._mission is not None
-        if self._backing is None or report.head not in self._uavs or not self._backing.backs(report):
+        if self._backing is None or report.head not in self._uavs or not self._backing.is_plan(report):
             return
         cluster = self._uavs[report.head].entry.cluster
         known = self._reports.get(cluster)
-        if not report.has_quorum or (known is not None and (report.term, report.slot) < (known.term, known.slot)):
+        if known is not None and (report.term, report.slot) < (known.term, known.slot):
             return
         self._reports[cluster] = report
         self._heard_in.update(dict.fromkeys((report.head, *report.heard), report.slot))
