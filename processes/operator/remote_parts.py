@@ -21,6 +21,11 @@ class Remote:
         """The parts that are present or may come back."""
         return set(self.parts - self._given_up)
 
+    @property
+    def is_settled(self) -> bool:
+        """True if no part is away that may come back: each is present or given up."""
+        return self._away_since_s.keys() <= self._given_up
+
     def look(self, alive: Set[str], dead: Set[str], now_s: float) -> tuple[list[str], list[str]]:
         """Return the parts that it gives up from now on, and those that have come back; the `dead` never come back."""
         for part in self.parts & alive:
