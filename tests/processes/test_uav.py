@@ -167,5 +167,5 @@ def test_bad_bytes_are_counted_told_now_and_then_and_dropped(bench: Bench) -> No
     bench.session.put(bench.keys.event("operator"), b"[" * 100_000)
     events = [event for event in bench.await_heard(Event, 11) if event.kind == "malformed"]
     assert [int(event.detail.split()[0]) for event in events[:10]] == [2**power for power in range(10)]
-    bench.await_heard(Fix, len(bench.heard) + 3)
+    bench.await_heard(Fix, len(bench.await_heard(Fix)) + 3)
     bench.close()
