@@ -29,8 +29,6 @@ from typing import Any, BinaryIO, Protocol
 
 import msgspec
 from msgspec import Struct
-from rich.console import Console
-from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeElapsedColumn, TimeRemainingColumn
 
 import edc_swarm
 from edc_swarm.errors import InputError, SwarmError
@@ -38,6 +36,7 @@ from edc_swarm.experiments.sweeps import Run
 from processes.runtime.extras import install_command
 from processes.runtime.output import unwritten
 from processes.runtime.parent import die_with_parent
+from processes.runtime.run_count import run_count
 
 RUNS_FILE = "runs.jsonl"
 MAX_LINE_BYTES = 16 << 20
@@ -206,15 +205,14 @@ def sweep(runs: Iterable[Run], ledger: Ledger, scheduler: Scheduler, title: str 
     """
     wanted = {run.key: run for run in runs}
     missing = [run for key, run in wanted.items() if key not in ledger.results]
-    with _bar() as bar:
-        task = bar.add_task(title, total=len(wanted), completed=len(wanted) - len(missing))
+    with run_count(title, len(wanted), len(wanted) - len(missing)) as end_run:
         for group, by in (
             ([run for run in missing if not run.alone], scheduler),
             ([run for run in missing if run.alone], Local(1)),
         ):
             for run, result, cpu_s in by.results(group):
                 ledger.add(run, result, cpu_s)
-                bar.advance(task)
+                end_run("")
     return {key: ledger.results[key] for key in wanted}
 
 
@@ -359,14 +357,3 @@ def _client(address: str) -> Any:
         client.close()
         raise InputError("--scheduler", address, "a Dask scheduler that has workers")
     return client
-
-
-def _bar() -> Progress:
-    columns = (
-        TextColumn("{task.description}"),
-        BarColumn(),
-        MofNCompleteColumn(),
-        TimeElapsedColumn(),
-        TimeRemainingColumn(),
-    )
-    return Progress(*columns, console=Console(stderr=True))

@@ -39,7 +39,8 @@ def test_who_is_away_is_waited_for_a_while_and_may_come_back() -> None:
     assert remote.look({"u1"}, set(), PART_LOST_S - 1) == ([], [])
     assert not remote.is_settled
     assert remote.look({"u1"}, set(), PART_LOST_S) == (["u2"], [])
-    assert remote.expected == {"u1"} and remote.is_settled
+    assert remote.is_settled
+    assert remote.expected == {"u1"}
     assert remote.look({"u1"}, set(), PART_LOST_S + 1) == ([], [])
     assert remote.look({"u1", "u2"}, set(), PART_LOST_S + 2) == ([], ["u2"])
     assert remote.expected == {"u1", "u2"}

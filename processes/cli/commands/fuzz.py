@@ -10,12 +10,11 @@ from multiprocessing import get_context
 
 from cyclopts import Parameter
 from msgspec import Struct
-from rich.console import Console
-from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeElapsedColumn, TimeRemainingColumn
 
 from edc_swarm.errors import InputError
 from processes.experiments.ledger import begin_worker, sigint_blocked
 from processes.runtime.console import note, print_json
+from processes.runtime.run_count import run_count
 
 MAX_FUZZ_RUNS = 10_000_000
 MAX_FAILURES_SHOWN = 20
@@ -76,13 +75,12 @@ def fuzz(*, options: FuzzOptions | None = None) -> int:
     _check(options)
     kept = _kept(options.keep)
     failures: list[Found] = []
-    with _bar() as bar:
-        task = bar.add_task("fuzz", total=options.runs, failures=0)
+    with run_count("fuzz", options.runs) as end_run:
         for found in _search(options, kept):
             if found is not None:
                 failures.append(found)
                 _tell(found)
-            bar.update(task, advance=1, failures=len(failures))
+            end_run(f"{len(failures)} broken")
     _conclude(options, failures)
     return 1 if failures else 0
 
@@ -139,18 +137,6 @@ def _tell(found: Found) -> None:
     for fault in found.faults:
         note(f"    --fault {fault!r}")
     note(f"    replay: {found.command}")
-
-
-def _bar() -> Progress:
-    columns = (
-        TextColumn("{task.description}"),
-        BarColumn(),
-        MofNCompleteColumn(),
-        TextColumn("{task.fields[failures]} broken"),
-        TimeElapsedColumn(),
-        TimeRemainingColumn(),
-    )
-    return Progress(*columns, console=Console(stderr=True))
 
 
 def _conclude(options: FuzzOptions, failures: list[Found]) -> None:
