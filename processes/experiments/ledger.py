@@ -35,7 +35,7 @@ from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, T
 import edc_swarm
 from edc_swarm.errors import InputError, SwarmError
 from edc_swarm.experiments.sweeps import Run
-from processes.runtime.extras import install_command
+from edc_swarm.extras import install_command
 from processes.runtime.output import unwritten
 from processes.runtime.parent import die_with_parent
 
