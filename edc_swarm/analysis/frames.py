@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 
 from edc_swarm.analysis.columns import Columns
 from edc_swarm.errors import InputError
+from edc_swarm.extras import install_command
 
 LIBRARIES = ("pandas", "polars")
 
@@ -73,5 +74,5 @@ def new_frame(rows: dict[str, Any] | list[dict[str, Any]], library: str = "panda
     try:
         frames = importlib.import_module(library)
     except ImportError:
-        raise InputError("library", library, "installed: pip install 'edc-swarm[frames]'") from None
+        raise InputError("library", library, f"installed: {install_command('frames')}") from None
     return frames.DataFrame(rows)

@@ -19,7 +19,7 @@ from typing import Any
 
 import numpy as np
 
-from edc_swarm.errors import InputError
+from edc_swarm.extras import check_planner_extra
 from edc_swarm.geometry import Floats
 from edc_swarm.mission.configuration import Mission
 from edc_swarm.planner.discs import CLEARANCE_M, Discs, Sight, plan_of
@@ -37,10 +37,9 @@ class Orca:
     """Planner of ORCA velocities, for all UAVs or for one among its neighbours."""
 
     def __init__(self, mission: Mission, stopwatch: Stopwatch) -> None:
-        try:
-            import pyrvo  # noqa: PLC0415  (an extra)
-        except ImportError:
-            raise InputError("planner", "orca", "one whose extra is installed: baselines") from None
+        check_planner_extra("orca")
+        import pyrvo  # noqa: PLC0415  (an extra)
+
         self._pyrvo = pyrvo
         self._stopwatch = stopwatch
         self._seed = mission.seed

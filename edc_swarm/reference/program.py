@@ -19,6 +19,7 @@ import scipy.sparse
 from numpy.typing import NDArray
 
 from edc_swarm.errors import InputError
+from edc_swarm.extras import install_command
 from edc_swarm.geometry import Floats
 from edc_swarm.reference.problem import Problem
 
@@ -37,7 +38,7 @@ class Programme:
         try:
             import clarabel  # noqa: PLC0415  (an extra)
         except ImportError:
-            raise InputError("reference", "clarabel", "an installed extra: reference") from None
+            raise InputError("reference", "clarabel", f"installed: {install_command('reference')}") from None
         self._clarabel: Any = clarabel
         self._problem = problem
         count, slots = problem.start_m.shape[0], problem.slots

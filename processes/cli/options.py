@@ -10,6 +10,7 @@ from typing import Annotated, Any, get_origin, get_type_hints
 from cyclopts import Parameter
 from msgspec import Struct
 
+from edc_swarm.extras import check_planner_extra
 from edc_swarm.mission.configuration import Mission
 from edc_swarm.mission.declarations import declarations, option_names
 from edc_swarm.mission.link import Link
@@ -26,7 +27,6 @@ from edc_swarm.mission.validation import load_mission
 from edc_swarm.simulation.take_off import ready_mission, warnings_of
 from processes.cli.whole_number import WholeNumber
 from processes.runtime.console import note
-from processes.runtime.extras import check_planner_extra
 from processes.runtime.voice import Voice
 
 MISSION_HELP = "Mission file (TOML); without one, a random mission."

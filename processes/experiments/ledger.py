@@ -33,7 +33,7 @@ from msgspec import Struct
 import edc_swarm
 from edc_swarm.errors import InputError, SwarmError
 from edc_swarm.experiments.sweeps import Run
-from processes.runtime.extras import install_command
+from edc_swarm.extras import install_command
 from processes.runtime.output import unwritten
 from processes.runtime.parent import die_with_parent
 from processes.runtime.run_count import run_count

@@ -16,7 +16,7 @@ import numpy as np
 from edc_swarm.errors import InputError
 from edc_swarm.experiments.figures.catalogue import Figure
 from edc_swarm.experiments.figures.table import Row, line
-from processes.runtime.extras import install_command
+from edc_swarm.extras import install_command
 
 SIZE_IN = (5.4, 4.1)
 DPI = 200

@@ -9,9 +9,9 @@ from pathlib import Path
 import msgspec
 
 from edc_swarm.errors import InputError
+from edc_swarm.extras import has_package, install_command
 from edc_swarm.mission.roles import ROLES
 from processes.bus.credentials import check_certificates
-from processes.runtime.extras import has_package, install_command
 from processes.services.router import RouterAccess
 
 

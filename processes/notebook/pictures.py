@@ -8,9 +8,9 @@ import numpy as np
 
 from edc_swarm.analysis.columns import Columns
 from edc_swarm.errors import InputError
+from edc_swarm.extras import install_command
 from edc_swarm.mission.zone import Zone
 from edc_swarm.recording.model import Recording
-from processes.runtime.extras import install_command
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes

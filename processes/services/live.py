@@ -13,9 +13,9 @@ from dataclasses import dataclass
 from typing import Any
 
 from edc_swarm.errors import InputError
+from edc_swarm.extras import has_package, install_command
 from edc_swarm.viz.channels import channel_of
 from edc_swarm.viz.scenery import Shown
-from processes.runtime.extras import has_package, install_command
 
 HOST = "127.0.0.1"
 ANY_HOST = "0.0.0.0"

@@ -15,8 +15,8 @@ from collections.abc import Callable
 from typing import Any
 
 from edc_swarm.errors import InputError
+from edc_swarm.extras import has_package, install_command
 from edc_swarm.ground_station.frames import Frame, Request
-from processes.runtime.extras import has_package, install_command
 
 FORM = "udp:HOST:PORT"
 COMPONENT = 1

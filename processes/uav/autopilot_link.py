@@ -17,7 +17,7 @@ from typing import Any
 from edc_swarm.autopilot.failsafes import OWN_SYSTEM
 from edc_swarm.autopilot.pilot import Pilot, Said
 from edc_swarm.errors import InputError
-from processes.runtime.extras import has_package, install_command
+from edc_swarm.extras import has_package, install_command
 
 OWN_COMPONENT = 190
 """MAV_COMP_ID_MISSIONPLANNER, a ground station."""

@@ -10,6 +10,7 @@ from typing import Any
 import numpy as np
 import pytest
 
+from edc_swarm import extras
 from edc_swarm.errors import InputError, MissionError
 from edc_swarm.geometry import DISC_TOLERANCE_M, Floats, closest_approach_m
 from edc_swarm.mission.baselines import BASELINES, LOCAL_PLANNERS
@@ -22,7 +23,6 @@ from edc_swarm.planner.registry import make_planner
 from edc_swarm.protocol.messages import mission_message
 from edc_swarm.simulation.closed_loop import closed_loop
 from processes.cli.main import main
-from processes.runtime import extras
 from tests.builders import entry, mission, row
 
 STEP_M = 2.5

@@ -6,12 +6,29 @@ import importlib.metadata
 import json
 import shlex
 import sys
+from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
+import numpy as np
 import pytest
 
-from processes.runtime.extras import IMAGE, has_package, install_command
+from edc_swarm.analysis.frames import new_frame
+from edc_swarm.errors import InputError
+from edc_swarm.extras import IMAGE, has_package, install_command
+from edc_swarm.mission.configuration import Mission
+from edc_swarm.planner.registry import make_planner
+from edc_swarm.reference.problem import Problem
+from edc_swarm.reference.program import Programme
+from processes.experiments.ledger import open_scheduler
+from processes.experiments.plots import check_plots
+from processes.host.security import check_security
+from processes.notebook.pictures import new_axes
+from processes.services.live import live_port
+from processes.services.mavlink_link import ground_address
+from processes.uav.autopilot_link import check_package
+
+PROBLEM = Problem(np.zeros((1, 2)), np.ones((1, 2)), np.ones(1), np.ones(1), slots=2)
 
 
 def installed(
@@ -52,3 +69,29 @@ def test_uv_and_the_image_have_their_own_commands(tmp_path: Path, monkeypatch: p
     assert install_command("plots") == "EXTRAS=live,secure,plots docker compose build"
     assert has_package("json")
     assert not has_package("no_such_package")
+
+
+@pytest.mark.parametrize(
+    ("module", "extra", "use"),
+    [
+        ("clarabel", "reference", lambda: Programme(PROBLEM, "distance")),
+        ("cryptography", "secure", lambda: check_security("--secure")),
+        ("distributed", "cluster", lambda: open_scheduler("tcp://127.0.0.1:1", None).__enter__()),
+        ("foxglove", "live", live_port),
+        ("matplotlib", "notebook", lambda: new_axes(None)),
+        ("matplotlib", "plots", check_plots),
+        ("pandas", "frames", lambda: new_frame([], "pandas")),
+        ("polars", "frames", lambda: new_frame([], "polars")),
+        ("pymavlink", "mavlink", lambda: ground_address("udp:127.0.0.1:14550")),
+        ("pymavlink", "mavlink", lambda: check_package("udpin:127.0.0.1:14550")),
+        ("pyrvo", "baselines", lambda: make_planner("orca", Mission())),
+    ],
+)
+def test_who_misses_a_package_reads_the_command_that_adds_it(
+    monkeypatch: pytest.MonkeyPatch, module: str, extra: str, use: Callable[[], object]
+) -> None:
+    """Whether the command line or the library needs it, one line ends in the command for this installation."""
+    monkeypatch.setitem(sys.modules, module, None)
+    with pytest.raises(InputError) as told:
+        use()
+    assert str(told.value).endswith(f": {install_command(extra)}")
