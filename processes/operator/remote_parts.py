@@ -21,6 +21,10 @@ class Remote:
         """The parts that are present or may come back."""
         return set(self.parts - self._given_up)
 
+    def left(self, alive: Set[str]) -> list[str]:
+        """Return the parts that have left the bus since the last look."""
+        return sorted(self.parts - alive - self._away_since_s.keys())
+
     def look(self, alive: Set[str], dead: Set[str], now_s: float) -> tuple[list[str], list[str]]:
         """Return the parts that it gives up from now on, and those that have come back; the `dead` never come back."""
         for part in self.parts & alive:
