@@ -16,6 +16,7 @@ class EventKind(StrEnum):
     FAULT_WITHOUT_TARGET = "fault-without-target"
     HOST_REQUEST = "deed"
     EXITED = "exited"
+    OFF_BUS = "off-bus"
     END = "end"
     CLOSED = "closed"
     TAKES_OFFICE = "takes-office"
@@ -54,6 +55,7 @@ EVENT_FORMS: dict[EventKind, EventForm] = {
     EventKind.FAULT_WITHOUT_TARGET: EventForm("operator", "the fault that nobody was the target of, as written"),
     EventKind.HOST_REQUEST: EventForm("operator", "JSON: a signal or a restart that a host carries out for a fault"),
     EventKind.EXITED: EventForm("operator", "the process that ended unasked, and how", warning=True),
+    EventKind.OFF_BUS: EventForm("operator", "the process that left the bus, and may come back", warning=True),
     EventKind.END: EventForm("operator", "the reason why the mission ends, such as `completed` or `max_slots`"),
     EventKind.CLOSED: EventForm("every publisher", "JSON: the last `seq` of each of its keys; its last word"),
     EventKind.TAKES_OFFICE: EventForm("UAV", "the term that it begins to lead in"),

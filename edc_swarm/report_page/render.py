@@ -122,10 +122,10 @@ def _comparison(recordings: Sequence[Shown]) -> str:
     first, second = recordings
     ours, theirs = (dict(metric_rows(each.metrics)) for each in recordings)
     rows = [_difference(name, ours.get(name, "-"), theirs.get(name, "-")) for name in dict.fromkeys([*ours, *theirs])]
-    verdicts = {result.guarantee: result.status for result in second.guarantees}
+    verdicts = {result.guarantee: result.words for result in second.guarantees}
     for result in first.guarantees:
         name = f"{result.guarantee} {result.title}"
-        rows += [_difference(name, result.status, verdicts.get(result.guarantee, "-"))]
+        rows += [_difference(name, result.words, verdicts.get(result.guarantee, "-"))]
     head = "<thead><tr><th></th><th scope=col>A</th><th scope=col>B</th></tr></thead>"
     table = f'<table id="differences">{head}<tbody>{"".join(rows)}</tbody></table>'
     return f'<div class="differences"><h2>Differences</h2>{table}</div>\n'
@@ -185,7 +185,7 @@ def _guarantee(result: GuaranteeResult) -> str:
     if len(result.where) > MAX_WHERE:
         where.append(f"... {len(result.where)} in all")
     items = f"<ul>{''.join(f'<li>{line}</li>' for line in where)}</ul>" if where else ""
-    verdict = f'<span class="{result.status}">{result.status.replace("-", " ")}</span>'
+    verdict = f'<span class="{result.status}">{escape(result.words)}</span>'
     return f"<tr><th scope=row>{result.guarantee} {escape(result.title)}</th><td>{verdict}{items}</td></tr>\n"
 
 

@@ -124,6 +124,10 @@ class ClusterTeller:
                 name, _, how = event.detail.partition(" ")
                 self._fleet.stop(name, "dead", f"its process {how}")
                 self._log.tell("notice", detail=f"{event.detail}, and no fault had asked for it", level="warning")
+            case EventKind.OFF_BUS:
+                who = [event.detail] if event.detail in self._fleet.uavs else []
+                words = f"{'' if who else event.detail + ' '}has left the bus: its process, its host or its link"
+                self._log.tell("notice", who, words, level="warning")
             case EventKind.BATTERY_EMPTY if event.source in self._fleet.uavs:
                 self._log.tell("battery-empty", [event.source], "the battery is empty", level="warning")
             case EventKind.LANDED if event.source in self._fleet.uavs:

@@ -14,6 +14,7 @@ TOLD = frozenset(
     {
         EventKind.FAULT,
         EventKind.EXITED,
+        EventKind.OFF_BUS,
         EventKind.BATTERY_EMPTY,
         EventKind.LANDED,
         EventKind.END,

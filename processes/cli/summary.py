@@ -32,7 +32,7 @@ def print_guarantees(results: Sequence[GuaranteeResult], console: Console, limit
     """Print the verdict on every guarantee, with the first `limit` violations of each."""
     for result in results:
         notes = f" ({_some(result.notes, limit)})" if result.notes else ""
-        line = f"{result.guarantee} {result.title}: {result.status.replace('-', ' ')}{notes}"
+        line = f"{result.guarantee} {result.title}: {result.words}{notes}"
         console.print(shown(line, MAX_NOTES), markup=False)
         for where in result.where[:limit]:
             console.print(f"    {shown(where, MAX_LINE)}", markup=False)

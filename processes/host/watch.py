@@ -100,8 +100,14 @@ class MissionWatch:
         return STALLED if all_here and not pauses and monitor.stalled(slot - 1) else ""
 
     def _check_remote(self) -> None:
-        """Stop waiting for a part that was away for too long, and wait again for a part that came back."""
+        """Tell of a part that leaves the bus; give up one that is away for too long, and wait for it if it comes back.
+
+        The bus sees the end of a process at once, long before its fixes are missed.
+        """
         dead = {uav for uav in self._state.deaths.expected if not self._will_restart(uav)}
+        for part in self._remote.left(self.bus.alive):
+            if part not in self._state.deaths.expected:
+                self.bus.publish_event(EventKind.OFF_BUS, part)
         gone, back = self._remote.look(self.bus.alive, dead, time.monotonic())
         assert self.bus.monitor is not None
         for part in gone:

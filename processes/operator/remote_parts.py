@@ -26,6 +26,10 @@ class Remote:
         """True if no part is away that may come back: each is present or given up."""
         return self._away_since_s.keys() <= self._given_up
 
+    def left(self, alive: Set[str]) -> list[str]:
+        """Return the parts that have left the bus since the last look."""
+        return sorted(self.parts - alive - self._away_since_s.keys())
+
     def look(self, alive: Set[str], dead: Set[str], now_s: float) -> tuple[list[str], list[str]]:
         """Return the parts that it gives up from now on, and those that have come back; the `dead` never come back."""
         for part in self.parts & alive:

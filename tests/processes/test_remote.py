@@ -46,6 +46,16 @@ def test_who_is_away_is_waited_for_a_while_and_may_come_back() -> None:
     assert remote.expected == {"u1", "u2"}
 
 
+def test_who_leaves_the_bus_is_told_once_each_time() -> None:
+    """At the first look without it, and again after it was back."""
+    remote = Remote(["u1", "u2"])
+    told = []
+    for now_s, alive in enumerate([{"u1", "u2"}, {"u1"}, {"u1"}, {"u1", "u2"}, {"u1"}]):
+        told.append(remote.left(alive))
+        remote.look(alive, set(), float(now_s))
+    assert told == [[], ["u2"], [], [], ["u2"]]
+
+
 def test_who_was_killed_is_not_waited_for() -> None:
     """As soon as it is off the bus."""
     remote = Remote(["u1", "u2"])

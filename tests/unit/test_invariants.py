@@ -15,7 +15,7 @@ from edc_swarm.analysis import tracks
 from edc_swarm.analysis.guarantees.check import check
 from edc_swarm.analysis.guarantees.completeness import MAX_GARBAGE_NOTES, check_no_loss
 from edc_swarm.analysis.guarantees.evidence import gather
-from edc_swarm.analysis.guarantees.verdict import GuaranteeResult, Violation
+from edc_swarm.analysis.guarantees.verdict import GuaranteeResult, Violation, headline
 from edc_swarm.analysis.metrics import compute_metrics
 from edc_swarm.errors import RecordingError
 from edc_swarm.mission.link import Link
@@ -649,7 +649,8 @@ def test_g5_names_unknown_tails(messages: list[Message]) -> None:
     drop(messages, Event, instance="")
     messages = [*messages, msgspec.structs.replace(killed, kind="closed", detail='{"mission":0}', seq=1)]
     assert results([*messages, killed])["G5"].notes == [note]
-    assert results([*messages, killed])["G5"].held
+    assert results([*messages, killed])["G5"].words == "held, up to the last recorded message of u2"
+    assert headline(list(results([*messages, killed]).values())).endswith(" (G5 up to the last recorded message of u2)")
     assert note.startswith("end unknown: the last messages on uav/u2/fix and 1 more may be missing")
     assert note.endswith("of i2")
     drop(messages, Truth, uav="u2")

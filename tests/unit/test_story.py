@@ -76,6 +76,16 @@ def test_a_silence_has_the_cause_that_the_record_shows(detail: str, kind: str, w
     assert words in happening.detail
 
 
+def test_a_process_that_leaves_the_bus_is_told_before_it_is_silent() -> None:
+    """By the UAV's name, and as no more than that: its process, its host or its link may be gone."""
+    messages = [*everyone(range(SLOTS), "c"), *(flown("c", slot, 2) for slot in range(6)), *plans(range(SLOTS))]
+    story = told([*messages, event("off-bus", 5, "c"), event("off-bus", 5, "recorder")])
+    first, other = (each for each in story.happenings if each.kind == "notice")
+    assert (first.uavs, first.words) == (["c"], "c: has left the bus: its process, its host or its link")
+    assert other.words.startswith("recorder has left the bus")
+    assert (first.slot, only(story, "silent").slot) == (5, 6)
+
+
 def test_missing_fixes_are_no_silence() -> None:
     """A UAV whose numbers show that the record lacks its fixes was not silent."""
     later = [flown("c", slot, 2) for slot in range(10, SLOTS)]

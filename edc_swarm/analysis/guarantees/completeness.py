@@ -5,6 +5,8 @@ from __future__ import annotations
 from collections import Counter
 from collections.abc import Iterator
 
+from msgspec.structs import replace
+
 from edc_swarm.analysis.guarantees.evidence import Evidence
 from edc_swarm.analysis.guarantees.verdict import GuaranteeResult, Violation, not_judged, verdict
 from edc_swarm.foreign_text import shown
@@ -19,6 +21,8 @@ MAX_GARBAGE_NOTES = 20
 MESSAGES = "messages"
 """Fact of `run_end`: how many messages were written."""
 VIEWERS = "/viz/"
+MAX_CUT = 6
+"""Most publishers without a last word that the verdict names; a note names each."""
 MAX_TOPICS = 5
 MAX_TOPIC = 60
 """Most characters of a topic that a note quotes."""
@@ -34,7 +38,7 @@ def check_no_loss(evidence: Evidence) -> GuaranteeResult:
     Recorder counted more messages than it wrote    broken
     A part of the file is unreadable                broken
     Recorder dropped messages                       broken, unless the numbers prove that it fetched them all
-    No `closed` event, a fault ended the publisher  held, with a note that the end of its stream is unknown
+    No `closed` event, a fault ended the publisher  held, up to its last recorded message
     No `closed` event, for any other reason         not judged
     ==============================================  =======================================================
     """
@@ -53,7 +57,11 @@ def check_no_loss(evidence: Evidence) -> GuaranteeResult:
         notes.append(f"duplicates: {recording.duplicates} messages are in the file again, bit by bit; each counts once")
     if not found and (why := unproved(evidence)):
         return not_judged(*_G5, why, notes)
-    return verdict(*_G5, found, notes)
+    cut = sorted(evidence.ends.without_last_word)
+    if found or not cut:
+        return verdict(*_G5, found, notes)
+    named = ", ".join(cut[:MAX_CUT]) + (f" and {len(cut) - MAX_CUT} more" if len(cut) > MAX_CUT else "")
+    return replace(verdict(*_G5, [], notes), scope=f"up to the last recorded message of {shown(named)}")
 
 
 def _uncounted(recording: Recording) -> Iterator[Violation]:

@@ -53,7 +53,8 @@ class GuaranteeResult(Struct, frozen=True):
     """The verdict on one guarantee.
 
     `notes` give what weakens a verdict, the evidence that is missing (not-judged), or the reason why the guarantee
-    promises nothing about this run (not-applicable).
+    promises nothing about this run (not-applicable). `scope` says how far a "held" reaches, where that is not all of
+    the run.
     """
 
     guarantee: str
@@ -61,6 +62,12 @@ class GuaranteeResult(Struct, frozen=True):
     status: Status
     violations: list[Violation] = []
     notes: list[str] = []
+    scope: str = ""
+
+    @property
+    def words(self) -> str:
+        """The status in words, with the scope."""
+        return self.status.replace("-", " ") + (f", {self.scope}" if self.scope else "")
 
     @property
     def held(self) -> bool:
@@ -103,12 +110,14 @@ def not_applicable(guarantee: str, title: str, why: str) -> GuaranteeResult:
 def headline(results: Sequence[GuaranteeResult]) -> str:
     """Return all verdicts in one line; "every guarantee held" only if each was judged and held.
 
-    G8 needs no mention in a mission without zones.
+    Where a verdict does not cover all of the run, the line says how far it reaches. G8 needs no mention in a mission
+    without zones.
     """
     results = [result for result in results if (result.guarantee, result.status) != ("G8", "not-applicable")]
     names = {status: [r.guarantee for r in results if r.status == status] for status in get_args(Status)}
+    scopes = "".join(f" ({r.guarantee} {r.scope})" for r in results if r.scope)
     parts = [
-        f"{word}: {', '.join(names[status])}"
+        f"{word}: {', '.join(names[status])}{scopes if status == 'held' else ''}"
         for status, word in (
             ("broken", "broken"),
             ("not-judged", "not judged"),
@@ -119,7 +128,7 @@ def headline(results: Sequence[GuaranteeResult]) -> str:
     ]
     if not results:
         return "no guarantee was judged"
-    return "every guarantee held" if len(names["held"]) == len(results) else "; ".join(parts)
+    return "every guarantee held" + scopes if len(names["held"]) == len(results) else "; ".join(parts)
 
 
 def _printable(notes: list[str]) -> list[str]:
