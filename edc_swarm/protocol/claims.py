@@ -25,7 +25,7 @@ from typing import Annotated
 from msgspec import Meta, Struct
 
 from edc_swarm.mission.configuration import Mission
-from edc_swarm.mission.field_types import MAX_UAVS
+from edc_swarm.mission.field_types import MAX_UAVS, ClusterName
 from edc_swarm.protocol.messages import UavIds
 
 LAUNCHED = ""
@@ -40,12 +40,14 @@ Claimant = Annotated[str, Meta(pattern=r"^[0-9a-f]{16}$(?!\n)")]
 class IdClaim(Struct, frozen=True, kw_only=True):
     """Request for `uavs` ids, or for the ids that this claimant already has.
 
-    `among` has the ids that it can fly; empty stands for all. `host` is the name of its host or container, for people.
+    `among` has the ids that it can fly; empty stands for all. With a `cluster` it wants UAVs of that alone. `host` is
+    the name of its host or container, for people.
     """
 
     claimant: Claimant
     uavs: Annotated[int, Meta(ge=1, le=MAX_UAVS)]
     among: UavIds = []
+    cluster: ClusterName = ""
     host: Annotated[str, Meta(pattern=r"^[A-Za-z0-9_.-]{0,64}$(?!\n)")] = ""
 
 

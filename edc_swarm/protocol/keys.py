@@ -11,7 +11,7 @@ from typing import Any, get_args
 from msgspec import Struct
 
 from edc_swarm.mission.field_types import MissionId
-from edc_swarm.mission.roles import OPERATOR, VISUALISER
+from edc_swarm.mission.roles import OPERATOR, RECORDER, VISUALISER
 from edc_swarm.protocol.messages import Command, Event, Fix, Goal, Message, MissionMessage, Report, Truth
 
 PREFIX = "swarm"
@@ -91,6 +91,11 @@ class Keys:
         self.all_reports = self.report("*")
         self.all_alive = f"{self.root}/alive/**"
         self.everything = f"{self.root}/**"
+
+    def said_by(self, uavs: Sequence[str]) -> list[str]:
+        """Return the key expressions of all that some UAVs publish, with the mission and the events of two roles."""
+        said = [f"{self.root}/{form.format(uav)}" for uav in uavs for form in ("uav/{}/**", "head/{}/**", "event/{}")]
+        return [self.mission, self.event(OPERATOR), self.event(RECORDER), *said]
 
     def _of(self, kind: type[Struct], *values: str) -> str:
         return f"{self.root}/{KEY_FORMS[kind].form.format(*values)}"

@@ -79,6 +79,11 @@ class McapFile:
     _schemas: dict[int, tuple[str, str, bytes]] = field(default_factory=dict)
     _channels: dict[int, Channel] = field(default_factory=dict)
 
+    @property
+    def channels(self) -> set[Channel]:
+        """Topics that the file describes, each with its schema."""
+        return set(self._channels.values())
+
     def messages(self) -> Iterator[Raw]:
         """Yield every message in the order of the file.
 

@@ -67,21 +67,31 @@ def recover(source: str | Path, stream: BinaryIO) -> list[str]:
     Return one line for each part that is missing. Raise `RecordingError` as `read_recording` does.
     """
     file = McapFile(Path(source))
+    mission = first_mission(file)
+    writer = RecordingWriter(stream, file.metadata["run"])
+    for name, (media_type, data) in file.attachments.items():
+        writer.attach(name, media_type, data)
+    if MISSION_ATTACHMENT not in file.attachments:
+        writer.attach(MISSION_ATTACHMENT, "application/json", mission)
+    for channel, sequence, log_ns, sent_ns, payload in McapFile(file.path).messages():
+        writer.copy(channel, payload, log_ns, sent_ns, sequence)
+    writer.finish({**file.metadata.get("run_end", {}), "recovered": "; ".join(file.problems) or "nothing missing"})
+    return file.problems
+
+
+def first_mission(file: McapFile) -> bytes:
+    """Read `file` to its end, and return the payload of its first mission message, or of the attached one.
+
+    Raise `RecordingError` as `read_recording` does, but not if the file is torn.
+    """
     missions = _missions(file)
     found = next(missions, None)
     deque(missions, maxlen=0)
     _check_version(file)
     if found is None:
         _attached_mission(file)
-    writer = RecordingWriter(stream, file.metadata["run"])
-    for name, (media_type, data) in file.attachments.items():
-        writer.attach(name, media_type, data)
-    if MISSION_ATTACHMENT not in file.attachments and found is not None:
-        writer.attach(MISSION_ATTACHMENT, "application/json", found)
-    for channel, sequence, log_ns, sent_ns, payload in McapFile(file.path).messages():
-        writer.copy(channel, payload, log_ns, sent_ns, sequence)
-    writer.finish({**file.metadata.get("run_end", {}), "recovered": "; ".join(file.problems) or "nothing missing"})
-    return file.problems
+        found = file.attachments[MISSION_ATTACHMENT][1]
+    return found
 
 
 def _missions(file: McapFile) -> Iterator[bytes]:

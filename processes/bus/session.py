@@ -1,9 +1,9 @@
 """The bus: Zenoh sessions with the settings that were measured to suit a swarm.
 
-The clients form a star around one router. Messages are reliable with congestion control DROP, so a slow
-subscriber never blocks a publisher. `express` is off: with it 1-5 % of the bursts at a slot's start were
-lost, and it was no faster. Shared memory is off: it hides a frozen subscriber. The router accepts many
-sessions at once. A client reconnects to its router without a time limit.
+The clients form a star around one router, or around that of their host, which is linked to the one of the mission.
+Messages are reliable with congestion control DROP, so a slow subscriber never blocks a publisher. `express` is off:
+with it 1-5 % of the bursts at a slot's start were lost, and it was no faster. Shared memory is off: it hides a frozen
+subscriber. The router accepts many sessions at once. A client reconnects to its router without a time limit.
 
 K processes share few cores, so a client has one Zenoh runtime for all its work, with two threads. Runtimes of their
 own for sending, receiving, accepting and the rest took seven threads, and a third more processor time a slot: each
@@ -54,6 +54,12 @@ BACKGROUND_TIMEOUT_S = 10.0
 
 DEEP_QUEUE: dict[str, Any] = {"transport/link/tx/queue/size/data": 16}
 """Batches of 64 kB that may wait for a link, allocated on demand: bursts of large scenes fit in."""
+LINKED: dict[str, Any] = {
+    "connect/timeout_ms": -1,
+    "connect/exit_on_failure": False,
+    "connect/retry": CONNECT_RETRY,
+}
+"""Settings of a router that is linked to another one: it waits for it, and for its return, without a time limit."""
 PATIENT: dict[str, Any] = {**DEEP_QUEUE, "transport/link/tx/queue/congestion_control/drop/wait_before_drop": 100_000}
 """Settings of an observer: its messages wait up to 100 ms (in microseconds) before Zenoh drops them."""
 
@@ -100,11 +106,13 @@ def open_router(
     credentials: Credentials | None = None,
     access: Mapping[str, Any] | None = None,
     *,
+    link: str = "",
     lease_ms: int = SESSION_LEASE_MS,
 ) -> zenoh.Session:
     """Open the session of a router that listens at `endpoint`; raise `zenoh.ZError` if it cannot listen.
 
-    `access`: the rules of a secured bus, from `processes.services.access_rules.access_control`.
+    `access`: the rules of a secured bus, from `processes.services.access_rules.access_control`. `link`: another router,
+    to which this one connects whenever it is there.
     """
     return _open(
         {
@@ -115,6 +123,7 @@ def open_router(
             "listen/exit_on_failure": True,
             "transport/unicast/accept_pending": MAX_SESSIONS,
             "transport/unicast/max_sessions": MAX_SESSIONS,
+            **({**LINKED, "connect/endpoints": [link]} if link else {}),
             **DEEP_QUEUE,
         },
         lease_ms,

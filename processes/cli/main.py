@@ -51,6 +51,7 @@ app.command("processes.cli.commands.figures:figures", help="Make the paper's fig
 app.command("processes.cli.commands.latency:latency", help="Fly a grid of delays, jitters and losses.")
 app.command("processes.cli.commands.replay:replay", help="Publish a recording on a bus, or plan it again and compare.")
 app.command("processes.cli.commands.recover:recover", help="Make a whole recording from one that was cut off.")
+app.command("processes.cli.commands.merge:merge", help="Make one recording of those that several recorders made.")
 app.command("processes.cli.commands.visualise:visualise", help="Add what Foxglove draws to a recording.")
 app.command("processes.cli.commands.certs:certs", help="Make the certificates of a secured swarm.")
 app.command(

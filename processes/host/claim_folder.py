@@ -25,16 +25,18 @@ class ClaimFolder:
 
     Attributes
     ----------
+    path
+        The folder.
     claimant
         The token; a lock on its file keeps other processes from using it at the same time.
     """
 
     def __init__(self, path: Path | None) -> None:
         self._permanent = path is not None
-        self._path = path if path is not None else Path(tempfile.mkdtemp(prefix="edc-swarm-"))
+        self.path = path if path is not None else Path(tempfile.mkdtemp(prefix="edc-swarm-"))
         try:
-            self._path.mkdir(parents=True, exist_ok=True)
-            self._file = os.open(self._path / "claimant", os.O_RDWR | os.O_CREAT | os.O_CLOEXEC, 0o644)
+            self.path.mkdir(parents=True, exist_ok=True)
+            self._file = os.open(self.path / "claimant", os.O_RDWR | os.O_CREAT | os.O_CLOEXEC, 0o644)
             fcntl.flock(self._file, fcntl.LOCK_EX | fcntl.LOCK_NB)
         except BlockingIOError:
             raise InputError(FIELD, str(path), "a folder that no other join uses") from None
@@ -51,7 +53,7 @@ class ClaimFolder:
     ) -> None:
         os.close(self._file)
         if not self._permanent:
-            shutil.rmtree(self._path, ignore_errors=True)
+            shutil.rmtree(self.path, ignore_errors=True)
 
     def state(self, mission: str) -> Path:
         """Return the folder for the UAVs of a mission; remove the folders of other missions."""
@@ -68,7 +70,7 @@ class ClaimFolder:
 
     @property
     def _missions(self) -> Path:
-        return self._path / "missions"
+        return self.path / "missions"
 
     def _token(self) -> str:
         found = os.pread(self._file, 64, 0).decode(errors="replace")

@@ -17,6 +17,8 @@ from processes.uav.flight import FLY_OUT_SLOTS
 
 CLOSE_TIMEOUT_S = 1.2
 """Longest wait for a process to end in order."""
+RECORDER_TIMEOUT_S = 30.0
+"""Longest wait for the recorder to finish a recording."""
 SILENT = "it said nothing"
 """Words in place of the log of a process that wrote nothing."""
 

@@ -13,7 +13,7 @@ import zenoh
 
 from edc_swarm.agent.node import startup_candidates
 from edc_swarm.errors import InputError, SwarmError
-from edc_swarm.mission.roles import JOIN, OPERATOR
+from edc_swarm.mission.roles import JOIN, OPERATOR, RECORDER, ROUTER
 from edc_swarm.protocol.claims import IdClaim, Issued
 from edc_swarm.protocol.events import EventKind
 from edc_swarm.protocol.keys import Keys
@@ -26,15 +26,16 @@ from processes.bus.subscriptions import Gate, Heard, heard_from
 from processes.host import fork_source
 from processes.host.claim_folder import ClaimFolder, ensure_state
 from processes.host.ending import CLOSE_TIMEOUT_S, SILENT, Deaths, begin_end, end_fork_source, how_ended, landing_s
+from processes.host.host_parts import HostParts
 from processes.host.pool import UavPool
 from processes.operator import host_requests
-from processes.runtime.children import Child, ChildExited, PartEndedError
+from processes.runtime.children import Child, ChildExited, ChildReady, PartEndedError
 from processes.runtime.clock import MissionClock
 from processes.runtime.compiling import CompilingNote
 from processes.runtime.console import MAX_NAMES, note
 from processes.runtime.host_name import host_name
 from processes.runtime.loop import LOOK_EVERY_S, Interrupted, Loop
-from processes.runtime.output import log_tail
+from processes.runtime.output import Output, log_tail
 from processes.runtime.voice import Voice
 from processes.services.orders import asked
 from processes.uav.process import UavSettings
@@ -46,14 +47,29 @@ LEAVE_TIMEOUT_S = 60.0
 class Joiner:
     """UAV processes for `uavs` claimed ids of the mission at a router, which end with the mission."""
 
-    def __init__(self, endpoint: str, uavs: int, folder: ClaimFolder, certs: str = "", *, arm: bool = False) -> None:
-        self._endpoint = endpoint
+    def __init__(
+        self,
+        address: str,
+        uavs: int,
+        folder: ClaimFolder,
+        certs: str = "",
+        *,
+        cluster: str = "",
+        arm: bool = False,
+        router: bool = False,
+        output: Output | None = None,
+    ) -> None:
+        self._address = address
+        self._endpoint = address
+        self._has_router = router
         self._certs = certs
         self._arm = arm
+        self._cluster = cluster
         self._uavs = uavs
         self._clock = MissionClock()
         self._folder = folder
         self._loop = Loop(self._take)
+        self._parts = HostParts(self._loop, folder.path, output)
         self._gate = Gate(lambda detail: note(f"malformed: {detail}"))
         self._session: zenoh.Session | None = None
         self._pool: UavPool | None = None
@@ -78,6 +94,9 @@ class Joiner:
         return self._over and not self._crashed
 
     def _connect(self) -> zenoh.Session:
+        if self._has_router:
+            self._endpoint = self._parts.start_router(self._address)
+
         def connect() -> bool:
             self._session = try_client(self._endpoint, credentials(self._certs, JOIN))
             return self._session is not None
@@ -93,15 +112,16 @@ class Joiner:
         token = session.liveliness().declare_token(keys.alive(JOIN, self._folder.claimant))
         issued = self._claim(session, presence, mission)
         session.declare_subscriber(keys.event(OPERATOR), hand_over(self._hear))
+        self._parts.start_recorder(self._endpoint, mission, issued.uavs, self._clock)
         self._start_uavs(self._start_source(issued), issued)
         self._attend(presence, mission, partial(self._claim, session, presence, mission))
         token.undeclare()
 
     def _find_mission(self, presence: OperatorPresence) -> str:
         def found() -> str | None:
-            return presence.only_mission(self._endpoint)
+            return presence.only_mission(self._address)
 
-        self._loop.wait(lambda: found() is not None, f"a mission at {self._endpoint}", look_every_s=LOOK_EVERY_S)
+        self._loop.wait(lambda: found() is not None, f"a mission at {self._address}", look_every_s=LOOK_EVERY_S)
         mission = found()
         assert mission is not None
         return mission
@@ -110,7 +130,13 @@ class Joiner:
         """Repeat the claim until the operator answers; the same claim always gets the same answer."""
         among = certified_uavs(self._certs) if self._certs else []
         claim = msgspec.json.encode(
-            IdClaim(claimant=self._folder.claimant, uavs=self._uavs, among=among, host=host_name())
+            IdClaim(
+                claimant=self._folder.claimant,
+                uavs=self._uavs,
+                among=among,
+                cluster=self._cluster,
+                host=host_name(),
+            )
         )
         answers: list[Issued] = []
 
@@ -123,7 +149,9 @@ class Joiner:
 
         self._loop.wait(ask, "an answer of the operator", look_every_s=LOOK_EVERY_S)
         if not answers[0].uavs:
-            free = "no other UAV is left to join" + (f" that has a certificate in {self._certs}" if among else "")
+            which = f" of cluster {self._cluster}" if self._cluster else ""
+            free = f"no other UAV{which} is left to join"
+            free += f" that has a certificate in {self._certs}" if among else ""
             raise InputError("--uavs", self._uavs, f"at most {answers[0].left}: {free}")
         return answers[0]
 
@@ -170,7 +198,7 @@ class Joiner:
         self._start_uavs(pool, issued)
 
     def _log(self, name: str) -> Path:
-        return self._logs / f"{name}.log"
+        return self._parts.log(name) if name in {RECORDER, ROUTER} else self._logs / f"{name}.log"
 
     def _attend(self, presence: OperatorPresence, mission: str, claim: Callable[[], Issued]) -> None:
         """Stay until the mission is over and its operator has left, or has been away for too long."""
@@ -220,9 +248,19 @@ class Joiner:
                 if isinstance(item, fork_source.Exited):
                     self._deaths.take(item.uav, item.status)
                 self._pool.take(item)
+            case ChildReady(name):
+                self._parts.ready.add(name)
             case ChildExited(name, _, status) if not self._loop.ending:
-                last_lines = log_tail(self._log(name)) or SILENT
-                self._loop.failure = PartEndedError(f"the {name} {how_ended(status)}: {last_lines}")
+                self._take_exit(name, status)
+
+    def _take_exit(self, name: str, status: int) -> None:
+        """Take in the end of a child: the UAVs fly on without a recorder, and end without any other."""
+        if name == RECORDER and name in self._parts.ready:
+            if status:
+                self._note_crash(f"the {name} {how_ended(status)}", log_tail(self._log(name)))
+        else:
+            last_lines = log_tail(self._log(name)) or SILENT
+            self._loop.failure = PartEndedError(f"the {name} {how_ended(status)}: {last_lines}")
 
     def _take_event(self, heard: Heard) -> None:
         match self._gate.admit(heard):
@@ -246,3 +284,4 @@ class Joiner:
         end_fork_source(pool, self._source)
         if self._session is not None:
             self._session.close()
+        self._parts.end()

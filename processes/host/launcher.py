@@ -16,7 +16,7 @@ from edc_swarm.mission.autopilots import autopilots
 from edc_swarm.mission.configuration import Mission
 from processes.bus.subscriptions import Heard, Token
 from processes.host import fork_source
-from processes.host.ending import CLOSE_TIMEOUT_S, begin_end, landing_s
+from processes.host.ending import CLOSE_TIMEOUT_S, RECORDER_TIMEOUT_S, begin_end, landing_s
 from processes.host.pool import FORK_SOURCE
 from processes.host.run_report import RunReport, report_on
 from processes.host.run_setup import Bus, Protection, RunSetup, View
@@ -36,9 +36,6 @@ from processes.services.recorder import CANNOT_WRITE
 from processes.services.recorder import NAME as RECORDER
 from processes.services.visualiser import NAME as VIZ
 from processes.uav.flight import FAILED, INTERRUPTED
-
-RECORDER_TIMEOUT_S = 30.0
-"""Longest wait for the recorder to finish a recording."""
 
 
 class Launcher:

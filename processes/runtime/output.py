@@ -181,6 +181,14 @@ def recovered_name(part: Path) -> Path:
     return part.with_name(part.name.removesuffix(PART).removesuffix(SUFFIX) + ".recovered" + SUFFIX)
 
 
+def is_same_file(path: Path, other: Path) -> bool:
+    """Return True if both paths lead to one existing file."""
+    try:
+        return path.samefile(other)
+    except OSError:
+        return False
+
+
 @contextmanager
 def held_for_writing(part: Path, *, keep: bool = False) -> Iterator[BinaryIO]:
     """Open `part` and lock it, so that no other run recovers it. The caller renames it before the lock ends.

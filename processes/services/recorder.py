@@ -95,7 +95,10 @@ Item = Received | Oversized | RetransmissionAnswer | StopRecording | zenoh.Query
 
 
 class RecorderSettings(Struct, frozen=True, kw_only=True):
-    """Settings of the recorder. `parent` is 0 for a recorder that outlives the process that started it."""
+    """Settings of the recorder. `parent` is 0 for a recorder that outlives the process that started it.
+
+    `uavs`: whose messages it records, with those of the operator and of recorders; of everybody, if there are none.
+    """
 
     endpoint: str
     mission: str
@@ -105,6 +108,7 @@ class RecorderSettings(Struct, frozen=True, kw_only=True):
     certs: str = ""
     parent: int = 0
     clock_ahead_ns: int | None = None
+    uavs: list[str] = []
 
 
 class Recorder:
@@ -123,14 +127,17 @@ class Recorder:
         self._end_s = self._stop_s = math.inf
         give_way()  # Before Zenoh's threads begin, which inherit it.
         self._session = open_client(settings.endpoint, credentials(settings.certs, NAME), observer=True)
-        self._session.declare_subscriber(self._keys.everything, hand_over(self._take))
+        self._is_partial = bool(settings.uavs)
+        for key in self._keys.said_by(settings.uavs) if self._is_partial else [self._keys.everything]:
+            self._session.declare_subscriber(key, hand_over(self._take))
         self._answers = {self._keys.orders(NAME): msgspec.json.encode(settings)}
         self._away_s: Callable[[], float] | None = None
         if not settings.parent:
             self._away_s = partial(OperatorPresence(self._session).away_s, settings.mission)
             for key in (self._keys.mission, *self._answers):
                 self._session.declare_queryable(key, hand_over(self._inbox.put))
-        self._token = self._session.liveliness().declare_token(self._keys.alive(NAME, self._events.instance))
+        if not self._is_partial:
+            self._token = self._session.liveliness().declare_token(self._keys.alive(NAME, self._events.instance))
 
     def stop(self) -> None:
         """Request the end after all queued messages; may be called from a signal handler."""
@@ -225,10 +232,15 @@ class Recorder:
             self.tell(EventKind.RECORDER_BEHIND, detail)
 
     def _ask(self) -> None:
-        """Request lost messages; a recorder that is behind waits with that until it has caught up."""
+        """Request lost messages; a recorder that is behind waits with that until it has caught up.
+
+        Only the recorder of everything lets publishers go that it lacks nothing of.
+        """
         if self._backlog.is_behind:
             return
         for publisher, ask in self._holes.due(time.monotonic()):
+            if self._is_partial and not ask.wanted:
+                continue
             take = partial(self._take_reply, publisher)
             query_in_background(self._session, self._keys.again(*publisher), retransmission.encode(ask), take)
 
@@ -322,6 +334,7 @@ def main() -> int:
                 raise InputError("recording", settings.part, allowed)
             recorder = Recorder(settings, stream)
             signal.signal(signal.SIGTERM, lambda *_: recorder.stop())
+            print("ready", flush=True)
             recorder.record()
             recorder.finish()
             if recorder.file.has_mission:

@@ -1,10 +1,11 @@
-"""The router: `python -m processes.services.router ENDPOINT [PARENT | mission [ACCESS]]`.
+"""The router: `python -m processes.services.router ENDPOINT [PARENT | mission [ACCESS]] [--link ADDRESS]`.
 
 It prints `ready` when it listens, and routes until SIGTERM. With PARENT it ends with that process. With the word
 `mission` it serves one mission, and ends when the operator and all participants have left. If the operator gives up
 before it has a mission (`processes.bus.abort_notice`), or no operator comes, the router notifies all processes, and
 for a while those that connect later. On a secured bus, ACCESS is the file of a `RouterAccess`, or a folder of
-certificates; the latter allows any mission of the UAVs with a certificate there.
+certificates; the latter allows any mission of the UAVs with a certificate there. With `--link` it is the router of one
+host, linked to the router at ADDRESS: what nobody asks for there stays on this host.
 """
 
 from __future__ import annotations
@@ -12,6 +13,7 @@ from __future__ import annotations
 import signal
 import sys
 import time
+from argparse import ArgumentParser, Namespace
 from pathlib import Path
 
 import msgspec
@@ -63,7 +65,8 @@ def main() -> int:
     """Run the router, and return the exit status."""
     signals = {signal.SIGTERM, signal.SIGINT}
     signal.pthread_sigmask(signal.SIG_BLOCK, signals)
-    for_whom = sys.argv[2] if len(sys.argv) > 2 else ""
+    given = _command_line()
+    for_whom = given.for_whom
     if for_whom.isdigit():
         die_with_parent(int(for_whom))
         signals = {signal.SIGTERM}
@@ -71,7 +74,10 @@ def main() -> int:
         make_room_for_sessions(MAX_SESSIONS)  # The launcher has done so for a router of its own.
     come_first()  # Before Zenoh's threads begin, which inherit it.
     try:
-        session = open_secured(sys.argv[1], Path(sys.argv[3])) if len(sys.argv) > 3 else open_router(sys.argv[1])
+        if given.access:
+            session = open_secured(given.endpoint, Path(given.access))
+        else:
+            session = open_router(given.endpoint, link=given.link)
     except (zenoh.ZError, OSError, msgspec.DecodeError, InputError) as error:
         print(f"router: {error}", file=sys.stderr)
         return 2
@@ -83,6 +89,15 @@ def main() -> int:
         signal.sigwait(signals)
     session.close()
     return status
+
+
+def _command_line() -> Namespace:
+    parser = ArgumentParser(prog="router")
+    parser.add_argument("endpoint")
+    parser.add_argument("for_whom", nargs="?", default="")
+    parser.add_argument("access", nargs="?", default="")
+    parser.add_argument("--link", default="")
+    return parser.parse_args()
 
 
 def _route_one_mission(session: zenoh.Session, signals: set[signal.Signals]) -> int:

@@ -10,9 +10,12 @@ from pathlib import Path
 
 import pytest
 
+from edc_swarm.analysis.head_terms import heads_of
 from edc_swarm.errors import RecordingError
 from edc_swarm.mission.roster import uav_ids
 from edc_swarm.recording.reader import read_recording
+from edc_swarm.recording.sequences import find_gaps
+from processes.cli.main import main
 from processes.host.certificates import write_certificates
 from tests.processes.conftest import Fly, Started
 
@@ -120,3 +123,43 @@ def test_a_cut_link_between_hosts(hosts: dict[str, str], start: Fly, tmp_path: P
     held = [fix for fix in recording.fixes if fix.uav in cut_off and fix.slot in slots]
     assert len(held) >= len(cut_off) == 3
     assert not any(fix.executing for fix in held)
+
+
+CLUSTERS = Path(__file__).parents[2] / "scenarios" / "crossing_clusters.toml"
+
+
+@pytest.mark.long
+def test_a_cluster_on_each_host_with_a_router_each(
+    hosts: dict[str, str], start: Fly, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """Cluster b flies on another host with a router and a recorder of its own; the link is cut, and comes back.
+
+    During the cut its head leads on, since its cluster needs nobody else. The recordings of both hosts are one.
+    """
+    near, kept, whole = hosts[NEAR], tmp_path / "near.mcap", tmp_path / "all.mcap"
+    run = start(
+        *("run", str(CLUSTERS), "--json", "--no-viz", "--remote", "4", "--listen", f"tcp/0.0.0.0:{PORT}"),
+        prefix=on(HOME),
+    )
+    joined = start(
+        *("join", f"tcp/{near}", "--uavs", "4", "--cluster", "b", "--router", "--record", str(kept)),
+        prefix=on(NEAR),
+    )
+    run.await_file(lambda: newest_slot(run) >= 6)
+    cut = newest_slot(run)
+    ip("-n", HOME, "link", "set", end_of(NEAR), "down")
+    run.await_file(lambda: newest_slot(run) >= cut + SETTLED)
+    ip("-n", HOME, "link", "set", end_of(NEAR), "up")
+    ended, left = run.end(), joined.end()
+    assert (ended.json["arrived"], left.status) == (8, 0), ended.stderr + left.stderr
+
+    own = read_recording(kept)
+    assert {fix.uav for fix in own.fixes} == {command.uav for command in own.commands} == {"b1", "b2", "b3", "b4"}
+    assert main(["merge", str(run.path), str(kept), "-o", str(whole)]) == 0
+    assert main(["check", str(whole)]) == 0, capsys.readouterr().out
+    merged = read_recording(whole)
+    assert not find_gaps(merged)
+    (term,) = heads_of(merged)["b"]
+    slots = range(cut + 4, cut + SETTLED)
+    led = {report.slot for report in merged.reports if report.head == term.head and report.has_quorum}
+    assert set(slots) <= led

@@ -2,13 +2,15 @@
 
 from __future__ import annotations
 
+import re
+from contextlib import ExitStack
 from pathlib import Path
-from typing import Annotated
+from typing import Annotated, get_args
 
 from cyclopts import Parameter
 
 from edc_swarm.errors import InputError
-from edc_swarm.mission.field_types import MAX_UAVS
+from edc_swarm.mission.field_types import MAX_UAVS, ClusterName
 from edc_swarm.mission.roles import JOIN
 from processes.bus.address import parse_endpoint
 from processes.bus.credentials import certified_uavs, check_certificates
@@ -17,6 +19,7 @@ from processes.host.claim_folder import ClaimFolder
 from processes.host.joiner import Joiner
 from processes.runtime.console import FAILED
 from processes.runtime.limits import make_room
+from processes.runtime.output import Output
 
 
 def join(
@@ -26,7 +29,11 @@ def join(
     uavs: WholeNumber = 1,
     state: Path | None = None,
     certs: Path | None = None,
+    cluster: str = "",
     arm: bool = False,
+    router: bool = False,
+    record: Path | None = None,
+    force: bool = False,
 ) -> int:
     """Fly UAVs of a mission that another machine operates: edc-swarm run --listen ADDRESS --remote N.
 
@@ -38,14 +45,33 @@ def join(
         Folder for the promises of the UAVs; a later `join` with the same folder flies the same UAVs.
     certs
         Folder with the certificates of `join` and of the UAVs that this host may fly; for a secured mission.
+    cluster
+        Fly UAVs of this cluster alone.
     arm
         Arm the vehicles of autopilots, after a check of each; without it nothing is armed.
+    router
+        Start a router on this host, linked to the mission's: what its UAVs say to each other stays here. Not with
+        --certs: the mission's router could not tell whose messages another router passes on.
+    record
+        The recording to write of what the UAVs of this host say; `edc-swarm merge` joins it to that of `run`.
+    force
+        Overwrite an existing recording.
     """
     parse_endpoint("address", address, "tcp" if certs is None else "tls", "" if certs else "; tls takes --certs FOLDER")
     if not 1 <= uavs <= MAX_UAVS:
         raise InputError("--uavs", uavs, f"from 1 to {MAX_UAVS}")
+    if re.search(get_args(ClusterName)[1].pattern, cluster) is None:
+        raise InputError("--cluster", cluster, "the name of a cluster of the mission")
     if certs is not None:
         check_certificates(certs, [JOIN, *certified_uavs(str(certs))])
+        for option, given in (("--router", router), ("--record", record)):
+            if given:
+                raise InputError(option, str(given), "left out with --certs")
     make_room(uavs)
-    with ClaimFolder(state) as folder:
-        return 0 if Joiner(address, uavs, folder, str(certs.resolve()) if certs else "", arm=arm).run() else FAILED
+    own = str(certs.resolve()) if certs is not None else ""
+    with ClaimFolder(state) as folder, ExitStack() as claimed:
+        output = claimed.enter_context(Output(record, force=force)) if record is not None else None
+        went_well = Joiner(address, uavs, folder, own, cluster=cluster, arm=arm, router=router, output=output).run()
+    if record is not None and record.exists():
+        print(record)
+    return 0 if went_well else FAILED

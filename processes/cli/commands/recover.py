@@ -11,7 +11,14 @@ from edc_swarm.errors import InputError
 from edc_swarm.recording.reader import read_recording
 from edc_swarm.recording.sequences import find_gaps, unknown_tails
 from processes.runtime.console import FAILED, note, print_json
-from processes.runtime.output import SUFFIX, check_output, locked_for_reading, recovered_name, write_recovered
+from processes.runtime.output import (
+    SUFFIX,
+    check_output,
+    is_same_file,
+    locked_for_reading,
+    recovered_name,
+    write_recovered,
+)
 
 
 def recover(
@@ -36,7 +43,7 @@ def recover(
         Print the losses as JSON alone on standard output.
     """
     path = out or recovered_name(part)
-    if _is_same(path, part):
+    if is_same_file(path, part):
         raise InputError("--out", str(path), f"another file than the torn one, with a name in {SUFFIX}")
     check_output(path, force=force)
     with locked_for_reading(part):
@@ -56,10 +63,3 @@ def recover(
     )
     print(path)
     return FAILED if problems else 0
-
-
-def _is_same(path: Path, other: Path) -> bool:
-    try:
-        return path.samefile(other)
-    except OSError:
-        return False
