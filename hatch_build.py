@@ -9,7 +9,7 @@ from typing import Any
 from hatchling.builders.hooks.plugin.interface import BuildHookInterface
 
 
-class PlatformTag(BuildHookInterface):  # type: ignore[type-arg]
+class PlatformTag(BuildHookInterface):
     """Tag as py3-none-PLATFORM: the library depends on the processor, not on Python's version."""
 
     def initialize(self, version: str, build_data: dict[str, Any]) -> None:
