@@ -1,7 +1,8 @@
 # `make run` flies the default mission, `make check` runs the linters, `make test` the tests that a change needs before
 # it is committed (six minutes on two processors), `make test-all` every test.
 # `make latency-figures` makes the figures of docs/latency.md again, in about an hour.
-# `make docs` builds the documentation as a site, in build/site.
+# `make docs` builds the documentation as a site, in build/site. `make wheel` builds a wheel for machines like this one,
+# with the planner compiled (it needs `ld`, of binutils); `pip wheel .` builds one for all, whose first flight compiles.
 # All that is needed is git, make and Python >= 3.11 with venv; the first call sets everything up.
 
 PYTHON ?= python3
@@ -13,7 +14,7 @@ RUN ?=
 # Tests start hundreds of processes of this package: each would compile every module anew.
 unexport PYTHONDONTWRITEBYTECODE
 
-.PHONY: run test test-all check format docs clean latency-figures
+.PHONY: run test test-all check format docs wheel clean latency-figures
 
 run: $(READY)
 	$(BIN)/edc-swarm run $(RUN)
@@ -45,6 +46,10 @@ format: $(READY)
 docs: $(READY)
 	$(BIN)/sphinx-build -q -W --keep-going -b html -c docs . build/site
 	@echo build/site/docs/contents.html
+
+wheel: $(READY)
+	$(BIN)/python -m processes.uav.compile_ahead --library edc_swarm/planner
+	$(BIN)/pip wheel --quiet --no-deps --wheel-dir dist . ; built=$$?; rm edc_swarm/planner/kernels-*.so; exit $$built
 
 # Both sweeps go on where they were; a figure is a quantity against an axis, of the simulator or of both engines.
 latency-figures: $(READY)

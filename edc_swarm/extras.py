@@ -19,6 +19,14 @@ PLANNER_EXTRAS = {"orca": ("pyrvo", "baselines")}
 """Package and extra that a planner of this package needs beyond the dependencies."""
 
 
+def version_of(package: str) -> str:
+    """Return the version of an installed package, else "absent": where the planner is ready, numba may be."""
+    try:
+        return importlib.metadata.version(package)
+    except importlib.metadata.PackageNotFoundError:
+        return "absent"
+
+
 def has_package(module: str) -> bool:
     """Return True if the module of an extra can be imported."""
     return importlib.util.find_spec(module) is not None

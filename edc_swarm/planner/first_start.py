@@ -12,8 +12,8 @@ import numpy as np
 
 from edc_swarm.mission.configuration import Mission
 from edc_swarm.planner import guidance_kernel
-from edc_swarm.planner.compiler import is_kept
 from edc_swarm.planner.guidance import Guidance, Tuning
+from edc_swarm.planner.just_in_time import is_kept
 from edc_swarm.planner.registry import warm_up
 
 

@@ -8,6 +8,7 @@ import tempfile
 from pathlib import Path
 
 import edc_swarm.planner
+from edc_swarm.planner.compiler import is_ready
 from processes.runtime.console import note
 
 VARIABLE = "NUMBA_CACHE_DIR"
@@ -16,6 +17,8 @@ VARIABLE = "NUMBA_CACHE_DIR"
 
 def choose_code_folder() -> None:
     """Choose a folder that takes compiled code, and note it on standard error if it is no usual one."""
+    if is_ready():
+        return
     given = os.environ.get(VARIABLE, "")
     usual = [given] if given else [str(Path(edc_swarm.planner.__file__).parent / "__pycache__"), _user_cache()]
     if any(map(_takes_files, usual)):

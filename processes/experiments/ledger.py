@@ -20,7 +20,6 @@ from concurrent.futures import FIRST_COMPLETED, Future, ProcessPoolExecutor, wai
 from concurrent.futures.process import BrokenProcessPool
 from contextlib import ExitStack, contextmanager, suppress
 from functools import lru_cache
-from importlib.metadata import version
 from itertools import islice
 from multiprocessing.process import BaseProcess
 from pathlib import Path
@@ -33,7 +32,7 @@ from msgspec import Struct
 import edc_swarm
 from edc_swarm.errors import InputError, SwarmError
 from edc_swarm.experiments.sweeps import Run
-from edc_swarm.extras import install_command
+from edc_swarm.extras import install_command, version_of
 from processes.runtime.output import unwritten
 from processes.runtime.parent import die_with_parent
 from processes.runtime.run_count import run_count
@@ -152,7 +151,7 @@ def _lock(file: BinaryIO) -> None:
 def code_fingerprint() -> str:
     """Return a digest of everything that can change a result: sources of library and measures, package versions."""
     library = Path(edc_swarm.__file__).parent
-    digest = hashlib.sha256("".join(f"{name}={version(name)};" for name in PACKAGES).encode())
+    digest = hashlib.sha256("".join(f"{name}={version_of(name)};" for name in PACKAGES).encode())
     for path in sorted(library.rglob("*.py")):
         if path.relative_to(library).parts[0] not in RESULT_NEUTRAL_PACKAGES:
             digest.update(path.read_bytes())

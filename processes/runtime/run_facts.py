@@ -11,10 +11,10 @@ import subprocess
 import sys
 from collections.abc import Iterator, Mapping, Sequence
 from functools import cache
-from importlib.metadata import version
 from pathlib import Path
 
 import edc_swarm
+from edc_swarm.extras import version_of
 from edc_swarm.mission.configuration import Mission
 from edc_swarm.mission.plug_ins import plug_ins_of
 from edc_swarm.planner.registry import BUILT_IN
@@ -36,7 +36,7 @@ def run_facts(clock: str) -> dict[str, str]:
         "commit": _commit(),
         "machine": f"{platform.machine()}, {os.cpu_count()} processors, {platform.system()} {platform.release()}",
         "python": platform.python_version(),
-        **{f"version {name}": version(name) for name in PACKAGES},
+        **{f"version {name}": version_of(name) for name in PACKAGES},
     }
 
 

@@ -1,11 +1,16 @@
-"""Compilation of the planner as part of an installation: `python -m processes.uav.compile_ahead`.
+"""Compilation of the planner as part of an installation: `python -m processes.uav.compile_ahead [--library FOLDER]`.
 
-Without it the first flight does so. Code is kept for the processor of this machine, or that of NUMBA_CPU_NAME.
+Without it the first flight does so. Code is kept for the processor of this machine. With `--library` it becomes a
+library in the folder, for any processor of this kind: in the folder of `edc_swarm.planner`, numba is needed no more.
+The linker is `ld`, of the package binutils.
 """
 
 from __future__ import annotations
 
+import subprocess
 import sys
+import tempfile
+from pathlib import Path
 
 from edc_swarm.mission.configuration import Mission
 from edc_swarm.mission.zone import Zone
@@ -17,13 +22,29 @@ ANY_ZONE = Zone(name="fence", kind="inclusion", polygon=[(-1.0, -1.0), (101.0, -
 """Any zone: missions with zones need more code than others."""
 
 
-def main() -> int:
+def main(arguments: list[str]) -> int:
     """Compile all that any mission needs, or load it if it is compiled."""
+    if arguments[:1] == ["--library"]:
+        _make_library(Path(arguments[1]))
+        return 0
     compiling = CompilingNote(Voice())
     warm_planner(Mission(zone=[ANY_ZONE]), compiling.tell, helped=True)
     compiling.end()
     return 0
 
 
+def _make_library(folder: Path) -> None:
+    from edc_swarm.planner.ahead_of_time import SYMBOLS, object_code  # noqa: PLC0415  (imports numba)
+    from edc_swarm.planner.machine_code import library_path  # noqa: PLC0415  (imports numpy)
+
+    with tempfile.TemporaryDirectory() as scratch:
+        compiled, symbols = Path(scratch) / "kernels.o", Path(scratch) / "symbols"
+        compiled.write_bytes(object_code(Mission(zone=[ANY_ZONE])))
+        symbols.write_text(SYMBOLS)
+        made = library_path(folder)
+        subprocess.run(["ld", "-shared", "-s", f"--version-script={symbols}", "-o", made, compiled], check=True)
+    print(made)
+
+
 if __name__ == "__main__":
-    sys.exit(main())
+    sys.exit(main(sys.argv[1:]))

@@ -35,9 +35,10 @@ def warm_planner(mission: Mission, tell: Callable[[int], None] = _nobody, *, hel
     """
     if mission.planner in _warm_for:
         return
+    from edc_swarm.planner.compiler import is_ready  # noqa: PLC0415  (imports numpy)
     from edc_swarm.planner.registry import warm_up  # noqa: PLC0415  (imports numpy: only a possible head needs it)
 
-    if mission.planner != OWN_PLANNER:
+    if mission.planner != OWN_PLANNER or is_ready():
         warm_up(mission)
     else:
         from edc_swarm.planner.first_start import compile_search  # noqa: PLC0415  (imports numba)
