@@ -478,7 +478,8 @@ def test_the_layout_shows_only_what_there_is(messages: list[Message]) -> None:
         for path in config.get("paths", []):
             topic, _, name = re.sub(r"\{.*\}", "", path["value"]).rpartition(".")
             assert topic in topics
-            assert name in (Status if topic == "/viz/status" else Told).__struct_fields__
+            fields = (Status if topic == "/viz/status" else Told).__struct_fields__
+            assert {name, *re.findall(r"\{(\w+)==", path["value"])} <= set(fields)
     tabs = [tab["layout"] for config in panels.values() for tab in config.get("tabs", [])]
     assert set.union(*map(_leaves, [whole["layout"], *tabs])) == set(panels)
 
