@@ -32,7 +32,7 @@ const createPlots = (pages, host, span, seek) => {
     const below = labels.length > 0 && free + READ_OUT + wide > width, top = BOX.top + (below ? ROW : 0), height = plotted + top - BOX.top;
     svg.setAttribute("viewBox", `0 0 ${width} ${height}`); svg.setAttribute("height", height);
     let right = width - BOX.right;
-    for (const [label, kind] of labels) {
+    for (const [label, kind] of labels.toReversed()) {
       const y = below ? 15 + ROW : 15, length = label.getComputedTextLength();
       label.setAttribute("x", right); label.setAttribute("y", y);
       make("line", { x1: right - length - 24, x2: right - length - 6, y1: y - 4, y2: y - 4, class: kind }, svg);
@@ -82,7 +82,7 @@ const createPlots = (pages, host, span, seek) => {
     if (high - low < 1e-9) high = low + 1;
     high += 0.05 * (high - low); if (low < 0) low -= 0.05 * (high - low);
     const entries = all.length > 1 ? all.map((series, n) => [series.name, `series series${n}`]) : [];
-    if (plot.limit !== null) entries.unshift([inSight ? `${plot.limit_name} (${tidy(plot.limit)} ${plot.unit})` : `${plot.limit_name} ${tidy(plot.limit)} ${plot.unit}, outside the range`, "limit"]);
+    if (plot.limit !== null) entries.push([inSight ? `${plot.limit_name} (${tidy(plot.limit)} ${plot.unit})` : `${plot.limit_name} ${tidy(plot.limit)} ${plot.unit}, outside the range`, "limit"]);
     const box = frame(150, title, entries), { svg, body, x, width, height, top } = box;
     const y = (value) => height - BOX.bottom - (height - top - BOX.bottom) * (value - low) / (high - low);
     const step = niceStep(high - low, 4);
@@ -106,13 +106,13 @@ const createPlots = (pages, host, span, seek) => {
       return i < 0 || timeS - x[i] >= 3.5 * page.slot_s ? "-" : String(Number(y[i].toPrecision(3)));
     };
     cursors.push(() => {
-      label.textContent = all.map(valueAt).reverse().join(", ");  // In the order of the legend.
+      label.textContent = all.map(valueAt).join(", ");  // In the order of the legend.
       if (free + label.getComputedTextLength() > end) label.textContent = "";
     });
   };
   const drawHeads = () => {
     const names = [...new Set(page.terms.map((term) => term.head))], row = 16;
-    const box = frame(BOX.top + BOX.bottom + row * Math.max(1, Math.min(names.length, 12)), "Head over time (term in the bar)"), { svg, body, x } = box;
+    const box = frame(BOX.top + BOX.bottom + row * Math.max(1, Math.min(names.length, 12)), `Head${pages.length > 1 ? " of A" : ""} over time (term in the bar)`), { svg, body, x } = box;
     const rowOf = (name) => Math.min(names.indexOf(name), 11);
     names.slice(0, 12).forEach((name, n) => {
       const words = n === 11 && names.length > 12 ? "others" : name.length > 7 ? name.slice(0, 6) + "…" : name;

@@ -122,7 +122,7 @@ def test_plots_say_their_values_at_the_time_of_the_slider(page: Path, browser: A
     said = [each.text for each in browser.find_elements(By.CSS_SELECTOR, "#plots text.now")]
     for plot, words in zip(data["plots"], said, strict=True):
         last = [[y for x, y in zip(series["x"], series["y"], strict=True) if x <= 3.2][-1] for series in plot["series"]]
-        assert [float(word) for word in words.split(", ")] == pytest.approx(last[::-1], rel=5e-3)
+        assert [float(word) for word in words.split(", ")] == pytest.approx(last, rel=5e-3)
 
 
 def test_values_stand_in_the_order_of_the_legend(page: Path, browser: Any, tmp_path: Path) -> None:
@@ -291,6 +291,10 @@ def test_two_recordings_stand_side_by_side(tmp_path: Path, browser: Any) -> None
     assert [len(each.find_elements(By.CSS_SELECTOR, "li")) > 0 for each in lists] == [True, True]
     table = browser.find_element(By.ID, "differences").text
     assert "least gap" in table
+    widths = browser.execute_script(
+        "return [...document.querySelectorAll('#differences thead th')].map((each) => each.clientWidth)"
+    )
+    assert widths[1] == widths[2]
     assert "G3 Separation" in table
     assert browser.execute_script("return document.documentElement.scrollWidth <= innerWidth")
     assert browser.execute_script(OVERLAPPING_TEXTS) == []
