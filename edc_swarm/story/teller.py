@@ -127,6 +127,7 @@ class ClusterTeller:
             case EventKind.OFF_BUS:
                 self._notice(event.detail, "has left the bus: its process, its host or its link")
             case EventKind.BATTERY_EMPTY if event.source in self._fleet.uavs:
+                self._fleet.stop(event.source, "silent", "its battery is empty")
                 self._log.tell("battery-empty", [event.source], "the battery is empty", level="warning")
             case EventKind.LANDED if event.source in self._fleet.uavs:
                 self._fleet.land(event.source, event.detail)
