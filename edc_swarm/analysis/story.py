@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Iterable
 from dataclasses import dataclass
+from typing import Literal
 
 import msgspec
 
@@ -16,6 +17,14 @@ from edc_swarm.story.teller import Storyteller
 
 MAX_STORY_SLOTS = 1_000_000
 """Most slots of a story."""
+AMENDED: tuple[Literal["silent", "dead", "frozen", "cut-off", "unknown"], ...] = (
+    "silent",
+    "dead",
+    "frozen",
+    "cut-off",
+    "unknown",
+)
+"""Kinds of happenings that are states, and begin before they can be told."""
 NO_FIX = "the record holds no fix of it"
 """Words for a UAV of which nothing is known."""
 
@@ -54,7 +63,7 @@ def story_of(recording: Recording) -> Story:
         states.append(bytes(code[state] for state in teller.states.values()))
     _tell_unheard(teller.happenings, recording)
     _doubt_holds(teller.happenings, recording)
-    _take_back(teller.happenings, states, [entry.uav for entry in mission.roster])
+    _amend(teller.happenings, states, [entry.uav for entry in mission.roster])
     happenings = grouped(teller.happenings, [entry.uav for entry in mission.roster])
     happenings.sort(key=lambda happening: happening.time_s)
     return Story(happenings, states, teller.left_out)
@@ -112,14 +121,19 @@ def _doubt_holds(happenings: list[Happening], recording: Recording) -> None:
             hold.reason, hold.detail = "unknown", "the record lacks commands for it"
 
 
-def _take_back(happenings: list[Happening], states: list[bytes], uavs: list[str]) -> None:
-    """Make the states unknown in which the record turned out to lack fixes."""
-    index, unknown = {uav: k for k, uav in enumerate(uavs)}, STATES.index("unknown")
-    for each in happenings:
-        if each.kind == "unknown":
-            last = len(states) - 1 if each.last_slot is None else each.last_slot
-            for slot in range(each.slot, last + 1):
-                row = bytearray(states[slot])
-                for uav in each.uavs:
-                    row[index[uav]] = unknown
-                states[slot] = bytes(row)
+def _amend(happenings: list[Happening], states: list[bytes], uavs: list[str]) -> None:
+    """Amend the states from the slot on in which a UAV is told to be gone: the teller knew it a slot or more later.
+
+    States in which the record turned out to lack fixes become unknown.
+    """
+    index, codes = {uav: k for k, uav in enumerate(uavs)}, {state: k for k, state in enumerate(STATES)}
+    for each in sorted(happenings, key=lambda happening: happening.kind == "unknown"):
+        if each.kind not in AMENDED:
+            continue
+        last = len(states) - 1 if each.last_slot is None else each.last_slot
+        for slot in range(each.slot, last + 1):
+            row = bytearray(states[slot])
+            for uav in each.uavs:
+                if row[index[uav]] != codes["landed"] or each.kind == "unknown":
+                    row[index[uav]] = codes[each.kind]
+            states[slot] = bytes(row)

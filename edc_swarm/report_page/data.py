@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import base64
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from typing import Any
 
 import numpy as np
@@ -175,7 +175,7 @@ class Page(Struct, frozen=True, kw_only=True):
             story=told,
             left_out=story.left_out + len(story.happenings) - len(told),
             itineraries=flown,
-            rows=flight_rows(mission, columns, story, plans, whole_leader.ravel().tolist()),
+            rows=flight_rows(recording, columns, story, plans, whole_leader.ravel().tolist()),
             clusters=names if len(names) > 1 else [],
             cluster=[names.index(entry.cluster) for entry in mission.roster] if len(names) > 1 else [],
         )
@@ -283,12 +283,13 @@ def _plots(mission: MissionMessage, columns: Columns) -> list[Plot]:
     from_m, to_m = (np.where(there, points_m, np.nan) for points_m in (columns.centre_m[:-1], columns.centre_m[1:]))
     gap_m = least_gaps_m(from_m, to_m, r_m)
     gap_m[columns.lost.any(axis=1)] = np.nan
-    order = np.argsort(columns.plan_slot, kind="stable")
     limit_ms = 1e3 * (mission.dt_s - mission.tau_s) / mission.time_scale
-    plan = _series("plan time", mission.dt_s * columns.plan_slot[order], columns.plan_ms[order])
+    slots, (most_ms,) = _of_slots(columns.plan_slot, columns.plan_ms, np.max)
+    of_heads = ", the longest of all heads" if mission.clusters > 1 else ""
+    plan = _series("plan time", mission.dt_s * slots, most_ms)
     return [
         Plot("Least gap between two discs", "m", [_series("least gap", slots_s, gap_m)], 0.0, "overlap"),
-        Plot("Plan time", "ms", [plan], limit_ms, "limit"),
+        Plot(f"Plan time{of_heads}", "ms", [plan], limit_ms, "limit"),
         Plot("From fix to command", "ms", _latencies(mission, columns)),
         Plot("Energy used by all, waiting at targets too", "kJ", [_series("energy", slots_s, _used_j(columns) / 1e3)]),
     ]
@@ -296,12 +297,19 @@ def _plots(mission: MissionMessage, columns: Columns) -> list[Plot]:
 
 def _latencies(mission: MissionMessage, columns: Columns) -> list[Series]:
     """Return the greatest and the median latency of each slot's commands."""
-    order = np.argsort(columns.command_slot, kind="stable")
-    slots, first = np.unique(columns.command_slot[order], return_index=True)
-    groups = np.split(columns.fix_to_command_ms[order], first[1:]) if len(slots) else []
+    slots, (most_ms, middle_ms) = _of_slots(columns.command_slot, columns.fix_to_command_ms, np.max, np.median)
     times_s = mission.dt_s * (slots - 1)
-    most, middle = ([float(reduce(group)) for group in groups] for reduce in (np.max, np.median))
-    return [_series("greatest", times_s, most), _series("median", times_s, middle)]
+    return [_series("greatest", times_s, most_ms), _series("median", times_s, middle_ms)]
+
+
+def _of_slots(
+    slots: NDArray[np.int64], values: NDArray[np.float64], *reductions: Callable[[NDArray[np.float64]], Any]
+) -> tuple[NDArray[np.int64], list[list[float]]]:
+    """Return the slots, each once, and for each reduction what it makes of each slot's values."""
+    order = np.argsort(slots, kind="stable")
+    each, first = np.unique(slots[order], return_index=True)
+    groups = np.split(values[order], first[1:]) if len(each) else []
+    return each, [[float(reduce(group)) for group in groups] for reduce in reductions]
 
 
 def _used_j(columns: Columns) -> NDArray[np.float64]:

@@ -6,13 +6,13 @@ from collections.abc import Mapping
 
 import numpy as np
 from msgspec import Struct
+from numpy.typing import NDArray
 
 from edc_swarm.analysis.columns import Columns
 from edc_swarm.analysis.story import Story
-from edc_swarm.protocol.messages import MissionMessage, Report
+from edc_swarm.protocol.messages import Report, roster_index
+from edc_swarm.recording.model import Recording
 from edc_swarm.story.happening import STATES
-
-ARRIVED = STATES.index("arrived")
 
 
 class FlightRow(Struct, frozen=True):
@@ -33,19 +33,21 @@ class FlightRow(Struct, frozen=True):
 
 
 def flight_rows(
-    mission: MissionMessage,
+    recording: Recording,
     columns: Columns,
     story: Story,
     clusters: Mapping[str, Mapping[int, Report]],
     leader: list[int],
 ) -> list[FlightRow]:
     """Return the rows in roster order; plans by cluster and slot, `leader` the roster indices of all heads."""
+    mission = recording.mission
     states = np.array([list(row) for row in story.states], np.uint8).reshape(len(story.states), -1)
+    at_target = _at_target(recording, *states.shape)
     flown = np.flatnonzero(columns.executed.any(axis=1))
     first = int(flown[0]) if len(flown) else len(states)
     rows = []
     for k, entry in enumerate(mission.roster):
-        away = np.flatnonzero(states[:, k] != ARRIVED)
+        away = np.flatnonzero(~at_target[:, k])
         home = int(away[-1]) + 1 if len(away) else 0
         counted = slice(first, max(first, home))
         moving = columns.alive[counted, k] & ~columns.lost[counted, k]
@@ -69,6 +71,18 @@ def flight_rows(
             )
         )
     return rows
+
+
+def _at_target(recording: Recording, slots: int, uavs: int) -> NDArray[np.bool_]:
+    """Return (S, K) True where a UAV is at its target by its newest fix."""
+    index = roster_index(recording.mission.roster)
+    said = np.zeros((slots, uavs), np.int8)  # 1: at its target, -1: not, 0: no fix.
+    for fix in recording.fixes:
+        if fix.slot < slots:
+            said[fix.slot, index[fix.uav]] = 1 if fix.arrived else -1
+    for now, before in zip(said[1:], said[:-1], strict=True):
+        now[now == 0] = before[now == 0]
+    return said > 0
 
 
 def cells(row: FlightRow) -> list[str]:

@@ -4,10 +4,11 @@
 
 const decode = (text) => Uint8Array.from(atob(text), (c) => c.charCodeAt(0));
 const COLOUR_OF = {
-  overlap: "--vermillion", silent: "--grey", unknown: "--grey", landed: "--grey", arrived: "--green", beside: "--green",
+  overlap: "--vermillion", silent: "--grey", unknown: "--grey", arrived: "--green", beside: "--green",
   flying: "--blue", holding: "--amber", dead: "--vermillion", frozen: "--cyan", "cut-off": "--purple",
 };
 const FAINT = new Set(["silent", "unknown", "frozen", "cut-off", "beside"]);
+const MARGIN = 34, FOOT = 20;  // Room for the numbers of the axes, in pixels.
 const ARRIVED_M = 0.1, TRAIL_S = 15, MANY = 100;
 
 const createMap = (page, canvas, theme, layers) => {
@@ -79,33 +80,43 @@ const createMap = (page, canvas, theme, layers) => {
     if (layers.links.checked) drawLinks(g, v, at, i);
     if (layers.targets.checked) for (let k = 0; k < K; k++) drawTarget(g, v, k, at[k], landed(k, i));
     if (layers.trails.checked) for (let k = 0; k < K; k++) drawTrail(g, v, k);
-    for (let k = 0; k < K; k++) drawDisc(g, v, k, at[k], stateOf(k, at[k], hit, i), leads(k));
-    if (layers.truth.checked) for (let k = 0; k < K; k++) drawTruth(g, v, k, at[k], i);
-    for (let k = 0; k < K; k++) drawLabel(g, v, k, at[k], leads(k), landed(k, i));
+    const all = page.uavs.map((_, k) => k), flying = all.filter((k) => !landed(k, i));
+    for (const k of all) if (landed(k, i)) drawLanded(g, v, k, at[k], flying.map((l) => [v.x(at[l][0]), v.y(at[l][1]), v.scale * page.r_m[l]]));  // Others may fly over them.
+    for (const k of flying) drawDisc(g, v, k, at[k], stateOf(k, at[k], hit, i), leads(k));
+    if (layers.truth.checked) for (const k of flying) drawTruth(g, v, k, at[k], i);
+    for (const k of flying) drawLabel(g, v, k, at[k], leads(k));
+    drawAxes(g, v);
   };
   const stateOf = (k, at, hit, i) => {
-    if (landed(k, i)) return "landed";
     if (hit.has(k)) return "overlap";
     const state = recorded(k, i);
     return (state === "flying" || state === "holding") && isThere(k, at) ? "arrived" : state;
   };
-  const drawGrid = (g, v) => {
+  const ticks = (v) => {
     const [left, high] = v.toM(0, 0), [right, low] = v.toM(v.width, v.height);
     const step = niceStep(Math.max(right - left, high - low), 6);
-    g.strokeStyle = theme.of("--line"); g.fillStyle = theme.of("--soft"); g.lineWidth = 1; g.globalAlpha = 0.8;
-    g.font = "11px system-ui, sans-serif"; g.setLineDash([]);
-    g.textAlign = "center"; g.textBaseline = "bottom";
-    for (let x = Math.ceil(left / step) * step; x <= right; x += step) {
-      path(g, [[v.x(x), 0], [v.x(x), v.height]]);
-      if (v.x(x) > 40 && v.x(x) < v.width - 20) g.fillText(tidy(x), v.x(x), v.height - 4);
-    }
-    g.textAlign = "left"; g.textBaseline = "middle";
-    for (let y = Math.ceil(low / step) * step; y <= high; y += step) {
-      path(g, [[0, v.y(y)], [v.width, v.y(y)]]);
-      if (v.y(y) > 10 && v.y(y) < v.height - 24) g.fillText(tidy(y), 4, v.y(y));
-    }
+    const between = (from, to) => Array.from({ length: Math.floor(to / step) - Math.ceil(from / step) + 1 }, (_, n) => (Math.ceil(from / step) + n) * step);
+    return [between(left, right), between(low, high)];
+  };
+  const drawGrid = (g, v) => {
+    const [xs, ys] = ticks(v);
+    g.strokeStyle = theme.of("--line"); g.lineWidth = 1; g.globalAlpha = 0.8; g.setLineDash([]);
+    for (const x of xs) path(g, [[v.x(x), 0], [v.x(x), v.height]]);
+    for (const y of ys) path(g, [[0, v.y(y)], [v.width, v.y(y)]]);
     g.globalAlpha = 1;
-    g.textAlign = "right"; g.textBaseline = "bottom"; g.fillText("east, north (m)", v.width - 6, v.height - 18);
+  };
+  const drawAxes = (g, v) => {
+    const [xs, ys] = ticks(v);
+    g.fillStyle = theme.of("--panel");
+    g.fillRect(0, 0, MARGIN, v.height); g.fillRect(MARGIN, v.height - FOOT, v.width, FOOT);
+    g.fillStyle = theme.of("--soft"); g.font = "11px system-ui, sans-serif";
+    g.textAlign = "right"; g.textBaseline = "bottom";
+    const words = "east, north (m)", free = v.width - 6 - g.measureText(words).width - 20;
+    g.fillText(words, v.width - 6, v.height - 4);
+    g.textAlign = "center";
+    for (const x of xs) if (v.x(x) > MARGIN + g.measureText(tidy(x)).width / 2 && v.x(x) < free) g.fillText(tidy(x), v.x(x), v.height - 4);
+    g.textAlign = "left"; g.textBaseline = "middle";
+    for (const y of ys) if (v.y(y) > 10 && v.y(y) < v.height - FOOT - 6) g.fillText(tidy(y), 4, v.y(y));
   };
   const drawZone = (g, v, zone) => {
     const excludes = zone.kind === "exclusion", colour = theme.of(excludes ? "--amber" : "--green");
@@ -157,7 +168,7 @@ const createMap = (page, canvas, theme, layers) => {
     g.globalAlpha = 1;
   };
   const drawDisc = (g, v, k, at, state, leads) => {
-    const [x, y, r] = [v.x(at[0]), v.y(at[1]), state === "landed" ? 2 : Math.max(2, v.scale * page.r_m[k])];
+    const [x, y, r] = [v.x(at[0]), v.y(at[1]), Math.max(2, v.scale * page.r_m[k])];
     g.strokeStyle = g.fillStyle = theme.of(COLOUR_OF[state]);
     g.beginPath(); g.arc(x, y, r, 0, 2 * Math.PI);
     g.globalAlpha = state === "overlap" ? 0.5 : state === "arrived" ? 0.28 : 0.13; g.fill();
@@ -175,6 +186,14 @@ const createMap = (page, canvas, theme, layers) => {
       g.beginPath(); g.arc(x, y, r + 2.5, 0, 2 * Math.PI); g.stroke();
     }
   };
+  const drawLanded = (g, v, k, at, discs) => {
+    const [x, y] = [v.x(at[0]), v.y(at[1])], chosen = k === hovered || k === followed;
+    g.fillStyle = theme.of("--grey");
+    g.beginPath(); g.arc(x, y, 3.5, 0, 2 * Math.PI); g.fill();
+    if (chosen) { g.strokeStyle = theme.of("--ink"); g.lineWidth = 1.2; g.setLineDash([]); g.beginPath(); g.arc(x, y, 6, 0, 2 * Math.PI); g.stroke(); }
+    const isFree = discs.every(([dx, dy, r]) => Math.hypot(dx - x, dy - y - 11) > r + 15);
+    if (chosen || (isNamed(k) && isFree)) write(g, page.uavs[k], chosen ? "12px" : "10px", x, y + 11, theme.of(chosen ? "--ink" : "--soft"));
+  };
   const drawTruth = (g, v, k, at, i) => {
     const dx = offsets[2 * (i * K + k)], dy = offsets[2 * (i * K + k) + 1];
     if (dx === -128 || v.scale * page.r_m[k] < 6) return;
@@ -182,11 +201,12 @@ const createMap = (page, canvas, theme, layers) => {
     g.beginPath(); g.arc(v.x(at[0] + dx * page.r_m[k] / 127), v.y(at[1] + dy * page.r_m[k] / 127), 1.6, 0, 2 * Math.PI); g.fill();
     g.globalAlpha = 1;
   };
-  const drawLabel = (g, v, k, at, leads, isDown) => {
+  // Names of a large swarm show when near, or of the one under the pointer.
+  const isNamed = (k) => K < MANY || camera.zoom >= 2 || k === hovered || k === followed;
+  const drawLabel = (g, v, k, at, leads) => {
     const [x, y, r] = [v.x(at[0]), v.y(at[1]), v.scale * page.r_m[k]], words = page.uavs[k];
     const chosen = k === hovered || k === followed;
-    if (isDown && !chosen) return;
-    if (K >= MANY && camera.zoom < 2 && !chosen && !leads) return;
+    if (!isNamed(k) && !leads) return;
     g.font = "10px system-ui, sans-serif";
     const px = chosen ? 12 : Math.min(12, 0.8 * r, 10 * 1.85 * r / g.measureText(words).width), named = px >= 7;
     if (named) write(g, words, `${px}px`, x, y + (leads ? 0.55 * px : 0));
@@ -232,7 +252,7 @@ const createMap = (page, canvas, theme, layers) => {
       if (number || points.length > 1) words.push(`point ${leg + 1} of ${points.length}${number ? ` of its goal ${number + 1}` : ""}`);
       words.push(charge === 255 ? "battery unknown" : `battery ${charge} %`);
       if (page.clusters.length) words.push(`cluster ${page.clusters[clusterOf(k)]}`);
-      if (leaderOf(k, i) === k) words.push("the head"); else words.push(!page.terms.length ? "no plan is recorded" : age === 255 ? "no head has heard it" : age ? `the head's fix of it is ${age} slots old` : "the head has its fix");
+      if (leaderOf(k, i) === k) words.push("the head"); else words.push(!page.terms.length ? "no plan is recorded" : age === 255 ? "no head has heard it" : age ? `the head's fix of it is ${age} slot${age > 1 ? "s" : ""} old` : "the head has its fix");
       return words.join("; ");
     },
   };

@@ -37,7 +37,7 @@
   const markNow = () => items.forEach((list, n) => {
     const now = list.findLast((each) => each.time <= timeS + 1e-9 && !each.item.hidden);
     for (const each of list) each.item.classList.toggle("now", each === now);
-    if (now) lists[n].scrollTop = Math.max(0, now.item.offsetTop - lists[n].offsetTop - lists[n].clientHeight / 2);
+    if (now) lists[n].scrollTop = now.item.offsetTop - lists[n].clientHeight / 2;
   });
   const step = (way) => {
     const times = items[0].filter((each) => !each.item.hidden).map((each) => each.time);

@@ -15,24 +15,36 @@ const niceStep = (span, count) => {
   const raw = Math.max(span, 1e-9) / count, power = 10 ** Math.floor(Math.log10(raw));
   return power * [1, 2, 5, 10].find((m) => m * power >= raw * 0.999999);
 };
-const BOX = { left: 52, right: 12, top: 24, bottom: 32 };
+const BOX = { left: 52, right: 12, top: 24, bottom: 32 }, ROW = 15, READ_OUT = 60;
 const MARKED = new Set(["dead", "frozen", "term", "landed", "cut-off", "no-head", "battery-empty", "silent"]);
 
 const createPlots = (pages, host, span, seek) => {
   const page = pages[0], cursors = [];
   let timeS = 0;
 
-  const frame = (height, title) => {
+  // `entries` of the legend, [words, kind], stand beside the title, or below it where they do not fit.
+  const frame = (plotted, title, entries = []) => {
     const box = [...host.children].find((each) => !each.firstChild);
-    const width = box.clientWidth, svg = make("svg", { viewBox: `0 0 ${width} ${height}`, height, role: "img", "aria-label": title }, box);
+    const width = box.clientWidth, svg = make("svg", { role: "img", "aria-label": title }, box);
+    const heading = make("text", { x: 8, y: 15, class: "title" }, svg, title), free = 8 + heading.getComputedTextLength() + 10;
+    const labels = entries.map(([words, kind]) => [make("text", { "text-anchor": "end", class: kind === "limit" ? "limit-name" : "" }, svg, words), kind]);
+    const wide = labels.reduce((sum, [label]) => sum + label.getComputedTextLength() + 36, 0);
+    const below = labels.length > 0 && free + READ_OUT + wide > width, top = BOX.top + (below ? ROW : 0), height = plotted + top - BOX.top;
+    svg.setAttribute("viewBox", `0 0 ${width} ${height}`); svg.setAttribute("height", height);
+    let right = width - BOX.right;
+    for (const [label, kind] of labels.toReversed()) {
+      const y = below ? 15 + ROW : 15, length = label.getComputedTextLength();
+      label.setAttribute("x", right); label.setAttribute("y", y);
+      make("line", { x1: right - length - 24, x2: right - length - 6, y1: y - 4, y2: y - 4, class: kind }, svg);
+      right -= length + 36;
+    }
     const inner = width - BOX.left - BOX.right, length = span.to - span.from;
     const x = (t) => BOX.left + inner * (t - span.from) / length;
     const clip = `clip${[...host.children].indexOf(box)}`;
     make("rect", { x: BOX.left, y: 0, width: Math.max(0, inner), height }, make("clipPath", { id: clip }, svg));
-    const heading = make("text", { x: 8, y: 15, class: "title" }, svg, title);
     const step = niceStep(length, Math.max(2, Math.floor(width / 90)));
     for (let t = Math.ceil(span.from / step - 1e-9) * step; t <= span.to + 1e-4 * length; t += step) {
-      make("line", { x1: x(t), x2: x(t), y1: BOX.top, y2: height - BOX.bottom, class: "axis" }, svg);
+      make("line", { x1: x(t), x2: x(t), y1: top, y2: height - BOX.bottom, class: "axis" }, svg);
       if (x(t) < width - 70 || t === 0) make("text", { x: x(t), y: height - BOX.bottom + 13, "text-anchor": "middle" }, svg, tidy(t));
     }
     make("text", { x: width - BOX.right, y: height - BOX.bottom + 13, "text-anchor": "end" }, svg, "time (s)");
@@ -42,32 +54,37 @@ const createPlots = (pages, host, span, seek) => {
     svg.addEventListener("pointerdown", follow);
     svg.addEventListener("pointermove", follow);
     const body = make("g", { "clip-path": `url(#${clip})` }, svg);
-    return { svg, body, x, width, height, free: 8 + heading.getComputedTextLength() + 10 };
+    return { svg, body, x, width, height, top, free, end: below ? width - BOX.right : right };
   };
-  const finish = ({ body, x, height }) => {
+  const finish = ({ body, x, top, height }) => {
     const line = (t, kind, words) => {
       if (t < span.from || t > span.to) return;
-      const mark = make("line", { x1: x(t), x2: x(t), y1: BOX.top, y2: height - BOX.bottom, class: kind }, body);
+      const mark = make("line", { x1: x(t), x2: x(t), y1: top, y2: height - BOX.bottom, class: kind }, body);
       make("title", {}, mark, words);
     };
     for (const each of page.story) if (MARKED.has(each.kind)) line(each.time_s, "mark", `${each.time_s.toFixed(1)} s: ${each.kind} ${each.words}`);
     for (const fault of page.faults) line(fault.time_s, "fault", `${fault.time_s.toFixed(2)} s: ${fault.text}`);
-    const cursor = make("line", { y1: BOX.top, y2: height - BOX.bottom, class: "cursor" }, body);
+    const cursor = make("line", { y1: top, y2: height - BOX.bottom, class: "cursor" }, body);
     cursors.push(() => { cursor.setAttribute("x1", x(timeS)); cursor.setAttribute("x2", x(timeS)); });
   };
   const seen = (series) => series.y.filter((_, i) => series.x[i] >= span.from - page.slot_s && series.x[i] <= span.to + page.slot_s);
   const drawPlot = (plot, index) => {
     const compared = pages.length > 1;
     const all = compared ? pages.map((each, n) => ({ ...each.plots[index].series[0], name: "AB"[n] })) : plot.series;
-    const box = frame(150, `${plot.title} (${plot.unit})`), { svg, body, x, width, height } = box;
-    const values = all.flatMap(seen);
-    if (!values.length) { make("text", { x: width / 2, y: height / 2, "text-anchor": "middle" }, svg, "no data recorded"); finish(box); return; }
+    const values = all.flatMap(seen), title = `${plot.title} (${plot.unit})`;
+    if (!values.length) {
+      const box = frame(150, title);
+      make("text", { x: box.width / 2, y: box.height / 2, "text-anchor": "middle" }, box.svg, "no data recorded"); finish(box); return;
+    }
     let low = values.reduce((a, b) => Math.min(a, b), 0), high = values.reduce((a, b) => Math.max(a, b), 0);
     const inSight = plot.limit !== null && plot.limit <= high * 3 && plot.limit >= low;
     if (inSight) high = Math.max(high, plot.limit);
     if (high - low < 1e-9) high = low + 1;
     high += 0.05 * (high - low); if (low < 0) low -= 0.05 * (high - low);
-    const y = (value) => height - BOX.bottom - (height - BOX.top - BOX.bottom) * (value - low) / (high - low);
+    const entries = all.length > 1 ? all.map((series, n) => [series.name, `series series${n}`]) : [];
+    if (plot.limit !== null) entries.push([inSight ? `${plot.limit_name} (${tidy(plot.limit)} ${plot.unit})` : `${plot.limit_name} ${tidy(plot.limit)} ${plot.unit}, outside the range`, "limit"]);
+    const box = frame(150, title, entries), { svg, body, x, width, height, top } = box;
+    const y = (value) => height - BOX.bottom - (height - top - BOX.bottom) * (value - low) / (high - low);
     const step = niceStep(high - low, 4);
     for (let value = Math.ceil(low / step) * step; value <= high; value += step) {
       make("line", { x1: BOX.left, x2: width - BOX.right, y1: y(value), y2: y(value), class: "axis" }, svg);
@@ -78,37 +95,24 @@ const createPlots = (pages, host, span, seek) => {
       const d = series.x.map((t, i) => `${i && t - series.x[i - 1] < 3.5 * page.slot_s ? "L" : "M"}${x(t).toFixed(1)} ${y(series.y[i]).toFixed(1)}`).join("");
       make("path", { d, class: `series series${n}` }, body);
     });
-    readOut(box, all, legend(svg, width, plot, all, inSight, box.free));
+    readOut(box, all);
     if (inSight) make("line", { x1: BOX.left, x2: width - BOX.right, y1: y(plot.limit), y2: y(plot.limit), class: "limit" }, svg);
     finish(box);
   };
-  const legend = (svg, width, plot, all, inSight, free) => {
-    let right = width - BOX.right;
-    const add = (words, kind) => {
-      const label = make("text", { x: right, y: 15, "text-anchor": "end", class: kind === "limit" ? "limit-name" : "" }, svg, words);
-      if (right - label.getComputedTextLength() - 30 < free) { label.remove(); return; }
-      right -= label.getComputedTextLength() + 6;
-      make("line", { x1: right - 18, x2: right, y1: 11, y2: 11, class: kind }, svg);
-      right -= 30;
-    };
-    if (plot.limit !== null) add(inSight ? `${plot.limit_name} (${tidy(plot.limit)} ${plot.unit})` : `${plot.limit_name} ${tidy(plot.limit)} ${plot.unit}, outside the range`, "limit");
-    if (all.length > 1) all.forEach((series, n) => add(series.name, `series series${n}`));
-    return right;
-  };
-  const readOut = ({ svg, free }, all, end) => {
+  const readOut = ({ svg, free, end }, all) => {
     const label = make("text", { x: free, y: 15, class: "now" }, svg);
     const valueAt = ({ x, y }) => {
       const i = x.findLastIndex((t) => t <= timeS + 1e-9);
       return i < 0 || timeS - x[i] >= 3.5 * page.slot_s ? "-" : String(Number(y[i].toPrecision(3)));
     };
     cursors.push(() => {
-      label.textContent = all.map(valueAt).reverse().join(", ");  // In the order of the legend.
+      label.textContent = all.map(valueAt).join(", ");  // In the order of the legend.
       if (free + label.getComputedTextLength() > end) label.textContent = "";
     });
   };
   const drawHeads = () => {
     const names = [...new Set(page.terms.map((term) => term.head))], row = 16;
-    const box = frame(BOX.top + BOX.bottom + row * Math.max(1, Math.min(names.length, 12)), "Head over time (term in the bar)"), { svg, body, x } = box;
+    const box = frame(BOX.top + BOX.bottom + row * Math.max(1, Math.min(names.length, 12)), `Head${pages.length > 1 ? " of A" : ""} over time (term in the bar)`), { svg, body, x } = box;
     const rowOf = (name) => Math.min(names.indexOf(name), 11);
     names.slice(0, 12).forEach((name, n) => {
       const words = n === 11 && names.length > 12 ? "others" : name.length > 7 ? name.slice(0, 6) + "…" : name;

@@ -70,6 +70,7 @@ def render_all(recordings: Sequence[Shown], assets: Assets) -> str:
         ),
         tables=_tables(first) if len(recordings) == 1 else _comparison(recordings),
         flights="".join(_flights(each.page, label) for each, label in _labelled(recordings)),
+        of_first=" (of A)" if len(recordings) > 1 else "",
         zone_legend=_zone_legend(first.page),
         metrics_json=_embedded(_printable(msgspec.to_builtins(first.metrics))),
         data=_embedded(first.page),

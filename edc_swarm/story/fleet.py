@@ -81,8 +81,10 @@ class Fleet:
     # --- one UAV in one slot --------------------------------------------------------------------
 
     def _miss(self, uav: Uav) -> None:
-        """Tell of a slot without a fix."""
+        """Tell of a slot without a fix; that a UAV which has landed says no more is no news."""
         uav.held_slots = 0
+        if uav.landed:
+            return
         if not uav.is_silent():
             return
         kind, how = uav.ended or ("silent", "no fix of it" if uav.fix else "no fix of it so far")
@@ -100,7 +102,7 @@ class Fleet:
         if known is not None:
             self._compare(uav, known, fix)
         elif fix.arrived:
-            self._log.tell("arrived", [uav.uav], "at its target")
+            self._log.tell("arrived", [uav.uav], "at the target")
         if not uav.is_low and fix.energy_j < LOW_SHARE * uav.entry.energy_j:
             uav.is_low = True
             share = 100 * fix.energy_j / uav.entry.energy_j
@@ -130,7 +132,7 @@ class Fleet:
         elif fix.course.leg > known.course.leg:
             self._log.tell("goal", [uav.uav], f"reached point {fix.course.leg} of its route", level="detail")
         if fix.arrived and not known.arrived:
-            self._log.tell("arrived", [uav.uav], "at its target")
+            self._log.tell("arrived", [uav.uav], "at the target")
         if known.arrived and not fix.arrived and fix.course.goal == known.course.goal:
             self._log.tell("left-target", [uav.uav], "left its target", level="detail")
         if fix.instance == known.instance and fix.late_ticks > known.late_ticks and fix.slot == known.slot + 1:
@@ -144,7 +146,7 @@ class Fleet:
         if is_cut_off and heard.plan is not None:
             if uav.span is None or uav.span.kind != "cut-off":
                 since = self._log.slot - CUT_OFF_SLOTS + 1
-                how = f"its fixes do not reach head {heard.plan.head}"
+                how = f"no fix reaches head {heard.plan.head}"
                 self._begin_span(uav, "cut-off", Why("", how), max(0, since))
                 self._warn(uav)
             uav.state = "cut-off"

@@ -94,8 +94,8 @@ class Happening(Struct, kw_only=True):
 
     @property
     def words(self) -> str:
-        """UAVs, detail and end in one line."""
-        until = f" (until slot {self.last_slot})" if self.last_slot is not None else ""
+        """UAVs, detail and end in one line. The end of a death is told on its own: the UAV is back, or has landed."""
+        until = f" (until slot {self.last_slot})" if self.last_slot is not None and self.kind != "dead" else ""
         return (": ".join(part for part in (self.who, self.detail) if part) or self.kind) + until
 
     def __str__(self) -> str:

@@ -123,12 +123,11 @@ class ClusterTeller:
             case EventKind.EXITED:
                 name, _, how = event.detail.partition(" ")
                 self._fleet.stop(name, "dead", f"its process {how}")
-                self._log.tell("notice", detail=f"{event.detail}, and no fault had asked for it", level="warning")
+                self._notice(name, f"{how}, and no fault had asked for it")
             case EventKind.OFF_BUS:
-                who = [event.detail] if event.detail in self._fleet.uavs else []
-                words = f"{'' if who else event.detail + ' '}has left the bus: its process, its host or its link"
-                self._log.tell("notice", who, words, level="warning")
+                self._notice(event.detail, "has left the bus: its process, its host or its link")
             case EventKind.BATTERY_EMPTY if event.source in self._fleet.uavs:
+                self._fleet.stop(event.source, "silent", "its battery is empty")
                 self._log.tell("battery-empty", [event.source], "the battery is empty", level="warning")
             case EventKind.LANDED if event.source in self._fleet.uavs:
                 self._fleet.land(event.source, event.detail)
@@ -141,6 +140,11 @@ class ClusterTeller:
                 self._log.tell("notice", who, f"{PLAIN[EventKind(kind)]}{event.detail}", level=level)
             case _:
                 pass
+
+    def _notice(self, name: str, words: str) -> None:
+        """Warn of a process, which is that of a UAV or any other."""
+        is_uav = name in self._fleet.uavs
+        self._log.tell("notice", [name] if is_uav else [], words if is_uav else f"{name} {words}", level="warning")
 
     def _take_untold(self, event: Event) -> None:
         """Take what another cluster's teller tells."""

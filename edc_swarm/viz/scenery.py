@@ -27,6 +27,7 @@ from edc_swarm.viz.marks import location, on_the_ground, out_of_action
 from edc_swarm.viz.seen import Seen
 from edc_swarm.viz.shapes import (
     AMBER,
+    BLUE,
     CYAN,
     GREEN,
     GREY,
@@ -61,9 +62,9 @@ LABELS_HIGH = 45
 
 GONE = frozenset({"dead", "frozen", "silent"})
 OUTLINES: dict[str, Rgb] = {
-    "holding": AMBER, "arrived": GREEN, "beside": CYAN, "cut-off": PURPLE, "unknown": GREY,
+    "flying": BLUE, "holding": AMBER, "arrived": GREEN, "beside": CYAN, "cut-off": PURPLE, "unknown": GREY,
 }  # fmt: skip
-"""Colours of the outlines of discs by state; a UAV that flies has its own colour."""
+"""Colours of the outlines of discs by state. The disc has its UAV's own colour, as its trail and its goal have."""
 CLUSTER_RING = 0.55
 """Radius of the ring in the colour of a UAV's cluster, as a share of its disc."""
 NEAR_LIMIT = 0.2

@@ -31,7 +31,7 @@ FRAME = "map"
 VERTICES = 24
 LABEL_PX = 13
 WHITE, RED, AMBER, GREY = (1.0, 1.0, 1.0), (1.0, 0.15, 0.15), (1.0, 0.75, 0.2), (0.6, 0.63, 0.68)
-GREEN, CYAN, PURPLE = (0.35, 0.8, 0.5), (0.3, 0.82, 0.93), (0.78, 0.6, 0.98)
+GREEN, CYAN, PURPLE, BLUE = (0.35, 0.8, 0.5), (0.3, 0.82, 0.93), (0.78, 0.6, 0.98), (0.31, 0.6, 0.89)
 _UPRIGHT = Quaternion(w=1.0)
 _UNIT_RING = [(math.cos(math.tau * i / VERTICES), math.sin(math.tau * i / VERTICES)) for i in range(VERTICES)]
 

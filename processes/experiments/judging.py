@@ -24,7 +24,7 @@ def judged(recording: Recording, *, show_progress: bool = True, load_planner: bo
     with Progress(
         *columns, console=console, transient=True, disable=not (show_progress and console.is_terminal)
     ) as bar:
-        task = bar.add_task("simulating again (G6)")
+        task = bar.add_task("simulating again (G6)", visible=False)
         mission, otherwise = recording.mission, ""
         if load_planner or not foreign_parts(mission):
             otherwise = simulated_otherwise(recording.run, mission.planner, *plug_ins_of(mission))
@@ -33,4 +33,4 @@ def judged(recording: Recording, *, show_progress: bool = True, load_planner: bo
 
 
 def _show(bar: Progress, task: TaskID, done: int, of: int) -> None:
-    bar.update(task, completed=done, total=of)
+    bar.update(task, completed=done, total=of, visible=True)

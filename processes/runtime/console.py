@@ -44,5 +44,5 @@ def print_json(value: object) -> None:
 
 
 def stdout_console() -> Console:
-    """Return a console on standard output that never wraps a line."""
-    return Console(highlight=False, soft_wrap=True)
+    """Return a console on standard output that wraps lines between words on a terminal, and nowhere else."""
+    return Console(highlight=False, soft_wrap=not sys.stdout.isatty())

@@ -69,7 +69,7 @@ class Display:
             self._tell(told)
             if time.monotonic() - self._beat_s >= BEAT_S:
                 self._beat_s = time.monotonic()
-                self._say(max(0, monitor.slot) * self._mission.dt_s, "", "  ".join(self._state(monitor, teller)))
+                self._say(max(0, monitor.slot) * self._mission.dt_s, "now", "  ".join(self._state(monitor, teller)))
         if self._voice.shows_bar:
             room = self._console.width - self._bar_columns
             state = fitting(self._state(monitor, teller), room)

@@ -28,9 +28,10 @@ MAX_LOG = 200
 
 @dataclass(frozen=True, slots=True)
 class Subscribed:
-    """The news that a viewer has subscribed to a topic."""
+    """The news that a viewer has subscribed to a topic; `viewer` is its number at the server."""
 
     topic: str
+    viewer: int
 
 
 def live_port() -> int:
@@ -52,10 +53,7 @@ def live_port() -> int:
 
 
 class Live:
-    """A server of scenes. The caller answers a new subscriber with the topic's last message: `repeat`.
-
-    A scene is a full snapshot, so all other subscribers can receive it twice.
-    """
+    """A server of scenes. The caller answers a new subscriber with the topic's last message: `repeat`."""
 
     def __init__(self, host: str, port: int, tell: Callable[[Subscribed], None]) -> None:
         import foxglove  # noqa: PLC0415  (optional)
@@ -65,8 +63,7 @@ class Live:
             """Callbacks of the server's threads, which only queue news."""
 
             def on_subscribe(self, client: Any, channel: Any) -> None:
-                del client
-                tell(Subscribed(channel.topic))
+                tell(Subscribed(channel.topic, client.id))
 
         self._foxglove = foxglove
         self._context = foxglove.Context()
@@ -87,19 +84,24 @@ class Live:
             self._log.append(shown)
         self._send(shown)
 
-    def repeat(self, topic: str) -> None:
-        """Send the last message of a topic to its subscribers again, of the log all lines that are kept."""
+    def repeat(self, subscribed: Subscribed) -> None:
+        """Send the last message of a topic to its new subscriber, of the log all lines that are kept.
+
+        No other viewer receives them: a line of the log would be there twice.
+        """
+        topic = subscribed.topic
         again = self._log if topic == LOG_TOPIC else [self._last[topic]] if topic in self._last else []
         for shown in again:
-            self._send(shown)
+            self._send(shown, to=subscribed.viewer)
 
     def stop(self) -> None:
         """Disconnect all viewers."""
         self._server.stop()
 
-    def _send(self, shown: Shown) -> None:
+    def _send(self, shown: Shown, to: int | None = None) -> None:
+        """Send a scene to one viewer, or to all; the server makes each a sink that has the viewer's number."""
         channel = self._channels.get(shown.topic) or self._advertise(shown.topic)
-        channel.log(shown.payload, log_time=shown.time_ns)
+        channel.log(shown.payload, log_time=shown.time_ns, sink_id=to)
 
     def _advertise(self, topic: str) -> Any:
         described = channel_of(topic)

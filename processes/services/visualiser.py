@@ -169,8 +169,8 @@ class Visualiser:
         match item:
             case _StopShowing():
                 self._over = True
-            case Subscribed(topic) if self._live is not None:
-                self._live.repeat(topic)
+            case Subscribed() if self._live is not None:
+                self._live.repeat(item)
             case zenoh.Query():
                 if self._outbox.hear(item):
                     self._outbox.answer()

@@ -122,7 +122,7 @@ def test_plots_say_their_values_at_the_time_of_the_slider(page: Path, browser: A
     said = [each.text for each in browser.find_elements(By.CSS_SELECTOR, "#plots text.now")]
     for plot, words in zip(data["plots"], said, strict=True):
         last = [[y for x, y in zip(series["x"], series["y"], strict=True) if x <= 3.2][-1] for series in plot["series"]]
-        assert [float(word) for word in words.split(", ")] == pytest.approx(last[::-1], rel=5e-3)
+        assert [float(word) for word in words.split(", ")] == pytest.approx(last, rel=5e-3)
 
 
 def test_values_stand_in_the_order_of_the_legend(page: Path, browser: Any, tmp_path: Path) -> None:
@@ -202,6 +202,20 @@ def test_the_page_opens_in_mid_flight_and_an_event_goes_to_its_time(page: Path, 
     browser.execute_script("arguments[0].click()", buttons[index])
     assert slider(browser) == pytest.approx(shown[index]["time_s"], abs=1e-3)
     assert "now" in browser.find_element(By.CSS_SELECTOR, "ol.events li.now").get_attribute("class")
+    seek(browser, data["end_s"])
+    assert browser.execute_script(IN_SIGHT, "ol.events", "ol.events li.now")
+
+
+def test_an_event_goes_to_the_state_that_it_tells(page: Path, browser: Any) -> None:
+    """A UAV that is killed or frozen shows it at the time of the event, although the record shows it a slot later."""
+    browser.get(page.as_uri())
+    data = json.loads(browser.execute_script("return document.getElementById('data').textContent"))
+    shown = [told for told in data["story"] if told["level"] != "detail"]
+    (index,) = [n for n, told in enumerate(shown) if told["kind"] in {"dead", "frozen"}]
+    buttons = [each for each in browser.find_elements(By.CSS_SELECTOR, "ol.events button") if each.is_displayed()]
+    browser.execute_script("arguments[0].click()", buttons[index])
+    uav = data["uavs"][shown[index]["uavs"][0]]
+    assert browser.find_element(By.ID, "detail").text.startswith(f"{uav}: {shown[index]['kind']}; ")
 
 
 def test_zoom_and_follow_change_the_map(page: Path, browser: Any) -> None:
@@ -277,6 +291,10 @@ def test_two_recordings_stand_side_by_side(tmp_path: Path, browser: Any) -> None
     assert [len(each.find_elements(By.CSS_SELECTOR, "li")) > 0 for each in lists] == [True, True]
     table = browser.find_element(By.ID, "differences").text
     assert "least gap" in table
+    widths = browser.execute_script(
+        "return [...document.querySelectorAll('#differences thead th')].map((each) => each.clientWidth)"
+    )
+    assert widths[1] == widths[2]
     assert "G3 Separation" in table
     assert browser.execute_script("return document.documentElement.scrollWidth <= innerWidth")
     assert browser.execute_script(OVERLAPPING_TEXTS) == []
@@ -302,6 +320,11 @@ def slider(browser: Any) -> float:
     """Return the slider's position."""
     return float(browser.execute_script("return Number(document.getElementById('slider').value)"))
 
+
+IN_SIGHT = """
+const [outer, inner] = [...arguments].map((found) => document.querySelector(found).getBoundingClientRect());
+return inner.top >= outer.top && inner.bottom <= outer.bottom + 1;
+"""
 
 OVERLAPPING_TEXTS = """
 const bad = [];

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import queue
 import socket
 import struct
 import time
@@ -68,33 +69,40 @@ def test_a_late_viewer_sees_what_does_not_move(start: Fly) -> None:
     assert command.end().status == 0
 
 
-def test_the_log_reaches_viewers_and_their_leaving_is_no_error(capfd: pytest.CaptureFixture[str]) -> None:
-    """A viewer gets the lines that came before it, and those that come after."""
-    told: list[Subscribed] = []
+def log_lines(viewer: Any, count: int) -> list[str]:
+    """Return the next lines of the log."""
+    heard: list[str] = []
+    while len(heard) < count:
+        said = viewer.recv()
+        if isinstance(said, bytes) and said[0] == MESSAGE_DATA:
+            heard.append(Log.FromString(said[13:]).message)
+    return heard
+
+
+def test_the_log_reaches_each_viewer_once_and_their_leaving_is_no_error(capfd: pytest.CaptureFixture[str]) -> None:
+    """Each of three viewers gets the lines that came before it, those that come after, and none twice."""
+    told: queue.Queue[Subscribed] = queue.Queue()
     with socket.socket() as probe:
         probe.bind(("127.0.0.1", 0))
         port = int(probe.getsockname()[1])
-    live = Live("127.0.0.1", port, told.append)
+    live = Live("127.0.0.1", port, told.put)
 
     def say(words: str) -> None:
         live.show(Shown("/viz/log", 1, Log(message=words, level=Log.INFO).SerializeToString()))
 
-    say("before")
     live.show(Shown("/viz/area", 1, SceneUpdate().SerializeToString()))
-    viewer, channels = connected(port)
-    viewer.send(json.dumps({"op": "subscribe", "subscriptions": [{"id": 7, "channelId": channels["/viz/log"]["id"]}]}))
-    while not told:
-        time.sleep(0.01)
-    live.repeat(told[0].topic)
-    say("after")
-    heard: list[str] = []
-    while len(heard) < 2:
-        said = viewer.recv()
-        if isinstance(said, bytes) and said[0] == MESSAGE_DATA:
-            heard.append(Log.FromString(said[13:]).message)
-    assert heard == ["before", "after"]
-    viewer.sock.shutdown(socket.SHUT_RDWR)
-    viewer.sock.close()
+    viewers = []
+    for n in range(3):
+        viewer, channels = connected(port)
+        channel = channels["/viz/log"]["id"]
+        viewer.send(json.dumps({"op": "subscribe", "subscriptions": [{"id": 7, "channelId": channel}]}))
+        viewers.append(viewer)
+        live.repeat(told.get(timeout=PATIENCE_S))
+        say(f"line {n}")
+    for viewer in viewers:
+        assert log_lines(viewer, 3) == ["line 0", "line 1", "line 2"]
+        viewer.sock.shutdown(socket.SHUT_RDWR)
+        viewer.sock.close()
     time.sleep(0.3)
     live.stop()
     assert "WebSocket protocol error" not in capfd.readouterr().err

@@ -202,6 +202,8 @@ def test_battery_arrival_landing_and_overload() -> None:
     story = told(messages)
     assert (only(story, "arrived").slot, only(story, "battery-low").slot) == (10, 10)
     assert only(story, "battery-empty").uavs == ["b"]
+    gone = told([*everyone(range(SLOTS), "b"), *(flown("b", 0, 1),), event("battery-empty", 0, "", "b")])
+    assert only(gone, "silent").words == "b: its battery is empty"
     assert (only(story, "landed").uavs, STATES[story.states[-1][2]]) == (["c"], "landed")
     assert (only(story, "overload").slot, only(story, "overload").last_slot) == (10, None)
 

@@ -32,7 +32,7 @@ from edc_swarm.viz.gaps import gaps
 from edc_swarm.viz.layers import MANY_UAVS
 from edc_swarm.viz.layout import BUSY, MAP_PX, TILE_MPP, layout
 from edc_swarm.viz.scenery import CLUSTER_RING, Scenery, Shown, extent_m
-from edc_swarm.viz.shapes import AMBER, GREEN, RED, VERTICES, cluster_colour, colour_of, stadium
+from edc_swarm.viz.shapes import AMBER, BLUE, GREEN, RED, VERTICES, cluster_colour, colour_of, stadium
 from edc_swarm.viz.zones import ears
 from tests.unit.synthetic import EPOCH_NS, OFFSET_M, SLOT_NS, at, change, flight, mission_of, parallel
 
@@ -139,6 +139,7 @@ def test_discs_are_where_the_fixes_say(messages: list[Message]) -> None:
     body, *rotors = scene(messages, "vehicles", 4.5)["u1"].cylinders
     assert [math.hypot(p.x, p.y) for p in outline.points] == pytest.approx([5.0] * len(outline.points))
     assert outline.type == LinePrimitive.LINE_LOOP
+    assert (outline.color.r, outline.color.g, outline.color.b) == pytest.approx(BLUE)
     assert (disc.pose.position.x, disc.pose.position.y, disc.size.x) == (12.0, 7.0, 10.0)
     where = 13.5, 7.0 + OFFSET_M[1]
     assert (body.pose.position.x, body.pose.position.y) == pytest.approx(where)
@@ -478,7 +479,8 @@ def test_the_layout_shows_only_what_there_is(messages: list[Message]) -> None:
         for path in config.get("paths", []):
             topic, _, name = re.sub(r"\{.*\}", "", path["value"]).rpartition(".")
             assert topic in topics
-            assert name in (Status if topic == "/viz/status" else Told).__struct_fields__
+            fields = (Status if topic == "/viz/status" else Told).__struct_fields__
+            assert {name, *re.findall(r"\{(\w+)==", path["value"])} <= set(fields)
     tabs = [tab["layout"] for config in panels.values() for tab in config.get("tabs", [])]
     assert set.union(*map(_leaves, [whole["layout"], *tabs])) == set(panels)
 
