@@ -140,12 +140,16 @@ class UavNode:
         return self.grant[0] > 0 and not (self._election.leads or self._election.suspects)
 
     @property
-    def is_urgent(self) -> bool:
+    def is_awaited(self) -> bool:
         """True if all others wait for this UAV: it leads, or hears all fixes without a head and may have to claim.
 
         A UAV that strays has given up its office.
         """
         return not self._strays and (self._election.leads or (self._election.listens and self._election.suspects))
+
+    def is_urgent(self, now_ns: int) -> bool:
+        """Return True if all others wait for this UAV's plan: it is due, or was made in this slot and is on its way."""
+        return self.is_awaited and self._leadership.is_urgent(self.slot, now_ns)
 
     @property
     def last_seqs(self) -> dict[str, int]:

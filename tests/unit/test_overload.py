@@ -24,6 +24,7 @@ from edc_swarm.planner.interface import Hull, PlanRequest
 from edc_swarm.planner.registry import make_planner
 from edc_swarm.protocol.messages import Fix, MissionMessage, Report
 from edc_swarm.solver.hull_rows import Obstacles
+from processes.runtime.priority import permitted_nice
 from tests import builders
 from tests.builders import at, mission_message, row
 
@@ -76,7 +77,7 @@ def test_nobody_trusts_without_a_head() -> None:
     node = follower()
     node.step(Received(report_of(5)), at(5.5))
     assert node.trusts
-    assert not node.is_urgent
+    assert not node.is_awaited
 
 
 def test_a_command_that_comes_too_late_asks_for_no_second_fix() -> None:
@@ -95,8 +96,9 @@ def test_a_command_that_comes_too_late_asks_for_no_second_fix() -> None:
 def heard_by_head(slot: int, *uavs: str, **fields: Any) -> Leadership:
     """Head a, whose standbys are d and e, with the fixes of slot 9 of all, and of `slot` of some."""
     knowledge = Knowledge(ROSTER)
-    election = Election(MISSION, "a", (1, "a"), True, knowledge)
+    election = Election(MISSION, "a", (0, ""), True, knowledge)
     leadership = Leadership(MISSION, "a", knowledge, election, SlotClock(MISSION))
+    election.term, election.head = 1, "a"
     leadership.head.take_office((1, "a"))
     for when, some in ((9, IDS), (slot, uavs)):
         election.begin_slot(when)
@@ -196,36 +198,60 @@ def test_a_place_to_wait_is_clear_of_all_hulls() -> None:
 
 # --- priority ---------------------------------------------------------------------------------------
 
+
+def test_a_head_is_urgent_from_its_plan_until_the_slot_is_over() -> None:
+    """While it reads the fixes it is not: if it interrupted the others for each of their fixes, it made them late."""
+    leadership = heard_by_head(10, *"abcd")
+    leadership.planner = planner = builders.North()
+    deadline_ns = leadership.deadline_ns(10)
+    assert [leadership.is_urgent(10, when_ns) for when_ns in (deadline_ns - 1, deadline_ns)] == [False, True]
+    leadership = heard_by_head(10, *IDS)
+    assert not leadership.is_urgent(10, at(10))
+    leadership.planner = planner
+    assert leadership.is_urgent(10, at(10))
+    leadership.head.plan(10, planner)
+    assert [leadership.is_urgent(slot, at(slot)) for slot in (10, 11)] == [True, False]
+
+
 THREADS = """
-import os, sys, threading
+import os, resource, sys, threading
 from processes.runtime import priority
-if sys.argv[1] == "nobody":
+base = os.getpriority(os.PRIO_PROCESS, 0)
+if sys.argv[1] != "root":
+    most = 20 - (base - 3) if sys.argv[1] == "limit" else 0
+    try:
+        resource.setrlimit(resource.RLIMIT_NICE, (most, most))
+    except ValueError:
+        sys.exit("root has no CAP_SYS_RESOURCE")
     os.setgroups([])
     os.setuid(65534)
 stop = threading.Event()
 def facts():
     threads = [int(t) for t in os.listdir("/proc/self/task")]
-    return {(os.sched_getscheduler(t), os.getpriority(os.PRIO_PROCESS, t)) for t in threads}
-base = os.getpriority(os.PRIO_PROCESS, 0)
+    return {(os.sched_getscheduler(t) == os.SCHED_BATCH, os.getpriority(os.PRIO_PROCESS, t) - base) for t in threads}
 threading.Thread(target=stop.wait).start()
-priority.give_way()
-threading.Thread(target=stop.wait).start()
-print(facts() == {(os.SCHED_BATCH, base)})
-priority.come_first()
-print(facts() == {(os.SCHED_OTHER, max(base - 20, -20))}, facts() == {(os.SCHED_OTHER, base)})
-priority.give_way()
-print(facts() == {(os.SCHED_BATCH, base)})
+for place in (priority.give_way, priority.come_first, priority.keep_place, priority.come_first, priority.give_way):
+    place()
+    threading.Thread(target=stop.wait).start()
+    print(*(f"{'batch' if batch else 'other'} {nice}" for batch, nice in facts()), sep=", ")
 stop.set()
 """
 
 
-@pytest.mark.parametrize("user", ["self", "nobody"])
-def test_all_threads_come_first_and_give_way(user: str) -> None:
-    """Also those that begin later. A user who may raise no priority keeps it, and head and router still interrupt."""
-    privileged = subprocess.run(["nice", "-n", "-1", "true"], capture_output=True, check=False).stderr == b""
-    if user == "nobody" and not privileged:
-        pytest.skip("only root can become nobody")
-    ran = subprocess.run([sys.executable, "-c", THREADS, user], capture_output=True, text=True, check=True)
-    first, second, third = ran.stdout.splitlines()
-    raised = privileged and user == "self"
-    assert (first, second, third) == ("True", "True False" if raised else "False True", "True")
+@pytest.mark.parametrize(("user", "raised"), [("root", -10), ("limit", -3), ("nobody", 0)])
+def test_all_threads_take_their_place(user: str, raised: int) -> None:
+    """Also those that begin later. A user gets as much priority as the limit permits, at least that of the start."""
+    if subprocess.run(["nice", "-n", "-1", "true"], capture_output=True, check=False).stderr != b"":
+        pytest.skip("only root can take other limits, and become nobody")
+    ran = subprocess.run([sys.executable, "-c", THREADS, user], capture_output=True, text=True, check=False)
+    if "CAP_SYS_RESOURCE" in ran.stderr:
+        pytest.skip("root may not raise limits here")
+    first = f"other {raised}"
+    assert ran.stderr == ""
+    assert ran.stdout.splitlines() == ["batch 0", first, "other 0", first, "batch 0"]
+
+
+@pytest.mark.parametrize(("base", "limit", "nice"), [(0, 0, 0), (0, 23, -3), (0, 40, -10), (5, 18, 2), (5, 10, 5)])
+def test_a_user_asks_for_what_the_limit_permits(base: int, limit: int, nice: int) -> None:
+    """A user whom a limit of 23 permits nice -3 gets nothing of nice -10, but an error."""
+    assert permitted_nice(base, limit) == nice
