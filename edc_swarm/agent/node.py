@@ -446,7 +446,7 @@ class UavNode:
                 self._repetition.begin_listening()
             self._out.append(self._listening)
         if self._leadership.wants_planner():
-            self._out.append(WantPlanner())
+            self._out.append(WantPlanner(rehearsed=self.slot < 0 or not self.is_awaited))
 
     def _persist(self) -> None:
         self._out.append(Persist(self._flight.promise(self.slot, self.grant), self._vehicle.airframe))

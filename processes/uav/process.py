@@ -350,9 +350,9 @@ class UavProcess:
                         self._flight.place(message)
                 case Listen(all_fixes, near):
                     self._subscriptions.listen_to_fixes(all_fixes, near)
-                case WantPlanner():
+                case WantPlanner(rehearsed):
                     assert self._flight is not None
-                    load_planner(self._flight.mission, partial(self._take_planner, self._flight.faults))
+                    self._load_planner(self._flight, rehearsed=rehearsed)
                 case Land():
                     self._leaving = True
         if not (self._subscriptions.hears_swarm or self._in_crowd):
@@ -361,13 +361,17 @@ class UavProcess:
         if self._flight is not None and self._subscriptions.watch(self._flight.node.grant[1]):
             self._peers = Peers()
 
-    def _take_precedence(self, node: UavNode) -> None:
-        """Put this process before all followers while they wait for its plan."""
-        first = node.is_urgent(self._clock.now_ns())
-        precedence = come_first if first else keep_place if node.is_awaited else give_way
+    def _take_precedence(self, node: UavNode, *, loads: bool = False) -> None:
+        """Put this process before all followers while they wait for its plan, or for one that `loads` its planner."""
+        first = loads or node.is_urgent(self._clock.now_ns())
+        precedence = give_way if not node.is_awaited else come_first if first else keep_place
         if precedence is not self._precedence:
             self._precedence = precedence
             precedence()
+
+    def _load_planner(self, flight: Flight, *, rehearsed: bool) -> None:
+        self._take_precedence(flight.node, loads=True)
+        load_planner(flight.mission, partial(self._take_planner, flight.faults), rehearsed=rehearsed)
 
     def _comes_too_late(self, airframe: Airframe) -> bool:
         """Return True if the vehicle has begun to land and so does not accept the step to be written."""
