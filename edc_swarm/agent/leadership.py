@@ -82,11 +82,6 @@ class Leadership(PlanningState):
             return False
         return now_ns >= self.deadline_ns(slot) or self.head.complete(slot, self.gone)
 
-    def is_urgent(self, slot: int, now_ns: int) -> bool:
-        """Return True if the plan from the fixes of `slot` is due, or was made and its commands are on their way."""
-        has_planned = self._election.leads and self.head.office.planned_slot == slot >= 0
-        return has_planned or self.plan_due(slot, now_ns)
-
     def planned(self) -> None:
         """Note that this UAV has planned as head."""
         self._election.planned()

@@ -147,10 +147,6 @@ class UavNode:
         """
         return not self._strays and (self._election.leads or (self._election.listens and self._election.suspects))
 
-    def is_urgent(self, now_ns: int) -> bool:
-        """Return True if all others wait for this UAV's plan: it is due, or was made in this slot and is on its way."""
-        return self.is_awaited and self._leadership.is_urgent(self.slot, now_ns)
-
     @property
     def last_seqs(self) -> dict[str, int]:
         """Last sequence number on each key of this UAV, for the `closed` event."""

@@ -42,11 +42,6 @@ class PlanningState:
         self._planner_wanted = self._planner_wanted or wants
         return wants
 
-    def is_urgent(self, slot: int, now_ns: int) -> bool:
-        """Return True if other UAVs wait for this one's plan from the fixes of `slot`; nobody does without a head."""
-        del slot, now_ns
-        return False
-
     @property
     def may_plan_soon(self) -> bool:
         """True if this UAV may have to plan."""

@@ -28,6 +28,7 @@ from processes.bus.session import MAX_SESSIONS, hand_over, open_router
 from processes.runtime.console import FAILED
 from processes.runtime.limits import make_room_for_sessions
 from processes.runtime.parent import die_with_parent
+from processes.runtime.priority import come_first
 from processes.services.access_rules import ANY_MISSION, access_control
 
 ONE_MISSION = "mission"
@@ -68,6 +69,7 @@ def main() -> int:
         signals = {signal.SIGTERM}
     else:
         make_room_for_sessions(MAX_SESSIONS)  # The launcher has done so for a router of its own.
+    come_first()  # Before Zenoh's threads begin, which inherit it.
     try:
         session = open_secured(sys.argv[1], Path(sys.argv[3])) if len(sys.argv) > 3 else open_router(sys.argv[1])
     except (zenoh.ZError, OSError, msgspec.DecodeError, InputError) as error:

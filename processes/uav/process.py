@@ -53,7 +53,7 @@ from processes.bus.session import is_connected, open_client
 from processes.bus.subscriptions import Gate, Heard, Item, Postbox, Token, UavSubscriptions, sender_of
 from processes.runtime.clock import MissionClock
 from processes.runtime.inbox import Inbox
-from processes.runtime.priority import come_first, give_way, keep_place
+from processes.runtime.priority import come_first, give_way
 from processes.uav.autopilot_part import AutopilotPart
 from processes.uav.flight import Flight, rehearse
 from processes.uav.local_faults import LocalFaults
@@ -116,7 +116,7 @@ class UavProcess:
         self._peers = Peers()
         self._flight: Flight | None = None
         self._leaving = False
-        self._precedence = give_way
+        self._comes_first = False
         give_way()  # Before Zenoh's threads begin, which inherit it.
         self._response_ms = measured_response_ms() if settings.measure_response else 0.0
         self._session = open_client(settings.endpoint, credentials(settings.certs, settings.uav))
@@ -308,9 +308,7 @@ class UavProcess:
     def _tick(self) -> None:
         """Step the node with a `Tick` if the wake-up time that it named before the wait has come."""
         if self._flight is not None and self._clock.now_ns() >= self._flight.wake_ns:
-            self._take_precedence(self._flight.node)
             self._step(Tick())
-            self._take_precedence(self._flight.node)
             self._await_report(self._flight)
         if self._flight is not None and self._flight.leave_ns is not None:
             self._leaving = self._leaving or self._clock.now_ns() >= self._flight.leave_ns
@@ -352,26 +350,24 @@ class UavProcess:
                     self._subscriptions.listen_to_fixes(all_fixes, near)
                 case WantPlanner(rehearsed):
                     assert self._flight is not None
-                    self._load_planner(self._flight, rehearsed=rehearsed)
+                    self._take_precedence()
+                    take = partial(self._take_planner, self._flight.faults)
+                    load_planner(self._flight.mission, take, rehearsed=rehearsed)
                 case Land():
                     self._leaving = True
         if not (self._subscriptions.hears_swarm or self._in_crowd):
             self._publisher.send_truth()
         self._outbox.flush()
+        self._take_precedence()
         if self._flight is not None and self._subscriptions.watch(self._flight.node.grant[1]):
             self._peers = Peers()
 
-    def _take_precedence(self, node: UavNode, *, loads: bool = False) -> None:
-        """Put this process before all followers while they wait for its plan, or for one that `loads` its planner."""
-        first = loads or node.is_urgent(self._clock.now_ns())
-        precedence = give_way if not node.is_awaited else come_first if first else keep_place
-        if precedence is not self._precedence:
-            self._precedence = precedence
-            precedence()
-
-    def _load_planner(self, flight: Flight, *, rehearsed: bool) -> None:
-        self._take_precedence(flight.node, loads=True)
-        load_planner(flight.mission, partial(self._take_planner, flight.faults), rehearsed=rehearsed)
+    def _take_precedence(self) -> None:
+        """Put this process before all followers while they wait for it."""
+        comes_first = self._flight is not None and self._flight.node.is_awaited
+        if comes_first != self._comes_first:
+            self._comes_first = comes_first
+            (come_first if comes_first else give_way)()
 
     def _comes_too_late(self, airframe: Airframe) -> bool:
         """Return True if the vehicle has begun to land and so does not accept the step to be written."""
