@@ -81,7 +81,13 @@ class Listen:
 
 @dataclass(frozen=True, slots=True)
 class WantPlanner:
-    """Load the planner and return it with `PlannerReady`: this UAV may have to lead."""
+    """Load the planner and return it with `PlannerReady`: this UAV may have to lead.
+
+    If `rehearsed`, it makes a plan before, so that its first one in flight is fast. A UAV on duty in flight has no time
+    for that: all wait for it. On a crowded machine a plan takes many slots, in which it would hear nobody.
+    """
+
+    rehearsed: bool = True
 
 
 @dataclass(frozen=True, slots=True)

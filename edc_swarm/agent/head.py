@@ -15,6 +15,7 @@ from __future__ import annotations
 import math
 from collections.abc import Collection, Sequence
 from dataclasses import dataclass, field
+from functools import cached_property
 
 from msgspec import UNSET
 
@@ -76,17 +77,30 @@ class Head:
         self._barred_term = barred_term
         self._knowledge = knowledge
         self._quorum = mission.quorum
-        self._rules = HullRules(
+        self._failsafe = failsafe_of(mission)
+        self._roster = {entry.uav: entry for entry in mission.roster}
+        self._index = knowledge.index
+        self.office = Office((0, ""))
+
+    # What follows takes milliseconds in a large swarm, and most UAVs never lead.
+
+    @cached_property
+    def _rules(self) -> HullRules:
+        mission = self._mission
+        return HullRules(
             {entry.uav: mission.step_m(entry) for entry in mission.roster},
             mission.lag_slots,
             {entry.uav: change_of(mission, entry) for entry in mission.roster},
         )
-        self._with_previous = mission.lag_slots > 0 or changes_m(mission) is not None
-        self._failsafe = failsafe_of(mission)
-        self._free_m = {entry.uav: vehicle_of(mission, entry).free_mps * mission.dt_s for entry in mission.roster}
-        self._roster = {entry.uav: entry for entry in mission.roster}
-        self._index = knowledge.index
-        self.office = Office((0, ""))
+
+    @cached_property
+    def _with_previous(self) -> bool:
+        return self._mission.lag_slots > 0 or changes_m(self._mission) is not None
+
+    @cached_property
+    def _free_m(self) -> dict[str, float]:
+        mission = self._mission
+        return {entry.uav: vehicle_of(mission, entry).free_mps * mission.dt_s for entry in mission.roster}
 
     def take_office(self, grant: Grant) -> None:
         """Begin a term and forget the older one."""

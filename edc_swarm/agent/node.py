@@ -140,7 +140,7 @@ class UavNode:
         return self.grant[0] > 0 and not (self._election.leads or self._election.suspects)
 
     @property
-    def is_urgent(self) -> bool:
+    def is_awaited(self) -> bool:
         """True if all others wait for this UAV: it leads, or hears all fixes without a head and may have to claim.
 
         A UAV that strays has given up its office.
@@ -442,7 +442,7 @@ class UavNode:
                 self._repetition.begin_listening()
             self._out.append(self._listening)
         if self._leadership.wants_planner():
-            self._out.append(WantPlanner())
+            self._out.append(WantPlanner(rehearsed=self.slot < 0 or not self.is_awaited))
 
     def _persist(self) -> None:
         self._out.append(Persist(self._flight.promise(self.slot, self.grant), self._vehicle.airframe))

@@ -24,7 +24,7 @@ WAITS_S = (0.25, 0.5, 1.0, 2.0, 2.0, 2.0, 2.0, 2.0)
 """Time to wait for the answer to each request before the next request."""
 MAX_TRIES = len(WAITS_S)
 MAX_AT_ONCE = 32
-"""Most publishers with a request under way."""
+"""Most publishers with a request under way, and most requests in each `GATHER_S`, however fast the answers are."""
 MAX_SPANS = 100
 """Most spans in one request."""
 MAX_HOLE = 20_000
@@ -82,6 +82,7 @@ class Holes:
         self._publishers: dict[Publisher, _Asked] = {}
         self._wanting: dict[Publisher, _Asked] = {}
         self._count = 0
+        self._asked, self._asked_since_s = 0, 0.0
 
     def heard(self, key: str, instance: str, seq: int, payload: bytes, now_s: float) -> bool:
         """Process a message that came without a request; return False if it is a copy of one fetched before."""
@@ -113,6 +114,8 @@ class Holes:
     def due(self, now_s: float) -> list[tuple[Publisher, Ask]]:
         """Return the requests to send now; a closed publisher without gaps gets an empty one, so that it may end."""
         asks = []
+        if now_s >= self._asked_since_s + GATHER_S:
+            self._asked, self._asked_since_s = 0, now_s
         waited_for = sum(each.tries > 0 and each.due_s > now_s for each in self._wanting.values())
         for publisher in [each for each in self._wanting.values() if each.due_s <= now_s]:
             spans = publisher.spans()
@@ -122,13 +125,14 @@ class Holes:
                     continue
             elif publisher.name[0] not in self._known:
                 continue
-            elif waited_for >= MAX_AT_ONCE:
+            elif max(waited_for, self._asked) >= MAX_AT_ONCE:
                 publisher.due_s = now_s + GATHER_S
                 continue
             else:
                 publisher.due_s = now_s + WAITS_S[publisher.tries]
                 publisher.tries += 1
                 waited_for += 1
+                self._asked += 1
             asks.append((publisher.name, Ask(spans)))
         return asks
 

@@ -23,6 +23,8 @@ BEAT_S = 10.0
 BAR_COLUMNS = 24
 ROOM = 12
 """Columns for the time and the spaces between columns."""
+MAX_LINES = 50
+"""Most lines that one slot brings."""
 GONE = frozenset({"dead", "silent", "frozen", "landed"})
 
 
@@ -62,24 +64,26 @@ class Display:
         """Tell all slots before `until`, and show the state that they lead to."""
         if not (self._voice.tells_story or self._voice.shows_bar):
             return
-        told: list[Happening] = []
         while teller.next_slot < until:
-            told += teller.close(teller.next_slot)
-        if self._voice.tells_story:
-            self._tell(told)
-            if time.monotonic() - self._beat_s >= BEAT_S:
-                self._beat_s = time.monotonic()
-                self._say(max(0, monitor.slot) * self._mission.dt_s, "now", "  ".join(self._state(monitor, teller)))
+            told = teller.close(teller.next_slot)
+            if self._voice.tells_story:
+                self._tell(told)
+        if self._voice.tells_story and time.monotonic() - self._beat_s >= BEAT_S:
+            self._beat_s = time.monotonic()
+            self._say(max(0, monitor.slot) * self._mission.dt_s, "now", "  ".join(self._state(monitor, teller)))
         if self._voice.shows_bar:
             room = self._console.width - self._bar_columns
             state = fitting(self._state(monitor, teller), room)
             self._progress.update(self._task, completed=monitor.arrived, state=state)
 
     def _tell(self, told: Iterable[Happening]) -> None:
-        for each in grouped(told, self._order):
-            if self._voice.verbose or each.level != "detail":
-                named = [f"{uav} ({self._hosts[uav]})" if uav in self._hosts else uav for uav in each.uavs]
-                self._say(each.time_s, each.kind, _with_names(each, named).words)
+        """Tell what one slot brought, in at most `MAX_LINES` lines and one that says how many more there are."""
+        news = [each for each in grouped(told, self._order) if self._voice.verbose or each.level != "detail"]
+        for each in news[:MAX_LINES]:
+            named = [f"{uav} ({self._hosts[uav]})" if uav in self._hosts else uav for uav in each.uavs]
+            self._say(each.time_s, each.kind, _with_names(each, named).words)
+        if (left := len(news) - MAX_LINES) > 0:
+            self._say(news[-1].time_s, "", f"and {left} more: edc-swarm events lists all of them")
 
     def _say(self, time_s: float, kind: str, words: str) -> None:
         line = shown(f"{time_s:7.1f} s  {kind:<13} {words}", MAX_LINE)

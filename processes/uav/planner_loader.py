@@ -50,30 +50,30 @@ def warm_planner(mission: Mission, tell: Callable[[int], None] = _nobody, *, hel
     _warm_for.add(mission.planner)
 
 
-def load_planner(mission: Mission, ready: Callable[[Planner], None]) -> None:
-    """Pass the planner to `ready`: before the return if it is warm, else from a thread."""
+def load_planner(mission: Mission, ready: Callable[[Planner], None], *, rehearsed: bool) -> None:
+    """Pass the planner, `rehearsed` or not, to `ready`: before the return if it is warm, else from a thread."""
     if mission.planner in _warm_for:
-        ready(_new_planner(mission))
+        ready(_new_planner(mission, rehearsed))
     else:
-        threading.Thread(target=_load, args=(mission, ready), name="planner", daemon=True).start()
+        threading.Thread(target=_load, args=(mission, ready, rehearsed), name="planner", daemon=True).start()
 
 
-def _load(mission: Mission, ready: Callable[[Planner], None]) -> None:
+def _load(mission: Mission, ready: Callable[[Planner], None], rehearsed: bool) -> None:
     """Load the planner beside the loop, which takes the interpreter back whenever it has to work."""
     before_s = sys.getswitchinterval()
     sys.setswitchinterval(BESIDE_S)
     try:
         warm_planner(mission)
-        planner = _new_planner(mission)
+        planner = _new_planner(mission, rehearsed)
     finally:
         sys.setswitchinterval(before_s)
     ready(planner)
 
 
-def _new_planner(mission: Mission) -> Planner:
+def _new_planner(mission: Mission, rehearsed: bool) -> Planner:
     from edc_swarm.planner.registry import BUILT_IN, make_planner  # noqa: PLC0415
 
-    if mission.planner in BUILT_IN:
+    if rehearsed and mission.planner in BUILT_IN:
         make_planner(mission.planner, mission).plan(_from_the_mission(mission))
     return make_planner(mission.planner, mission, time.perf_counter_ns)
 

@@ -116,7 +116,7 @@ class UavProcess:
         self._peers = Peers()
         self._flight: Flight | None = None
         self._leaving = False
-        self._is_urgent = False
+        self._comes_first = False
         give_way()  # Before Zenoh's threads begin, which inherit it.
         self._response_ms = measured_response_ms() if settings.measure_response else 0.0
         self._session = open_client(settings.endpoint, credentials(settings.certs, settings.uav))
@@ -348,9 +348,11 @@ class UavProcess:
                         self._flight.place(message)
                 case Listen(all_fixes, near):
                     self._subscriptions.listen_to_fixes(all_fixes, near)
-                case WantPlanner():
+                case WantPlanner(rehearsed):
                     assert self._flight is not None
-                    load_planner(self._flight.mission, partial(self._take_planner, self._flight.faults))
+                    self._take_precedence()
+                    take = partial(self._take_planner, self._flight.faults)
+                    load_planner(self._flight.mission, take, rehearsed=rehearsed)
                 case Land():
                     self._leaving = True
         if not (self._subscriptions.hears_swarm or self._in_crowd):
@@ -362,10 +364,10 @@ class UavProcess:
 
     def _take_precedence(self) -> None:
         """Put this process before all followers while they wait for it."""
-        is_urgent = self._flight is not None and self._flight.node.is_urgent
-        if is_urgent != self._is_urgent:
-            self._is_urgent = is_urgent
-            (come_first if is_urgent else give_way)()
+        comes_first = self._flight is not None and self._flight.node.is_awaited
+        if comes_first != self._comes_first:
+            self._comes_first = comes_first
+            (come_first if comes_first else give_way)()
 
     def _comes_too_late(self, airframe: Airframe) -> bool:
         """Return True if the vehicle has begun to land and so does not accept the step to be written."""

@@ -96,7 +96,10 @@ def test_a_planner_rehearses_and_then_begins_anew(monkeypatch: pytest.MonkeyPatc
 
     monkeypatch.setattr("edc_swarm.planner.registry.make_planner", lambda *_: Stub())
     monkeypatch.setattr("processes.uav.planner_loader._warm_for", {MISSION.planner})
-    load_planner(MISSION, lambda _planner: None)
+    load_planner(MISSION, lambda _planner: None, rehearsed=False)
+    assert made == [[]]
+    made.clear()
+    load_planner(MISSION, lambda _planner: None, rehearsed=True)
     (rehearsed,), flying = made
     assert list(rehearsed.uav) == [0, 1, 2]
     assert [*rehearsed.position_m] == [(entry.start_x_m, entry.start_y_m) for entry in MISSION.roster]

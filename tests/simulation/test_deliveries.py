@@ -11,7 +11,8 @@ from edc_swarm.agent.rota import CANDIDATES, WINDOW_SLOTS, Rota
 from edc_swarm.mission.roster import complete_mission
 from edc_swarm.mission.validation import mission_from_dict
 from edc_swarm.planner.registry import make_planner
-from edc_swarm.protocol.messages import Fix, Message, MissionMessage, Report, mission_message
+from edc_swarm.protocol.events import EventKind
+from edc_swarm.protocol.messages import Event, Fix, Message, MissionMessage, Report, mission_message
 from edc_swarm.simulation.network import Network
 from edc_swarm.simulation.simulator import Simulation
 
@@ -22,6 +23,9 @@ def swarm(uavs: int, **fields: Any) -> MissionMessage:
     return mission_message(complete_mission(mission_from_dict({**basis, **fields})))
 
 
+LAST_WORDS = {EventKind.CLOSED, EventKind.LINK_DELAYS, EventKind.END}
+
+
 class Counts:
     """Messages that were published, their deliveries, and most listeners, by slot; and the first head's slot."""
 
@@ -29,6 +33,7 @@ class Counts:
         self.published: Counter[int] = Counter()
         self.delivered: Counter[int] = Counter()
         self.listeners: Counter[int] = Counter()
+        self.events: Counter[int] = Counter()
         self.led_slots: list[int] = []
         self._start_ns = mission.epoch_ns
         self._slot_ns = mission.slot_ns
@@ -48,6 +53,8 @@ class Counts:
 
     def _record(self, _key: str, message: Message, now_ns: int) -> None:
         self.published[(now_ns - self._start_ns) // self._slot_ns] += 1
+        if isinstance(message, Event) and message.kind not in LAST_WORDS:
+            self.events[(now_ns - self._start_ns) // self._slot_ns] += 1
         if isinstance(message, Report) and message.has_quorum:
             self.led_slots.append(message.slot)
 
@@ -68,6 +75,7 @@ def test_deliveries_are_linear(uavs: int, loss: float, monkeypatch: pytest.Monke
     most = most_listeners(mission)
     assert CANDIDATES <= max(counts.listeners.values()) <= most
     assert max(counts.published.values()) <= 5 * uavs
+    assert max(counts.events.values(), default=0) <= most, "only who claims has something to tell"
     assert max(counts.delivered.values()) <= (2 * most + CANDIDATES) * uavs
 
 

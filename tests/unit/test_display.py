@@ -9,7 +9,7 @@ from edc_swarm.protocol.completion import MissionMonitor
 from edc_swarm.protocol.messages import Event, Message
 from edc_swarm.story.teller import Storyteller
 from processes.cli.main import main
-from processes.runtime.display import Display, fitting
+from processes.runtime.display import MAX_LINES, Display, fitting
 from processes.runtime.voice import Voice
 from tests.builders import at, fix, mission_message, report, row
 
@@ -45,6 +45,18 @@ def test_verbose_tells_details_and_quiet_nothing(capsys: pytest.CaptureFixture[s
     assert said(Voice(quiet=True), capsys) == []
     with pytest.raises(InputError, match="--quiet"):
         Voice(quiet=True, verbose=True)
+
+
+def test_a_slot_brings_a_bounded_number_of_lines(capsys: pytest.CaptureFixture[str]) -> None:
+    """Events of another kind each make a line each, up to a limit; the last line counts the others."""
+    monitor, teller = MissionMonitor(MISSION), Storyteller(MISSION)
+    for number in range(200):
+        teller.hear(Event(source="recorder", slot=3, kind="clock-jump", detail=f"by {number} s", sent_ns=at(3)))
+    with Display(MISSION, Voice(verbose=True)) as display:
+        display.show(monitor, teller, 6)
+    lines = [line for line in capsys.readouterr().err.splitlines() if line.startswith("    1.5 s")]
+    assert len(lines) == MAX_LINES + 1
+    assert lines[-1].endswith("and 150 more: edc-swarm events lists all of them")
 
 
 def test_a_narrow_terminal_shows_the_most_important_parts() -> None:

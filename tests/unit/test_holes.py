@@ -237,6 +237,20 @@ def test_so_many_are_asked_at_once_and_no_more(watch: Watch) -> None:
     assert [name for (name, _), _ in watch.asks(GATHER_S)] == [names[-1]]
 
 
+def test_requests_are_bounded_in_time(watch: Watch) -> None:
+    """Publishers that answer every request at once, each with one of many messages, are asked no faster for that."""
+    names = [f"u{number}" for number in range(50)]
+    watch.known.update(names)
+    for name in names:
+        watch.hear(1000, key=KEYS.fix(name))
+    asked = 0
+    for _ in range(500):
+        for who, ask in watch.asks(0.001):
+            asked += 1
+            watch.answer([(ask.wanted[0].key, ask.wanted[0].first)], who=who)
+    assert 9 * MAX_AT_ONCE <= asked <= 11 * MAX_AT_ONCE
+
+
 def test_who_is_not_asked_yet_takes_nobodys_turn(watch: Watch) -> None:
     """However many holes are still being gathered."""
     names = [f"u{number}" for number in range(MAX_AT_ONCE)]

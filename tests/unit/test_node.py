@@ -376,11 +376,14 @@ def test_wishes() -> None:
     uav = node("c")
     first = uav.step(Tick(), at(5))
     assert Listen(True) in first
-    assert WantPlanner() in first
+    assert WantPlanner(rehearsed=False) in first, "all wait for it: a plan would take its whole duty"
     assert Listen(False) in uav.step(Received(report(5)), at(5.3))
     named = uav.step(Received(report(5, standby=["c"])), at(5.4))
     assert Listen(True) in named
-    assert WantPlanner() not in named
+    assert not any(isinstance(effect, WantPlanner) for effect in named)
+    follower = node("c", promise=Promise(slot=4, term=1, head="a", waypoint_x_m=0.0, waypoint_y_m=0.0))
+    follower.step(Received(report(5)), at(5.3))
+    assert WantPlanner() in follower.step(Received(report(5, standby=["c"])), at(5.4))
 
 
 def test_a_token_that_vanishes_is_a_hint() -> None:

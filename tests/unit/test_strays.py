@@ -81,13 +81,13 @@ def test_a_stray_gives_up_its_vote_and_says_where_it_is() -> None:
     assert node.step(Tick(), at(6.1)) == []
 
 
-def test_a_head_that_strays_is_urgent_no_more() -> None:
+def test_nobody_waits_for_a_head_that_strays() -> None:
     """Its process gives back the priority over its followers: nobody waits for its plans any more."""
     node: UavNode = builders.node(FLOWN, "b", promise(head="b"), body=Body())
     node.step(Tick(), at(5))
-    assert node.is_urgent
+    assert node.is_awaited
     node.step(Strayed("it has left GUIDED for LOITER"), at(5.2))
-    assert not node.is_urgent
+    assert not node.is_awaited
 
 
 def stray(slot: int, **fields: Any) -> Fix:
