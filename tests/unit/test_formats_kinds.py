@@ -192,7 +192,7 @@ def test_an_unknown_home_and_a_home_with_an_old_command() -> None:
 
 ROUTE = [[8.5452, 47.3972], [8.5465, 47.3988]]
 TRACK = "<gx:coord>8.5452 47.3972</gx:coord><gx:coord>8.5465 47.3988</gx:coord><gx:angles>90 0 0</gx:angles>"
-AT_GROUND = "<Placemark><Point><altitudeMode>clampToGround</altitudeMode><coordinates>8.5,47.4</coordinates></Point></Placemark>"
+AT_GROUND = "<altitudeMode>clampToGround</altitudeMode><coordinates>8.5,47.4</coordinates>"
 
 
 @pytest.mark.parametrize(
@@ -207,7 +207,8 @@ AT_GROUND = "<Placemark><Point><altitudeMode>clampToGround</altitudeMode><coordi
          "r_m that differs between the points of a UAV: the first one counts", ["feature 1", "feature 2"]),
         ("a.kmz", kmz(("doc.kml", kml(LINE).encode()), ("b.kml", b"")), "other file of the archive", ["b.kml"]),
         ("a.kml", kml(f"<Placemark><gx:Track>{TRACK}</gx:Track></Placemark>"), "element angles", ["line 2"]),
-        ("a.kml", kml(LINE.replace("<coordinates>", "<altitudeMode>absolute</altitudeMode><coordinates>") + AT_GROUND),
+        ("a.kml", kml(LINE.replace("<coordinates>", "<altitudeMode>absolute</altitudeMode><coordinates>")
+                      + f"<Placemark><Point>{AT_GROUND}</Point></Placemark>"),
          "altitudes that count from different levels", ["line 2"]),
         ("a.plan", plan(item(16, 47.398, 8.546)).replace('"fileType"', '"complexItems": [], "fileType"', 1),
          "member complexItems", ["plan"]),
