@@ -143,9 +143,16 @@ def number(item: str, name: str, value: object) -> float:
 def parsed(item: str, name: str, text: str) -> float:
     """Return the number that `text` states; raise `FormatError` if it states no finite one."""
     try:
-        return number(item, name, float(text))
+        return number(item, name, decimal(text))
     except ValueError:
         raise FormatError(item, f"{name} = {_short(text)}: must be a finite number") from None
+
+
+def decimal(text: str) -> float:
+    """Return the number that `text` states, in digits of ASCII and without Python's underscores, else `ValueError`."""
+    if not text.isascii() or "_" in text:
+        raise ValueError(text)
+    return float(text)
 
 
 def decoded(data: bytes) -> str:

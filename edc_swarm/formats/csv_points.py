@@ -78,7 +78,10 @@ def read_csv(data: bytes, options: Options) -> Content:
     rows = _rows(decoded(data), content)
     content.frame = "wgs84" if "lat" in rows[0].values else "local"
     by_uav: dict[str, list[Row]] = {}
+    is_named = any(row.values.get("uav", "").strip() for row in rows)
     for row in rows:
+        if is_named and not row.values["uav"].strip():
+            raise FormatError(row.place, "uav = '': must name a UAV, as other rows do")
         by_uav.setdefault(row.values.get("uav", "").strip(), []).append(row)
         if row.number("altitude"):
             content.note("altitude: the mission is flown in a plane", row.place)

@@ -20,8 +20,15 @@ from edc_swarm.formats.content import (
     parsed,
 )
 
-READ = frozenset({"name", "kind", "uav", "r_m", "v_max_mps", "accept_m", "radius_m", "hover_s", "keep"})
-"""Properties that a mission expresses."""
+ONE_PER_UAV = ("accept_m", "v_max_mps", "r_m")
+"""Properties of which a route takes one value."""
+READ = {
+    "line": frozenset({"name", "uav", *ONE_PER_UAV}),
+    "point": frozenset({"name", "kind", "uav", "hover_s", *ONE_PER_UAV}),
+    "polygon": frozenset({"name", "kind", "keep"}),
+    "circle": frozenset({"name", "kind", "keep", "radius_m"}),
+}
+"""Properties that a mission expresses, by what has them."""
 ZONE_KINDS: dict[str, Kind] = {
     **dict.fromkeys(("inclusion", "include", "fence", "geofence", "boundary", "keep-in"), "inclusion"),
     **dict.fromkeys(("exclusion", "exclude", "no-fly", "nofly", "obstacle", "keep-out"), "exclusion"),
@@ -75,31 +82,32 @@ def features_content(features: Sequence[Feature], notes: Content, options: Optio
     has_lines = any(shape.kind == "line" for feature in features for shape in feature.shapes)
     way_points: dict[str, list[tuple[Feature, Shape]]] = {}
     for feature in features:
-        _note_properties(feature, content)
         for shape in feature.shapes:
             _note_altitudes(shape, content)
+            is_circle = shape.kind == "point" and "radius_m" in feature.properties
+            _note_properties(feature, shape.item, READ["circle" if is_circle else shape.kind], content)
             if shape.kind == "polygon":
                 content.areas += _polygon(feature, shape, content, options)
             elif shape.kind == "line":
                 content.routes.append(_line(feature, shape))
-            elif "radius_m" in feature.properties:
+            elif is_circle:
                 content.areas.append(_circle(feature, shape, options))
             elif feature.kind == "home":
-                (content.home,) = _points(shape)
+                content.home = _home(shape, content)
             elif feature.kind in POINT_KINDS or "uav" in feature.properties or (not feature.kind and not has_lines):
                 way_points.setdefault(feature.properties.get("uav", ""), []).append((feature, shape))
             else:
                 content.note(f"point of kind {feature.kind!r}" if feature.kind else "point beside lines", shape.item)
-    content.routes += [_through(uav, found) for uav, found in way_points.items()]
+    content.routes += [_through(uav, found, content) for uav, found in way_points.items()]
     for what, items in notes.notes.items():
         content.note(what, *items)
     return content
 
 
-def _note_properties(feature: Feature, content: Content) -> None:
+def _note_properties(feature: Feature, item: str, read: frozenset[str], content: Content) -> None:
     for key, value in feature.properties.items():
-        if key not in READ and value.strip():
-            content.note(f"property {key}", feature.item)
+        if key not in read and value.strip():
+            content.note(f"property {key}", item)
 
 
 def _note_altitudes(shape: Shape, content: Content) -> None:
@@ -111,20 +119,37 @@ def _points(shape: Shape, ring: int = 0) -> list[Point]:
     return [check_lat_lon(shape.item, lat_deg, lon_deg) for lat_deg, lon_deg, _ in shape.rings[ring]]
 
 
+def _home(shape: Shape, content: Content) -> Point:
+    if content.home is not None:
+        raise FormatError(shape.item, "kind = 'home': must be that of one point")
+    (home,) = _points(shape)
+    return home
+
+
 def _line(feature: Feature, shape: Shape) -> Route:
+    if feature.kind in ZONE_KINDS:
+        raise FormatError(shape.item, f"kind = {feature.kind!r}: must be that of a polygon, not of a line")
     stops = [Stop(f"{shape.item}, point {index}", point) for index, point in enumerate(_points(shape), 1)]
     if len(stops) < 2:
         raise FormatError(shape.item, f"{len(stops)} points of a line: must be at least 2")
     return _route(shape.item, stops, feature)
 
 
-def _through(uav: str, found: list[tuple[Feature, Shape]]) -> Route:
+def _through(uav: str, found: list[tuple[Feature, Shape]], content: Content) -> Route:
     """Return the route through points: starts first, targets last, the others in the order of the file."""
 
     def order(pair: tuple[Feature, Shape]) -> int:
         return POINT_KINDS.index(pair[0].kind) if pair[0].kind in POINT_KINDS else 1
 
+    for kind in ("start", "target"):
+        ends = [shape for feature, shape in found if feature.kind == kind]
+        if len(ends) > 1:
+            raise FormatError(ends[1].item, f"kind = {kind!r}: must be that of one point of a UAV")
     flown = sorted(found, key=order)
+    for key in ONE_PER_UAV:
+        if len({feature.number(key) for feature, _ in flown}) > 1:
+            what = f"{key} that differs between the points of a UAV: the first one counts"
+            content.note(what, *(shape.item for _, shape in flown))
     stops = [Stop(shape.item, point, feature.number("hover_s")) for feature, shape in flown for point in _points(shape)]
     return _route(f"{flown[0][1].item} to {flown[-1][1].item}", stops, flown[0][0], uav)
 

@@ -20,7 +20,7 @@ def read_fence(data: bytes, options: Options) -> Content:
     lines = [(f"line {number}", line.replace(",", " ").split()) for number, line in enumerate(lines_of(data), 1)]
     rows = [(place, row) for place, row in lines if row and not row[0].startswith("#")]
     points = [_point(place, row) for place, row in rows]
-    if not points:
+    if len(points) < 2:
         raise FormatError("", "must hold a return point and the corners of a polygon")
     if len(points) > MAX_POINTS:
         raise FormatError("", f"{len(points)} points: must be at most {MAX_POINTS}")

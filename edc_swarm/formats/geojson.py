@@ -12,6 +12,7 @@ from edc_swarm.formats.json_values import as_list, as_table, as_word, json_value
 
 GEOMETRIES = ("Point", "MultiPoint", "LineString", "MultiLineString", "Polygon", "MultiPolygon", "GeometryCollection")
 TYPES = frozenset({*GEOMETRIES, "Feature", "FeatureCollection"})
+MEMBERS = frozenset({"type", "features", "properties", "geometry", "geometries", "coordinates", "crs"})
 MAX_DEPTH = 10
 """Levels of geometry collections."""
 WGS84_NAMES = ("CRS84", "4326", "4979")
@@ -33,6 +34,8 @@ def read_geojson(data: bytes, options: Options) -> Content:
         raise FormatError("type", f"{kind!r}: must be a type of GeoJSON")
     _check_reference_system(root)
     notes = Content()
+    if kind != "Feature":
+        _note_members("the file", root, notes)
     return features_content(list(_features(root, notes)), notes, options)
 
 
@@ -54,6 +57,11 @@ def _features(root: dict[str, Any], notes: Content) -> Iterator[Feature]:
         yield Feature("the geometry", {}, list(_shapes("the geometry", root)))
 
 
+def _note_members(item: str, table: dict[str, Any], notes: Content) -> None:
+    for key in sorted(table.keys() - MEMBERS):
+        notes.note(f"member {key[:40]}", item)
+
+
 def _feature(item: str, feature: dict[str, Any], notes: Content) -> Feature:
     if feature.get("type") != "Feature":
         raise FormatError(item, f"type = {as_word(feature.get('type'))!r}: must be Feature")
@@ -62,11 +70,22 @@ def _feature(item: str, feature: dict[str, Any], notes: Content) -> Feature:
     for key in KIND_KEYS:
         if key in properties:
             properties.setdefault("kind", properties.pop(key))
+    _note_members(item, feature, notes)
     geometry = feature.get("geometry")
     if geometry is None:
         notes.note("feature without a geometry", item)
         return Feature(item, properties)
-    return Feature(item, properties, list(_shapes(item, as_table(f"{item} geometry", geometry))))
+    if _has_more(as_table(f"{item} geometry", geometry).get("coordinates")):
+        notes.note("numbers of a position after its altitude", item)
+    return Feature(item, properties, list(_shapes(item, geometry)))
+
+
+def _has_more(at: Any) -> bool:
+    """Return True if a position among coordinates has more than three numbers."""
+    if not isinstance(at, list):
+        return False
+    inner = [each for each in at if isinstance(each, list)]
+    return any(map(_has_more, inner)) if inner else len(at) > 3
 
 
 def _text(value: Any) -> str:

@@ -64,15 +64,18 @@ def read_kml(data: bytes, options: Options) -> Content:
     ------
     FormatError
     """
-    root = _tree(_unpacked(data) if data.startswith(b"PK") else data)
+    notes = Content()
+    root = _tree(_unpacked(data, notes) if data.startswith(b"PK") else data)
     if root.name not in {*CONTAINERS, "placemark"}:
         raise FormatError(f"line {root.line}", f"element {root.name[:40]}: must be kml")
-    notes = Content()
+    modes = list(_named(root, "altitudemode"))
+    if len({mode.content for mode in modes}) > 1:
+        notes.note("altitudes that count from different levels", *(f"line {mode.line}" for mode in modes))
     return features_content(list(_features(root, notes)), notes, options)
 
 
-def _unpacked(data: bytes) -> bytes:
-    """Return the KML file of a KMZ archive: doc.kml, or else the first one."""
+def _unpacked(data: bytes, notes: Content) -> bytes:
+    """Return the KML file of a KMZ archive: doc.kml, or else the first one; note the other files."""
     try:
         with zipfile.ZipFile(io.BytesIO(data)) as archive:
             entries = archive.infolist()
@@ -82,6 +85,9 @@ def _unpacked(data: bytes) -> bytes:
             if not found:
                 raise FormatError("", "must be an archive that holds a .kml file")
             chosen = next((entry for entry in found if entry.filename.lower() == "doc.kml"), found[0])
+            for entry in entries:
+                if entry is not chosen and not entry.is_dir():
+                    notes.note("other file of the archive", entry.filename[:60])
             with archive.open(chosen) as opened:
                 text = opened.read(MAX_FILE_BYTES + 1)
     except (zipfile.BadZipFile, zlib.error, EOFError, RuntimeError, NotImplementedError, ValueError, OSError) as error:
@@ -130,6 +136,14 @@ def _tree(data: bytes) -> Node:
     except (ValueError, LookupError) as error:  # An unknown encoding.
         raise FormatError("line 1", f"must be XML in a known encoding ({error})") from None
     return top.children[0]
+
+
+def _named(node: Node, name: str) -> Iterator[Node]:
+    """Yield all elements of this name below a node."""
+    for child in node.children:
+        if child.name == name:
+            yield child
+        yield from _named(child, name)
 
 
 def _features(node: Node, notes: Content) -> Iterator[Feature]:
@@ -191,13 +205,23 @@ def _shapes(item: str, node: Node, notes: Content) -> Iterator[Shape]:
             if child.name not in {"outerboundaryis", "innerboundaryis"}:
                 _note(child, notes)
     elif node.name == "track":
-        notes.note("times of a track: the route is flown at the mission's speed", item)
+        _note_track(item, node, notes)
         yield Shape(item, "line", [_track(node)])
     elif node.name in {"multigeometry", "multitrack"}:
         for index, child in enumerate(node.children, 1):
             yield from _shapes(f"{item}, part {index}", child, notes)
     else:
         _note(node, notes)
+
+
+def _note_track(item: str, node: Node, notes: Content) -> None:
+    """Note what a track holds besides its positions."""
+    notes.note("times of a track: the route is flown at the mission's speed", item)
+    for child in node.children:
+        if child.name == "extendeddata":
+            notes.note("data along a track", item)
+        elif child.name not in {"coord", "when"}:
+            _note(child, notes)
 
 
 def _rings(node: Node) -> list[list[tuple[float, float, float]]]:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections import Counter
 from dataclasses import dataclass
+from pathlib import PurePath
 
 from edc_swarm.errors import FormatError
 from edc_swarm.formats.cells import Cell, Loop, component_of, components, loops, polygons
@@ -31,9 +32,10 @@ class Grid:
 
 @dataclass(frozen=True, slots=True)
 class Agent:
-    """One agent of a scenario, with the line that states it and its cells as (column, row) of the grid."""
+    """One agent of a scenario, with the line that states it, its map, and its cells as (column, row) of the grid."""
 
     item: str
+    map_name: str
     start: Cell
     goal: Cell
 
@@ -66,6 +68,9 @@ def read_mapf(map_data: bytes, scenario_data: bytes, map_name: str, options: Opt
     except FormatError as error:
         raise error.of(map_name) from None
     agents = _agents(scenario_data, grid)
+    own = PurePath(map_name).name
+    if others := [agent.item for agent in agents if PurePath(agent.map_name).name != own]:
+        content.note(f"the scenario names another map than {own}", *others)
     if len(agents) > options.agents:
         content.note("agents beyond --agents", *(agent.item for agent in agents[options.agents :]))
         agents = agents[: options.agents]
@@ -94,8 +99,8 @@ def _grid(data: bytes, content: Content) -> Grid:
         key, _, value = line.partition(" ")
         if key == "map":
             break
-        if key not in {"type", "height", "width"}:
-            raise FormatError(f"line {number}", f"{line[:40]!r}: must be type, height, width or map")
+        if key not in {"type", "height", "width"} or (key == "type" and value.strip() != "octile"):
+            raise FormatError(f"line {number}", f"{line[:40]!r}: must be type octile, height, width or map")
         header[key] = value.strip()
     else:
         raise FormatError("", "must have a line 'map'")
@@ -143,7 +148,7 @@ def _agents(data: bytes, grid: Grid) -> list[Agent]:
             raise FormatError(place, f"map of {width} x {height} cells: must be {grid.width} x {grid.height}")
         start = _cell(place, "start", numbers[0], numbers[1], grid)
         goal = _cell(place, "goal", numbers[2], numbers[3], grid)
-        agents.append(Agent(place, start, goal))
+        agents.append(Agent(place, " ".join(parts[1:-7]), start, goal))
         if len(agents) > MAX_CELLS:
             raise FormatError("", f"agents: must be at most {MAX_CELLS}")
     if not agents:

@@ -197,6 +197,8 @@ def _note_rest(item: Item, content: Content) -> None:
         content.note("heading", item.label)
     if item.command in {WAYPOINT, UNLIMITED, TURNS, LOITER} and item.params[2]:
         content.note("radius of passing or circling", item.label)
+    if item.command in HAVE_HOLD and (item.params[0] or 0.0) < 0:
+        content.note("time to stay below 0 s: it does not stay", item.label)
     if not item.goes_on:
         content.note("waiting for a command to go on (autocontinue 0)", item.label)
 

@@ -13,6 +13,12 @@ from edc_swarm.formats.mavlink_mission import LAND, WAYPOINT, Item, mission_cont
 RELATIVE = 3
 FIXED_WING = 1
 LANDING_PATTERNS = ("fwLandingPattern", "vtolLandingPattern")
+PLAN_READ = frozenset({"fileType", "geoFence", "groundStation", "mission", "rallyPoints", "version"})
+MISSION_READ = frozenset(
+    {"cruiseSpeed", "firmwareType", "hoverSpeed", "items", "plannedHomePosition", "vehicleType", "version"}
+    | {"globalPlanAltitudeMode"}
+)
+"""Members of a plan and of its mission that are read, or that say nothing about the flight."""
 APPROACHES = ("landingApproachCoordinate", "loiterCoordinate")
 """Names of the point before the landing, newest first."""
 
@@ -39,6 +45,9 @@ def read_plan(data: bytes, options: Options) -> Content:
     rally = as_list("rallyPoints.points", as_table("rallyPoints", plan.get("rallyPoints", {})).get("points", []))
     for index in range(1, len(rally) + 1):
         content.note("rally point", f"rally point {index}")
+    for place, table, read in (("plan", plan, PLAN_READ), ("mission", mission, MISSION_READ)):
+        for key in sorted(table.keys() - read):
+            content.note(f"member {key[:40]}", place)
     _set_speed(content, mission)
     return content
 

@@ -9,7 +9,7 @@ from __future__ import annotations
 import math
 
 from edc_swarm.errors import FormatError
-from edc_swarm.formats.content import MAX_POINTS, Content, Options, Stop, check_lat_lon, decoded
+from edc_swarm.formats.content import MAX_POINTS, Content, Options, Stop, check_lat_lon, decimal, decoded
 from edc_swarm.formats.mavlink_mission import WAYPOINT, Item, mission_content
 
 HEADER = "QGC WPL"
@@ -27,13 +27,22 @@ def read_way_points(data: bytes, options: Options) -> Content:
     if header.split() != [*HEADER.split(), "110"]:
         raise FormatError("line 1", f"{header.strip()[:40]!r}: must be 'QGC WPL 110'")
     rows = [(number, line.split()) for number, line in enumerate(lines, 2)]
-    items = [_item(number, row) for number, row in rows if row and not row[0].startswith("#")]
+    items, misnumbered = list[Item](), list[str]()
+    for number, row in rows:
+        if row and not row[0].startswith("#"):
+            items.append(_item(number, row))
+            if row[0] != str(len(items) - 1):
+                misnumbered.append(f"line {number}")
     if len(items) > MAX_POINTS:
         raise FormatError("", f"{len(items)} items: must be at most {MAX_POINTS}")
     if not items:
         raise FormatError("", "must hold at least one item")
     home, rest = _home(items)
     content = mission_content(rest, home, options)
+    if misnumbered:
+        content.note(
+            "item numbers that do not count up from 0: items are flown in the order of their lines", *misnumbered
+        )
     if home is None and rest is not items:
         content.note("home position 0, 0: not known when the file was written", items[0].label)
     elif home is not None and items[0].z:
@@ -63,7 +72,7 @@ def _item(number: int, row: list[str]) -> Item:
 
 def _whole(place: str, text: str) -> int:
     try:
-        value = float(text)
+        value = decimal(text)
         if value == int(value) and 0 <= value < 65536:
             return int(value)
     except (ValueError, OverflowError):
@@ -74,7 +83,7 @@ def _whole(place: str, text: str) -> int:
 def _value(place: str, text: str) -> float | None:
     """Return a number; None for NaN, which leaves the value to the vehicle."""
     try:
-        value = float(text)
+        value = decimal(text)
     except ValueError:
         value = math.inf
     if math.isinf(value):

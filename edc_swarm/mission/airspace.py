@@ -91,6 +91,10 @@ class Airspace:
         keep_m = np.where(keeps_disc, r_m[:, None] - KEPT_M, 0.0)
         return np.maximum(keep_m, LEAST_M) - self.clear_m(points_m)
 
+    def room_m(self, points_m: Floats, r_m: float) -> Floats:
+        """Return (n,) by how much points are farther from all zones than a UAV must be, below 0 if it must not be."""
+        return np.asarray(-self.lack_m(points_m, np.full(len(points_m), r_m)).max(axis=1, initial=-np.inf))
+
 
 def zones_refusal(zones: Sequence[Zone], r_m: float, points: Sequence[Point]) -> str:
     """Return why a UAV of radius `r_m` cannot fly through `points` in their order, "" if it can.
@@ -203,7 +207,7 @@ def _misplaced(airspace: Airspace, points_m: Floats, lack_m: Floats, r_m: Floats
         clear_m = float(airspace.clear_m(points_m[index : index + 1])[0, which])
         side = "inside" if zone.kind == "inclusion" else "outside"
         wrong = f"{-clear_m:.3f} m {'outside' if side == 'inside' else 'inside'} it"
-        where = wrong if clear_m < 0 else f"{clear_m:.3f} m from its edge"
+        where = wrong if clear_m < 0 else f"{abs(clear_m):.3f} m from its edge"
         kept = f"with its whole disc of {r_m[index]:g} m" if zone.keeps_disc else "with its centre"
         yield index, f"{side} {zone.kind} zone {zone.name} {kept}, not {where}"
 

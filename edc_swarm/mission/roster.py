@@ -42,7 +42,7 @@ def complete_mission(mission: Mission) -> Mission:
         The UAVs of a random mission do not fit into its area.
     MissionError
         A link or a fault names a UAV that is not in the roster, a fault cannot be read, zones leave a UAV no way, or
-        they leave two UAVs no room to pass each other.
+        they leave UAVs no room to pass each other.
     """
     fenced = mission if mission.roster else _fenced(mission)
     roster = _inherited(mission) if mission.roster else random_roster(fenced)

@@ -188,3 +188,44 @@ def test_an_unknown_home_and_a_home_with_an_old_command() -> None:
     assert_near(in_degrees(imported(("a.plan", unknown)).mission), [(47.398, 8.546), (47.399, 8.546)])
     old = WPL.replace("0\t1\t0\t16\t", "0\t1\t0\t0\t", 1)
     assert imported(("a.waypoints", old)).mission == imported(("a.waypoints", WPL)).mission
+
+
+ROUTE = [[8.5452, 47.3972], [8.5465, 47.3988]]
+TRACK = "<gx:coord>8.5452 47.3972</gx:coord><gx:coord>8.5465 47.3988</gx:coord><gx:angles>90 0 0</gx:angles>"
+AT_GROUND = "<altitudeMode>clampToGround</altitudeMode><coordinates>8.5,47.4</coordinates>"
+
+
+@pytest.mark.parametrize(
+    ("name", "data", "what", "items"),
+    [
+        ("a.geojson", json.dumps(feature("LineString", ROUTE) | {"id": 7}), "member id", ["the feature"]),
+        ("a.geojson", json.dumps(feature("LineString", ROUTE, hover_s=5)), "property hover_s", ["the feature"]),
+        ("a.geojson", json.dumps(feature("LineString", [[*at, 10, 3] for at in ROUTE])),
+         "numbers of a position after its altitude", ["the feature"]),
+        ("a.geojson", json.dumps({"type": "FeatureCollection", "features": [
+            feature("Point", at, uav="a", r_m=number) for number, at in enumerate(ROUTE, 1)]}),
+         "r_m that differs between the points of a UAV: the first one counts", ["feature 1", "feature 2"]),
+        ("a.kmz", kmz(("doc.kml", kml(LINE).encode()), ("b.kml", b"")), "other file of the archive", ["b.kml"]),
+        ("a.kml", kml(f"<Placemark><gx:Track>{TRACK}</gx:Track></Placemark>"), "element angles", ["line 2"]),
+        ("a.kml", kml(LINE.replace("<coordinates>", "<altitudeMode>absolute</altitudeMode><coordinates>")
+                      + f"<Placemark><Point>{AT_GROUND}</Point></Placemark>"),
+         "altitudes that count from different levels", ["line 2"]),
+        ("a.plan", plan(item(16, 47.398, 8.546)).replace('"fileType"', '"complexItems": [], "fileType"', 1),
+         "member complexItems", ["plan"]),
+        ("a.plan", plan(item(16, 47.398, 8.546) | {"params": [-1, 0, 0, 0, 47.398, 8.546, 0]}),
+         "time to stay below 0 s: it does not stay", ["item 1"]),
+        ("a.waypoints", WPL.replace("\n2\t", "\n1\t", 1),
+         "item numbers that do not count up from 0: items are flown in the order of their lines", ["line 4"]),
+    ],
+)  # fmt: skip
+def test_nothing_is_dropped_silently(name: str, data: str | bytes, what: str, items: list[str]) -> None:
+    """What each file holds and a mission does not express is listed."""
+    assert imported((name, data), settings=Settings(r_m=0.5, start_at_home=False)).notes[name][what] == items
+
+
+def test_a_scenario_of_another_map_is_listed() -> None:
+    """Its name differs from that of the file with the map; folders do not count."""
+    agents = scenario((0, 0, 19, 8), (0, 8, 19, 0), size=(20, 9))
+    other = imported(("w.map", WAREHOUSE), ("w.scen", agents), cell_m=2.0)
+    assert other.notes["w.map, w.scen"]["the scenario names another map than w.map"] == ["line 2", "line 3"]
+    assert not imported(("my map.map", WAREHOUSE), ("w.scen", agents), cell_m=2.0).notes["my map.map, w.scen"]

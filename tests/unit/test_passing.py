@@ -4,10 +4,12 @@ from __future__ import annotations
 
 import math
 import re
+from random import Random
 from typing import Any
 
 import pytest
-from shapely.geometry import Polygon
+from shapely.geometry import Polygon, box
+from shapely.ops import unary_union
 
 from edc_swarm.errors import MissionError
 from edc_swarm.mission.configuration import Mission
@@ -17,6 +19,9 @@ from edc_swarm.mission.roster_entry import RosterEntry
 from edc_swarm.mission.zone import Zone
 from tests.builders import entry, mission
 
+Cell = tuple[int, int]
+
+SIDES = [(0, 1), (1, 0), (0, -1), (-1, 0)]
 ALLEY = [(0.0, 0.0), (90.0, 0.0), (90.0, 11.0), (0.0, 11.0)]
 NICHE = [(0.0, 0.0), (90.0, 0.0), (90.0, 11.0), (52.0, 11.0), (52.0, 24.0), (40.0, 24.0), (40.0, 11.0), (0.0, 11.0)]
 SHALLOW = [(x, min(y, 16.0)) for x, y in NICHE]
@@ -39,7 +44,7 @@ def refusal(roster: list[RosterEntry], *zones: Zone, **fields: Any) -> str:
     return ""
 
 
-@pytest.mark.parametrize("width_m", [10.0, 14.0, 16.0, 18.0, 19.5])
+@pytest.mark.parametrize("width_m", [10.0, 14.0, 18.0, 19.8])
 def test_head_on_in_a_dead_end_is_refused(width_m: float) -> None:
     """One line with the UAV, its target, the other UAV and the reason."""
     roster = [entry("a", (6, width_m / 2), (84, width_m / 2)), entry("b", (84, width_m / 2), (6, width_m / 2))]
@@ -79,6 +84,77 @@ def test_a_lane_may_lie_askew(turn: float) -> None:
     assert "without passing a" in refusal([entry("a", left, right), entry("b", right, left)], zone)
     near = turned(40, 9.5)
     assert refusal([entry("a", left, near), entry("b", near, right)], zone) == ""
+
+
+def bend(turn_deg: float, width_m: float) -> tuple[Zone, list[RosterEntry]]:
+    """A lane of two arms of 45 m with a sharp bend between them, and a UAV at each end that flies to the other."""
+    turn, reach_m = math.radians(turn_deg), width_m * math.tan(math.radians(turn_deg) / 2)
+    along, out = (math.cos(turn), -math.sin(turn)), (math.sin(turn), math.cos(turn))
+    inner = (45 + 45 * along[0], 45 * along[1])
+    outer = (inner[0] + width_m * out[0], inner[1] + width_m * out[1])
+    lane = fence([(0, 0), (45, 0), inner, outer, (45 + reach_m, width_m), (0, width_m)])
+    ends = (6.0, width_m / 2), (45 + 39 * along[0] + width_m / 2 * out[0], 39 * along[1] + width_m / 2 * out[1])
+    return lane, [entry("a", *ends), entry("b", *ends[::-1])]
+
+
+@pytest.mark.parametrize("turn_deg", [30, 60, 90])
+def test_a_bend_is_a_place_to_pass_if_it_is_wide_enough(turn_deg: float) -> None:
+    """One UAV in the outer corner and one at the inner one: sqrt(2) times as much room as in the lane at 90 degrees."""
+    widest_m = 5 + 15 * math.cos(math.radians(turn_deg) / 2)
+    for width_m, is_refused in ((widest_m - 0.4, True), (widest_m + 0.05, False)):
+        lane, roster = bend(turn_deg, width_m)
+        assert ("without passing a" in refusal(roster, lane)) is is_refused, width_m
+
+
+def test_three_uavs_in_too_short_a_lane() -> None:
+    """Two pass each other at a niche, unless a third one is to stay in it and the lane has no room for it."""
+    ends = [(6.0, 5.5), (30.0, 5.5), (46.0, 17.0)]
+    roster = [entry(*way) for way in zip("abc", ends, [ends[1], ends[0], ends[2]], strict=True)]
+    short = fence([(min(x, 66.0), y) for x, y in NICHE])
+    assert refusal(roster[:2], short) == ""
+    said = refusal(roster, short)
+    assert re.match(r"roster\[2\].*: must be reachable while a and b reach theirs, for which zones leave no room", said)
+    assert refusal(roster, fence(NICHE)) == ""
+
+
+def corridors(rng: Random, count: int) -> set[Cell]:
+    """Grow a tree of corridors on a grid, without rooms of 2 x 2 cells."""
+    cells = {(0, 0)}
+    while len(cells) < count:
+        i, j = rng.choice([(i + a, j + b) for i, j in sorted(cells) for a, b in SIDES])
+        near = [(i + a, j + b) for a in (-1, 0, 1) for b in (-1, 0, 1) if (i + a, j + b) in cells]
+        beside = [cell for cell in near if abs(cell[0] - i) + abs(cell[1] - j) == 1]
+        if len(beside) == 1 and all(math.dist(cell, beside[0]) <= 1 for cell in near):
+            cells.add((i, j))
+    return cells
+
+
+def can_be_moved(cells: set[Cell], starts: tuple[Cell, ...], targets: tuple[Cell, ...]) -> bool:
+    """Search all moves of one UAV to a free cell beside it."""
+    seen, waiting = {starts}, [starts]
+    while waiting and targets not in seen:
+        here = waiting.pop()
+        moves = [(k, (i + a, j + b)) for k, (i, j) in enumerate(here) for a, b in SIDES]
+        after = {(*here[:k], cell, *here[k + 1 :]) for k, cell in moves if cell in cells and cell not in here}
+        waiting += after - seen
+        seen |= after
+    return targets in seen
+
+
+def test_random_corridors_against_a_search_of_all_moves() -> None:
+    """Never is refused what a search of all moves from cell to cell can fly; what it cannot fly is refused here."""
+    side_m, found = 11.0, []
+    for seed in range(8):
+        rng = Random(seed)
+        cells, count = corridors(rng, rng.randint(5, 9)), rng.randint(2, 4)
+        starts, targets = (tuple(rng.sample(sorted(cells), count)) for _ in range(2))
+        ways = [[((i + 0.5) * side_m, (j + 0.5) * side_m) for i, j in way] for way in zip(starts, targets, strict=True)]
+        shape = unary_union([box(i * side_m, j * side_m, (i + 1) * side_m, (j + 1) * side_m) for i, j in cells])
+        roster = [entry("abcd"[k], *way) for k, way in enumerate(ways)]
+        said = refusal(roster, fence(list(shape.exterior.coords)[:-1]))
+        assert said == "" or "leave no room" in said
+        found.append((can_be_moved(cells, starts, targets), said == ""))
+    assert set(found) == {(True, True), (False, False)}
 
 
 def test_a_shallow_niche_does_not_help() -> None:
