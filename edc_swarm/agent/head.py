@@ -15,6 +15,7 @@ from __future__ import annotations
 import math
 from collections.abc import Collection, Sequence
 from dataclasses import dataclass, field
+from functools import cached_property
 
 from msgspec import UNSET
 
@@ -23,6 +24,7 @@ from edc_swarm.agent.knowledge import Grant, HullRules, Knowledge
 from edc_swarm.mission.braking import change_of, changes_m
 from edc_swarm.mission.configuration import Mission
 from edc_swarm.mission.failsafe import failsafe_of
+from edc_swarm.mission.roster_entry import RosterEntry
 from edc_swarm.mission.vehicle_budget import vehicle_of
 from edc_swarm.planner.interface import Hull, Plan, Planner, PlanRequest, plan_ms
 from edc_swarm.protocol.messages import Command, Fix, Report
@@ -76,17 +78,30 @@ class Head:
         self._barred_term = barred_term
         self._knowledge = knowledge
         self._quorum = mission.quorum
-        self._rules = HullRules(
-            {entry.uav: mission.step_m(entry) for entry in mission.roster},
-            mission.lag_slots,
-            {entry.uav: change_of(mission, entry) for entry in mission.roster},
-        )
-        self._with_previous = mission.lag_slots > 0 or changes_m(mission) is not None
         self._failsafe = failsafe_of(mission)
-        self._free_m = {entry.uav: vehicle_of(mission, entry).free_mps * mission.dt_s for entry in mission.roster}
-        self._roster = {entry.uav: entry for entry in mission.roster}
         self._index = knowledge.index
         self.office = Office((0, ""))
+
+    # Most UAVs never lead: they do without these tables.
+
+    @cached_property
+    def _roster(self) -> dict[str, RosterEntry]:
+        return {entry.uav: entry for entry in self._mission.roster}
+
+    @cached_property
+    def _rules(self) -> HullRules:
+        mission, roster = self._mission, self._mission.roster
+        steps_m = {entry.uav: mission.step_m(entry) for entry in roster}
+        return HullRules(steps_m, mission.lag_slots, {entry.uav: change_of(mission, entry) for entry in roster})
+
+    @cached_property
+    def _with_previous(self) -> bool:
+        return self._mission.lag_slots > 0 or changes_m(self._mission) is not None
+
+    @cached_property
+    def _free_m(self) -> dict[str, float]:
+        mission = self._mission
+        return {entry.uav: vehicle_of(mission, entry).free_mps * mission.dt_s for entry in mission.roster}
 
     def take_office(self, grant: Grant) -> None:
         """Begin a term and forget the older one."""

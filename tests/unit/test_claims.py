@@ -148,10 +148,10 @@ def test_a_flood_of_claimants_fills_no_memory() -> None:
     assert book.held == {"u1", "u2"}, "one that leaves makes room"
 
 
-@pytest.mark.parametrize("wrong", [{"claimant": "a" * 15}, {"claimant": ANNE + "\n"}, {"uavs": 0}, {"uavs": 2001}])
+@pytest.mark.parametrize("wrong", [{"claimant": "a" * 15}, {"claimant": ANNE + "\n"}, {"uavs": 0}, {"uavs": 10_001}])
 def test_what_is_no_claim_is_refused(wrong: dict[str, object]) -> None:
     """Sixteen hexadecimal digits, and as many UAVs as a mission can have."""
-    right = {"claimant": ANNE, "uavs": 2000}
-    assert msgspec.convert(right, IdClaim).uavs == 2000
+    right = {"claimant": ANNE, "uavs": 10_000}
+    assert msgspec.convert(right, IdClaim).uavs == 10_000
     with pytest.raises(msgspec.ValidationError):
         msgspec.convert({**right, **wrong}, IdClaim)
