@@ -12,21 +12,25 @@ from __future__ import annotations
 import math
 from collections.abc import Collection
 from functools import cached_property
+from typing import TYPE_CHECKING, Any
 
-from edc_swarm.agent.knowledge import HullRules, Knowledge
-from edc_swarm.mission.braking import braking_m, change_of
+from edc_swarm.agent.knowledge import Knowledge
+from edc_swarm.agent.mission_tables import MissionTables
 from edc_swarm.mission.configuration import Mission
 from edc_swarm.mission.field_types import Point
-from edc_swarm.mission.roster_entry import RosterEntry
-from edc_swarm.mission.vehicle_budget import grown_r_m, vehicle_of
 from edc_swarm.planner.interface import ForeignUav, Hull
-from edc_swarm.protocol.backing import Backing
-from edc_swarm.protocol.messages import Fix, Report, roster_index
+from edc_swarm.protocol.messages import Fix, Report
+
+if TYPE_CHECKING:
+    import numpy as np
+    from numpy.typing import NDArray
 
 NEAR_SLOTS = 16
 """Slots at full speed, of both UAVs, within which a foreign UAV is near."""
 LOOK_SLOTS = 4
 """Slots from one look for near UAVs to the next one."""
+SLACK_M = 1e-3
+"""More than rounding changes of a distance."""
 MAX_NEAR = 512
 """Most foreign UAVs whose fixes one UAV hears: the nearest ones."""
 
@@ -34,9 +38,10 @@ MAX_NEAR = 512
 class Foreign:
     """Knowledge of all UAVs of the mission that are not of one cluster; it is empty in a mission with one cluster."""
 
-    def __init__(self, mission: Mission, cluster: str) -> None:
+    def __init__(self, mission: Mission, cluster: str, tables: MissionTables[Any] | None = None) -> None:
         self._mission = mission
-        self._own = frozenset(entry.uav for entry in mission.roster if entry.cluster == cluster)
+        self._tables = tables if tables is not None else MissionTables(mission)
+        self._own = self._tables.members(cluster).keys()
         self._next_look = 0
         self._early: dict[str, Report] = {}
         self.near: frozenset[str] = frozenset()
@@ -44,40 +49,23 @@ class Foreign:
     # Most UAVs never lead. Tables of all others for each UAV of a large mission would cost K^2.
 
     @cached_property
-    def _roster(self) -> dict[str, RosterEntry]:
-        return {entry.uav: entry for entry in self._mission.roster if entry.uav not in self._own}
-
-    @cached_property
     def _knowledge(self) -> Knowledge:
-        return Knowledge(list(self._roster.values()), roster_index(self._mission.roster))
+        return Knowledge(self._tables.entries, self._tables.index)
 
     @cached_property
-    def _backing(self) -> Backing:
-        return Backing(self._mission)
+    def _newest(self) -> NDArray[np.float64]:
+        """Place and slot of the newest fix of every UAV, a column each; without one the start, and -1."""
+        import numpy as np  # noqa: PLC0415 - a UAV that is not in office starts without it
 
-    @cached_property
-    def _rules(self) -> HullRules:
-        mission, others = self._mission, self._roster
-        steps_m = {uav: mission.step_m(entry) for uav, entry in others.items()}
-        changes_m = {uav: change_of(mission, entry) for uav, entry in others.items()}
-        return HullRules(steps_m, mission.lag_slots, changes_m)
-
-    @cached_property
-    def _r_m(self) -> dict[str, float]:
-        return {uav: grown_r_m(self._mission, entry) for uav, entry in self._roster.items()}
-
-    @cached_property
-    def _free_m(self) -> dict[str, float]:
-        mission = self._mission
-        return {uav: vehicle_of(mission, entry).free_mps * mission.dt_s for uav, entry in self._roster.items()}
+        starts_m = self._tables.starts_m
+        return np.vstack([starts_m, np.full(starts_m.shape[1], -1.0)])
 
     @cached_property
     def _near_m(self) -> float:
-        mission = self._mission
-        step_m = max(mission.steps_m, default=0.0)
-        brake_m = max((braking_m(step_m, change_of(mission, entry)) for entry in mission.roster), default=0.0)
+        step_m, brake_m = self._tables.longest_m
+        widest_m = max((r_m for uav, r_m in self._tables.r_m.items() if uav not in self._own), default=0.0)
         # More than two UAVs can close in by in a slot: their steps, and the braking paths before and after them.
-        return 2 * (max([mission.r_m, *self._r_m.values()]) + NEAR_SLOTS * step_m + 2 * brake_m)
+        return 2 * (max(self._mission.r_m, widest_m) + NEAR_SLOTS * step_m + 2 * brake_m)
 
     def __len__(self) -> int:
         """Return the number of UAVs of other clusters."""
@@ -85,18 +73,24 @@ class Foreign:
 
     def __contains__(self, uav: str) -> bool:
         """Return True for a UAV of another cluster."""
-        return uav not in self._own and uav in self._roster
+        return uav not in self._own and uav in self._tables.entries
 
     def hear_fix(self, fix: Fix, slot: int) -> None:
         """Keep a fix of a foreign UAV; `slot` is the receiver's current slot."""
         self._knowledge.hear_fix(fix, slot)
+        self._note(fix.uav)
+
+    def _note(self, uav: str) -> None:
+        fix = self._knowledge.newest.get(uav)
+        if fix is not None:
+            self._newest[:, self._tables.index[uav]] = fix.waypoint_x_m, fix.waypoint_y_m, fix.slot
 
     def hear_report(self, report: Report, slot: int) -> None:
         """Keep the hulls of a foreign head's report, and who has landed by it, if a quorum of its cluster backs it.
 
         One of a slot after the receiver's `slot` waits for it: its hulls say where UAVs come to, not where they are.
         """
-        if not self._backing.is_plan(report):
+        if not self._tables.backing.is_plan(report):
             return
         if report.slot > slot:
             self._early[report.head] = report
@@ -105,14 +99,16 @@ class Foreign:
 
     def begin_slot(self, slot: int) -> None:
         """Process the fixes and reports that came too early, now that `slot` has begun."""
-        self._knowledge.begin_slot(slot)
+        for uav in self._knowledge.begin_slot(slot):
+            self._note(uav)
         for report in [report for report in self._early.values() if report.slot <= slot]:
             del self._early[report.head]
             self._knowledge.hear_report(report)
 
     def heard(self, slot: int) -> list[ForeignUav]:
         """Return the near UAVs whose fixes of `slot` have come, in roster order."""
-        return [self._seen(fix) for fix in self._knowledge.recent(slot) if self._is_heard(fix.uav, slot)]
+        found = [fix for fix in self._knowledge.newest.values() if fix.slot >= slot and self._is_heard(fix.uav, slot)]
+        return [self._seen(fix) for fix in sorted(found, key=lambda fix: self._tables.index[fix.uav])]
 
     def hulls(self, slot: int, *, strays: bool, own: Collection[Point] = ()) -> list[Hull]:
         """Return where the others are at the end of `slot`, or in the next slot those that stray, in roster order.
@@ -122,7 +118,7 @@ class Foreign:
         box_m = _box_m(own)
         return [
             self._hull(uav, slot)
-            for uav in self._roster
+            for uav in (self._straying() if strays else self._candidates(slot, box_m))
             if not (self._is_heard(uav, slot) or self._is_gone(uav, slot))
             and self._knowledge.strays(uav) == strays
             and not self._is_far(uav, slot, box_m)
@@ -136,26 +132,54 @@ class Foreign:
             self.near, self._next_look = self._find_near(slot, own), slot + LOOK_SLOTS
 
     def _find_near(self, slot: int, own: Collection[Point]) -> frozenset[str]:
+        import numpy as np  # noqa: PLC0415 - a UAV that is not in office starts without it
+
         near, box_m = [], _box_m(own)
-        for uav in self._roster:
+        places = list(own)
+        x_m, y_m = np.array(places, dtype=np.float64).T
+        for uav in self._candidates(slot, box_m):
             if self._is_gone(uav, slot) or self._is_far(uav, slot, box_m):
                 continue
             hull = self._hull(uav, slot)
             here_m, end_m = (hull.ax_m, hull.ay_m), (hull.bx_m, hull.by_m)
-            away_m = min(math.dist(here_m, place_m) for place_m in own) - math.dist(here_m, end_m) - hull.radius_m
+            nearest_m = places[int(np.argmin((x_m - here_m[0]) ** 2 + (y_m - here_m[1]) ** 2))]
+            away_m = math.dist(here_m, nearest_m) - math.dist(here_m, end_m) - hull.radius_m
             if away_m <= self._near_m:
                 near.append((away_m, uav))
         return frozenset(uav for _, uav in sorted(near)[:MAX_NEAR])
+
+    def _straying(self) -> list[str]:
+        """Return the foreign UAVs that stray, in roster order."""
+        return sorted(self._knowledge.straying - self._own, key=self._tables.index.__getitem__)
+
+    def _candidates(self, slot: int, box_m: tuple[Point, Point] | None) -> list[str]:
+        """Return the foreign UAVs in roster order, without most of those that are far from a rectangle (`_is_far`).
+
+        One look at all of them at once: to ask for each would take a head of a mission with thousands longer than its
+        plan.
+        """
+        tables = self._tables
+        if box_m is None:
+            return [uav for uav in tables.entries if uav not in self._own]
+        import numpy as np  # noqa: PLC0415 - a UAV that is not in office starts without it
+
+        (left_m, low_m), (right_m, high_m) = box_m
+        x_m, y_m, newest_slot = self._newest
+        step_m, brake_m = tables.reaches_m
+        away_m = np.maximum(np.maximum(left_m - x_m, x_m - right_m), np.maximum(low_m - y_m, y_m - high_m))
+        span_m = step_m * (1.0 + np.maximum(slot - newest_slot, 1.0)) + brake_m
+        close = {self._mission.roster[index].uav for index in np.flatnonzero(away_m <= self._near_m + span_m + SLACK_M)}
+        return sorted((close | self._knowledge.straying) - self._own, key=tables.index.__getitem__)
 
     def _is_far(self, uav: str, slot: int, box_m: tuple[Point, Point] | None) -> bool:
         """Return True if a UAV cannot be near a rectangle, by its newest fix or its start alone, which is soon said."""
         if box_m is None or self._knowledge.strays(uav):
             return False
-        fix, entry, step_m = self._knowledge.newest.get(uav), self._roster[uav], self._rules.u_max_m[uav]
+        fix, entry, step_m = self._knowledge.newest.get(uav), self._tables.entries[uav], self._tables.rules.u_max_m[uav]
         x_m, y_m = (entry.start_x_m, entry.start_y_m) if fix is None else (fix.waypoint_x_m, fix.waypoint_y_m)
         slots = slot - (-1 if fix is None else fix.slot)
         # Its last step leads to the waypoint; no braking path is longer than after a step at full speed.
-        span_m = step_m + self._rules.reach_m(uav, max(slots, 1), step_m)
+        span_m = step_m + self._tables.rules.reach_m(uav, max(slots, 1), step_m)
         (left_m, low_m), (right_m, high_m) = box_m
         away_m = max(left_m - x_m, x_m - right_m, low_m - y_m, y_m - high_m)
         return away_m > self._near_m + span_m
@@ -168,12 +192,12 @@ class Foreign:
 
     def _hull(self, uav: str, slot: int) -> Hull:
         if self._knowledge.strays(uav):
-            return self._knowledge.stray_hull(uav, slot + 1, self._free_m[uav])
-        return self._knowledge.place_after(uav, slot, self._rules, self._r_m[uav])
+            return self._knowledge.stray_hull(uav, slot + 1, self._tables.free_m[uav])
+        return self._knowledge.place_after(uav, slot, self._tables.rules, self._tables.r_m[uav])
 
     def _seen(self, fix: Fix) -> ForeignUav:
-        here_m, entry = (fix.waypoint_x_m, fix.waypoint_y_m), self._roster[fix.uav]
-        aim_m, rest_m = fix.course.aim(entry, here_m, self._rules.u_max_m[fix.uav], self._mission.dt_s)
+        here_m, entry = (fix.waypoint_x_m, fix.waypoint_y_m), self._tables.entries[fix.uav]
+        aim_m, rest_m = fix.course.aim(entry, here_m, self._tables.rules.u_max_m[fix.uav], self._mission.dt_s)
         return ForeignUav(self._knowledge.index[fix.uav], here_m, (fix.from_x_m, fix.from_y_m), aim_m, rest_m, fix.r_m)
 
 

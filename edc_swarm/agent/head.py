@@ -24,6 +24,7 @@ from edc_swarm.agent.knowledge import Grant, HullRules, Knowledge
 from edc_swarm.mission.braking import change_of, changes_m
 from edc_swarm.mission.configuration import Mission
 from edc_swarm.mission.failsafe import failsafe_of
+from edc_swarm.mission.roster_entry import RosterEntry
 from edc_swarm.mission.vehicle_budget import vehicle_of
 from edc_swarm.planner.interface import Hull, Plan, Planner, PlanRequest, plan_ms
 from edc_swarm.protocol.messages import Command, Fix, Report
@@ -78,20 +79,20 @@ class Head:
         self._knowledge = knowledge
         self._quorum = mission.quorum
         self._failsafe = failsafe_of(mission)
-        self._roster = {entry.uav: entry for entry in mission.roster}
         self._index = knowledge.index
         self.office = Office((0, ""))
 
-    # What follows takes milliseconds in a large swarm, and most UAVs never lead.
+    # Most UAVs never lead: they do without these tables.
+
+    @cached_property
+    def _roster(self) -> dict[str, RosterEntry]:
+        return {entry.uav: entry for entry in self._mission.roster}
 
     @cached_property
     def _rules(self) -> HullRules:
-        mission = self._mission
-        return HullRules(
-            {entry.uav: mission.step_m(entry) for entry in mission.roster},
-            mission.lag_slots,
-            {entry.uav: change_of(mission, entry) for entry in mission.roster},
-        )
+        mission, roster = self._mission, self._mission.roster
+        steps_m = {entry.uav: mission.step_m(entry) for entry in roster}
+        return HullRules(steps_m, mission.lag_slots, {entry.uav: change_of(mission, entry) for entry in roster})
 
     @cached_property
     def _with_previous(self) -> bool:

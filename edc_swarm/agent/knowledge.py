@@ -16,7 +16,7 @@ from __future__ import annotations
 
 import math
 from collections import Counter
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence, Set
 from dataclasses import dataclass, field, replace
 from typing import TypeVar
 
@@ -25,7 +25,7 @@ from msgspec import UNSET
 from edc_swarm.mission.braking import Point, reach_m, rest_point
 from edc_swarm.mission.roster_entry import RosterEntry
 from edc_swarm.planner.interface import Hull
-from edc_swarm.protocol.messages import Command, Fix, Report, roster_index
+from edc_swarm.protocol.messages import Command, Fix, Report
 
 Key = TypeVar("Key")
 Grant = tuple[int, str]
@@ -35,11 +35,13 @@ Grant = tuple[int, str]
 class Knowledge:
     """Newest fix of every UAV heard, and newest relayed hull of the others."""
 
-    def __init__(self, roster: Sequence[RosterEntry], index: Mapping[str, int] | None = None) -> None:
+    def __init__(
+        self, roster: Sequence[RosterEntry] | Mapping[str, RosterEntry], index: Mapping[str, int] | None = None
+    ) -> None:
         """Take the UAVs to know, and the roster index of each where they are not the whole roster."""
-        self._roster = {entry.uav: entry for entry in roster}
-        self.index = index or roster_index(roster)
-        self.roster = frozenset(self._roster)
+        self._roster = roster if isinstance(roster, Mapping) else {entry.uav: entry for entry in roster}
+        self.index = index or {uav: index for index, uav in enumerate(self._roster)}
+        self.roster = self._roster.keys()
         self.newest: dict[str, Fix] = {}
         self._granting: Counter[tuple[int, int, str]] = Counter()
         self._suspecting: Counter[tuple[int, int]] = Counter()
@@ -74,6 +76,11 @@ class Knowledge:
         known = self._strays.get(uav)
         if known is None or slot > known[0]:
             self._strays[uav] = slot, place
+
+    @property
+    def straying(self) -> Set[str]:
+        """Ids of the UAVs that do not follow their commands."""
+        return self._strays.keys()
 
     def strays(self, uav: str) -> bool:
         """Return True if `uav` does not follow its commands."""
@@ -110,12 +117,13 @@ class Knowledge:
             if uav in strays:
                 self._note_stray(uav, report.slot + 1, self._place(uav, *shape))
 
-    def begin_slot(self, slot: int) -> None:
-        """Process the fixes that came too early, now that `slot` has begun."""
+    def begin_slot(self, slot: int) -> list[str]:
+        """Process the fixes that came too early, now that `slot` has begun; return whose they are."""
         due = [fix for fix in self._early.values() if fix.slot <= slot]
         for fix in due:
             del self._early[fix.uav]
             self.hear_fix(fix, slot)
+        return [fix.uav for fix in due]
 
     def heard(self, slot: int, grant: Grant) -> list[str]:
         """Return the ids, in roster order, of the UAVs with a fix of `slot` that carries `grant`."""

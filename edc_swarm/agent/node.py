@@ -45,18 +45,18 @@ from edc_swarm.agent.goals import course_of, is_new
 from edc_swarm.agent.knowledge import Grant, Knowledge
 from edc_swarm.agent.leadership import Leadership, startup_candidates
 from edc_swarm.agent.local import LocalControl, NoElection
+from edc_swarm.agent.mission_tables import MissionTables
 from edc_swarm.agent.outgoing import M, Outgoing
 from edc_swarm.agent.repetition import Repetition
 from edc_swarm.agent.slot_clock import SlotClock
 from edc_swarm.agent.vehicle import Airframe, Promise, Vehicle
 from edc_swarm.emulation.body import Body
 from edc_swarm.emulation.energy import compute_energy_j
-from edc_swarm.mission.clusters import of_cluster
 from edc_swarm.mission.faults import OrderLanding
 from edc_swarm.planner.interface import Planner, plan_ms
 from edc_swarm.protocol.events import EventKind
 from edc_swarm.protocol.goals import GoalAnswer
-from edc_swarm.protocol.messages import Command, Fix, Goal, Message, MissionMessage, Report, Truth, roster_index
+from edc_swarm.protocol.messages import Command, Fix, Goal, Message, MissionMessage, Report, Truth
 
 
 class UavNode:
@@ -80,6 +80,8 @@ class UavNode:
         Function that returns the processor time used so far, for the fix.
     body
         The body that flies, None for an emulated one.
+    tables
+        Tables of the mission that several UAVs share.
     """
 
     def __init__(
@@ -93,6 +95,7 @@ class UavNode:
         response_ms: float = 0.0,
         cpu_s: Callable[[], float] = lambda: 0.0,
         body: Body | None = None,
+        tables: MissionTables[MissionMessage] | None = None,
     ) -> None:
         self._mission = mission
         self.uav = uav
@@ -101,13 +104,14 @@ class UavNode:
         self.slot = promise.slot if promise is not None else -1
         self.ended = False
         self._strays = False
-        entry = next(entry for entry in mission.roster if entry.uav == uav)
-        self._cluster = own = of_cluster(mission, entry.cluster)
-        self._foreign = Foreign(mission, entry.cluster)
+        tables = tables if tables is not None else MissionTables(mission)
+        entry = tables.entries[uav]
+        self._cluster = own = tables.of_cluster(entry.cluster)
+        self._foreign = Foreign(mission, entry.cluster, tables)
         self._clock = SlotClock(mission)
         self._vehicle = Vehicle(mission, entry, promise, airframe, body)
         self._flight = Flight(self._vehicle, voter)
-        self._knowledge = Knowledge(own.roster, roster_index(mission.roster))
+        self._knowledge = Knowledge(tables.members(entry.cluster), tables.index)
         self._election: Election | NoElection
         self._leadership: Leadership | LocalControl
         if mission.control == "local":
@@ -184,6 +188,9 @@ class UavNode:
             self._take_command(own)
         began = self._begin_slots(now_ns)
         match event:
+            case Received(message) if self._hear_foreign(message):
+                if own is None and not began:
+                    return []  # It changes neither grant nor wishes, and most of what a head hears may be such.
             case Received(message):
                 self._receive(message, now_ns)
             case PeerGone(uav) if uav in self._knowledge.roster:
@@ -294,8 +301,6 @@ class UavNode:
     # --- messages ----------------------------------------------------------------------------
 
     def _receive(self, message: Message, now_ns: int) -> None:
-        if self._hear_foreign(message):
-            return
         self._repetition.hear(message)
         match message:
             case Fix() if message.uav != self.uav and message.uav in self._knowledge.roster:
@@ -436,8 +441,9 @@ class UavNode:
     def _tell_wishes(self) -> None:
         if self.ended:
             return
-        before, self._listening = self._listening, Listen(self._election.listens, self._foreign.near)
-        if self._listening != before:
+        before, listens, near = self._listening, self._election.listens, self._foreign.near
+        if before is None or before.all_fixes != listens or before.near != near:
+            self._listening = Listen(listens, near)
             if before is None or before.all_fixes != self._listening.all_fixes:
                 self._repetition.begin_listening()
             self._out.append(self._listening)

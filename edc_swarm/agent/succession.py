@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Collection, Sequence
+from functools import cached_property
 from typing import Protocol
 
 from edc_swarm.agent.knowledge import Grant
@@ -37,9 +38,13 @@ class Candidates:
     def __init__(self, mission: Mission) -> None:
         self._key = _CRITERIA.get(mission.elect) or _own_criterion(mission)
         self._margin = mission.handover_margin
-        self._order = roster_index(mission.roster)
+        self._mission = mission
         self.failed: set[str] = set()
         self.led = True
+
+    @cached_property
+    def _order(self) -> dict[str, int]:
+        return roster_index(self._mission.roster)
 
     def note_lead(self) -> None:
         """Note that the head granted leads."""

@@ -16,6 +16,7 @@ from __future__ import annotations
 import math
 from collections.abc import Collection
 from dataclasses import dataclass
+from functools import cached_property
 from random import Random
 from typing import Protocol
 
@@ -130,7 +131,16 @@ class LinkEmulator:
         self._playbacks: dict[tuple[int, str], Playback] = {}
         self._own: dict[tuple[int, str], LinkModel] = {}
         self._channels: dict[int, Channel] = {}
-        self._place_m = {entry.uav: (entry.start_x_m, entry.start_y_m) for entry in mission.roster}
+        self._roster = mission.roster
+
+    @cached_property
+    def _place_m(self) -> dict[str, tuple[float, float]]:
+        return {entry.uav: (entry.start_x_m, entry.start_y_m) for entry in self._roster}
+
+    @property
+    def is_plain(self) -> bool:
+        """True if every message arrives at once: no rule and no partition is about a link into this receiver."""
+        return not (self._rules or self._cuts)
 
     @property
     def has_rules(self) -> bool:

@@ -7,14 +7,14 @@ from typing import Annotated, Literal
 
 from msgspec import Meta
 
-MAX_UAVS = 2000
+MAX_UAVS = 10_000
 MAX_FAULTS = 1000
 MAX_CLUSTERS = 200
 MAX_LINKS = 1000
 MAX_ZONES = 1000
 MAX_CORNERS = 1000
 MAX_ALL_CORNERS = 5000
-"""Most corners of all zones together, so that the mission with 2000 UAVs still fits into one message."""
+"""Most corners of all zones together, so that the largest mission still fits into one message."""
 MAX_ROUTE = 1000
 MAX_GOAL_POINTS = 32
 """Most points of a route that a UAV receives in flight: it is part of its promise and of its fixes."""

@@ -25,7 +25,7 @@ from edc_swarm.errors import MissionError
 MAX_TRACES = 100
 MAX_ROWS = 100_000
 MAX_PACKED = 512 << 10
-"""Most characters of the rows of all traces, so that the mission with 2000 UAVs still fits into one message."""
+"""Most characters of the rows of all traces, so that the largest mission still fits into one message."""
 MAX_US = 2_000_000_000
 """Longest time between two rows, and longest delay, in microseconds: a third of an hour fits into 4 bytes."""
 MAX_PERIOD_US = MAX_ROWS * MAX_US

@@ -22,6 +22,7 @@ import re
 from collections.abc import Sequence
 from typing import Annotated
 
+import msgspec
 from msgspec import Meta, Struct
 
 from edc_swarm.mission.configuration import Mission
@@ -49,6 +50,14 @@ class IdClaim(Struct, frozen=True, kw_only=True):
     among: UavIds = []
     cluster: ClusterName = ""
     host: Annotated[str, Meta(pattern=r"^[A-Za-z0-9_.-]{0,64}$(?!\n)")] = ""
+
+    def by_name(self, mission: Mission) -> IdClaim | None:
+        """Return the claim with the ids of its cluster, if it names one; None if no UAV is of it and in `among`."""
+        if not self.cluster:
+            return self
+        members = [entry.uav for entry in mission.roster if entry.cluster == self.cluster]
+        among = [uav for uav in members if not self.among or uav in self.among]
+        return msgspec.structs.replace(self, among=among) if among else None
 
 
 class Issued(Struct, frozen=True, kw_only=True):

@@ -17,6 +17,8 @@ from edc_swarm.protocol.keys import KEY_FORMS, PREFIX, kind_of, names_of
 from edc_swarm.protocol.messages import Message, MissionMessage, Report
 
 MAX_MESSAGE_BYTES = 1 << 20
+MAX_MISSION_BYTES = 5 << 20
+"""Largest mission message: its roster has every UAV."""
 MISPLACED = "sender or receiver is not the one in the key"
 """Reason why a message on the key of another is rejected."""
 _DECODERS: dict[type[Struct], msgspec.json.Decoder[Any]] = {
@@ -44,8 +46,8 @@ def decode(key: str, payload: bytes) -> Message:
     form = _form_of(key)
     if form is None:
         raise MessageError(key, "no message is defined for this key")
-    if len(payload) > MAX_MESSAGE_BYTES:
-        raise MessageError(key, f"{len(payload)} bytes, more than {MAX_MESSAGE_BYTES}")
+    if len(payload) > form.most_bytes:
+        raise MessageError(key, f"{len(payload)} bytes, more than {form.most_bytes}")
     try:
         message: Message = form.decode(payload)
     except (msgspec.DecodeError, UnicodeDecodeError, RecursionError) as error:
@@ -61,6 +63,11 @@ def decode(key: str, payload: bytes) -> Message:
     return message
 
 
+def limit_bytes(key: str) -> int:
+    """Return the size of the largest message on a key."""
+    return MAX_MISSION_BYTES if kind_of(key) is MissionMessage else MAX_MESSAGE_BYTES
+
+
 @dataclass(frozen=True, slots=True)
 class _Form:
     """What a key says of the messages on it; `names` and `mission` are None on a key without the prefix."""
@@ -69,6 +76,7 @@ class _Form:
     names_in: Callable[[Any], tuple[str, ...]]
     names: tuple[str, ...] | None
     mission: str | None
+    most_bytes: int
 
 
 @lru_cache(maxsize=REMEMBERED_KEYS)
@@ -81,7 +89,7 @@ def _form_of(key: str) -> _Form | None:
     known = parts[0] == PREFIX
     mission = parts[1] if known else None
     names = names_of(kind, parts[2:]) if known else None
-    return _Form(_DECODERS[kind].decode, KEY_FORMS[kind].names, names, mission)
+    return _Form(_DECODERS[kind].decode, KEY_FORMS[kind].names, names, mission, limit_bytes(key))
 
 
 def _check_mission(key: str, mission: MissionMessage) -> None:

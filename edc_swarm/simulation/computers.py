@@ -9,11 +9,12 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
-from functools import partial
+from functools import cached_property, partial
 from random import Random
 
 import msgspec
 
+from edc_swarm.agent.mission_tables import MissionTables
 from edc_swarm.agent.node import (
     Effect,
     Land,
@@ -60,7 +61,7 @@ class Motion:
     late: bool = False
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(frozen=True)
 class World:
     """The parts of a simulation that all its computers share.
 
@@ -81,6 +82,11 @@ class World:
     random: Random
     restarts_s: Mapping[str, Sequence[float]]
     motions: list[Motion] = field(default_factory=list)
+
+    @cached_property
+    def tables(self) -> MissionTables[MissionMessage]:
+        """Tables that all nodes share."""
+        return MissionTables(self.mission)
 
 
 @dataclass(slots=True)
@@ -205,6 +211,7 @@ class Computer:
                 self.disk.promise,
                 self.disk.airframe,
                 response_ms=self._entry.compute_factor if mission.elect == "response-time" else 0.0,
+                tables=self._world.tables,
             )
         )
         self._world.network.monitor.revive(self.uav)

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections import defaultdict
-from collections.abc import Callable, Iterable, Mapping
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from functools import partial
 from typing import Protocol
 
@@ -12,6 +12,7 @@ import msgspec
 from edc_swarm.agent.node import NodeEvent, PeerGone, Received
 from edc_swarm.emulation.links import LinkEmulator, have_queues, have_range
 from edc_swarm.mission.clusters import cluster_of
+from edc_swarm.mission.faults import ChangeLink, parse_faults
 from edc_swarm.mission.field_types import Point
 from edc_swarm.mission.roles import OPERATOR
 from edc_swarm.protocol.codec import encode
@@ -73,6 +74,7 @@ class Network:
         self._keys = Keys(mission.name)
         self._have_range = have_range(mission)
         self._have_queues = have_queues(mission)
+        self._have_rules = bool(mission.link) or any(isinstance(fault, ChangeLink) for fault in parse_faults(mission))
         self._ports: Mapping[str, Port] = {}
         self._cluster = cluster_of(mission)
         self._mates: dict[str, list[Port]] = {}
@@ -189,13 +191,23 @@ class Network:
             return
         event, at_s = Received(message), self._schedule.mission_s
         size_bytes = len(encode(message)) if self._have_queues else 0
+        arrivals: dict[int, list[Port]] = {}
         for receiver in receivers:
             if receiver.uav == sender or receiver.process is None:
                 continue
-            for delay_ns in receiver.links.arrivals_ns(sender, at_s, size_bytes):
-                receiver.links.log.arrive(sender, delay_ns)
-                when_ns = self._schedule.now_ns + TRANSIT_NS + delay_ns
-                self._schedule.at(when_ns, partial(receiver.step, event))
+            links = receiver.links
+            for delay_ns in (0,) if links.is_plain else links.arrivals_ns(sender, at_s, size_bytes):
+                if self._have_rules:
+                    links.log.arrive(sender, delay_ns)
+                arrivals.setdefault(delay_ns, []).append(receiver)
+        for delay_ns, there in arrivals.items():
+            self._schedule.at(self._schedule.now_ns + TRANSIT_NS + delay_ns, partial(_deliver, event, there))
+
+
+def _deliver(event: Received, receivers: Sequence[Port]) -> None:
+    """Hand a message to those that it reaches at one time: one action for all costs less than one for each."""
+    for receiver in receivers:
+        receiver.step(event)
 
 
 def _by_id(ports: Mapping[str, Port]) -> list[Port]:

@@ -20,7 +20,7 @@ from edc_swarm.mission.clusters import cluster_of, of_cluster
 from edc_swarm.mission.configuration import Mission
 from edc_swarm.mission.roles import OPERATOR
 from edc_swarm.protocol.admission import Admission
-from edc_swarm.protocol.codec import MAX_MESSAGE_BYTES, decode
+from edc_swarm.protocol.codec import MAX_MESSAGE_BYTES, MAX_MISSION_BYTES, decode, limit_bytes
 from edc_swarm.protocol.keys import Keys
 from edc_swarm.protocol.messages import Command, Fix, Message, MissionMessage, Report
 from processes.bus.session import hand_over
@@ -30,9 +30,9 @@ MAX_POSTPONED = 100_000
 MAX_COUNTED_KEYS = 1000
 MAX_MEASURED = 100_000
 """Most postponed messages whose lateness is measured."""
-_TOO_LARGE = bytes(MAX_MESSAGE_BYTES + 1)
-"""Replacement for every payload that is too large, so that a flood of them fills no memory."""
-MAX_TOKENS = 10_000
+_TOO_LARGE = {limit: bytes(limit + 1) for limit in (MAX_MESSAGE_BYTES, MAX_MISSION_BYTES)}
+"""Replacement for every payload that is too large, by the limit, so that a flood of them fills no memory."""
+MAX_TOKENS = 40_000
 """Most liveliness tokens that are remembered: a few instances of every UAV of the largest mission."""
 
 
@@ -251,5 +251,6 @@ def sender_of(message: Message) -> str:
 
 def heard_from(sample: zenoh.Sample) -> Heard:
     """Return key and bytes of a sample; a fixed payload that the codec rejects replaces one that is too large."""
-    fits = len(sample.payload) <= MAX_MESSAGE_BYTES
-    return Heard(str(sample.key_expr), sample.payload.to_bytes() if fits else _TOO_LARGE, time.monotonic_ns())
+    key, size_bytes = str(sample.key_expr), len(sample.payload)
+    fits = size_bytes <= MAX_MESSAGE_BYTES or size_bytes <= limit_bytes(key)
+    return Heard(key, sample.payload.to_bytes() if fits else _TOO_LARGE[limit_bytes(key)], time.monotonic_ns())

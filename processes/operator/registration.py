@@ -77,12 +77,10 @@ class Desk:
             return []
         if self._by_name and not claim.among:
             return [msgspec.json.encode(Issued(mission=self.mission))]
-        if claim.cluster:
-            members = {entry.uav for entry in self.mission.roster if entry.cluster == claim.cluster}
-            among = sorted(members.intersection(claim.among) if claim.among else members)
-            if not among:
-                return [msgspec.json.encode(Issued(mission=self.mission))]
-            claim = msgspec.structs.replace(claim, among=among)
+        of_cluster = claim.by_name(self.mission)
+        if of_cluster is None:
+            return [msgspec.json.encode(Issued(mission=self.mission))]
+        claim = of_cluster
         left, uavs = len(self.claims.free(claim.among)), self.claims.issue(claim)
         self.hosts.update(dict.fromkeys(uavs, claim.host) if claim.host else {})
         return [msgspec.json.encode(Issued(mission=self.mission, uavs=uavs, left=left, begun=self.claims.begun))]

@@ -28,7 +28,7 @@ from edc_swarm.errors import InputError, SwarmError
 from edc_swarm.mission.configuration import NS_PER_S
 from edc_swarm.mission.roles import OPERATOR, RECORDER
 from edc_swarm.protocol import retransmission
-from edc_swarm.protocol.codec import MAX_MESSAGE_BYTES, encode
+from edc_swarm.protocol.codec import MAX_MISSION_BYTES, encode
 from edc_swarm.protocol.events import EventKind
 from edc_swarm.protocol.gap_repair import Holes, Publisher
 from edc_swarm.protocol.keys import Keys, kind_of
@@ -55,7 +55,7 @@ FLUSH_S = 1.0
 CANNOT_WRITE = 3
 """Exit status if the file could not be written."""
 QUEUE_LIMIT = 200_000
-MAX_ANSWER_BYTES = 2 * MAX_MESSAGE_BYTES
+MAX_ANSWER_BYTES = 2 * MAX_MISSION_BYTES
 """Largest answer to a retransmission request: the messages of one turn, or a single message."""
 CLOSING_S = 1.0
 """Longest wait for retransmissions after the `closed` event of the operator, in seconds."""

@@ -6,7 +6,7 @@ from dataclasses import dataclass
 from typing import BinaryIO, cast
 
 from edc_swarm.mission.roles import ROLES
-from edc_swarm.protocol.codec import MAX_MESSAGE_BYTES, decode
+from edc_swarm.protocol.codec import decode, limit_bytes
 from edc_swarm.protocol.keys import SCENES, Keys, kind_of
 from edc_swarm.protocol.messages import MissionMessage
 from edc_swarm.protocol.retransmission import Kept
@@ -56,7 +56,7 @@ class RecordingFile:
 
     def limit_bytes(self, key: str) -> int:
         """Return the size up to which a payload on `key` is recorded whole."""
-        return MAX_SCENE_BYTES if key.startswith(self._scenes) else MAX_MESSAGE_BYTES
+        return MAX_SCENE_BYTES if key.startswith(self._scenes) else limit_bytes(key)
 
     def stamp(self, message: Received | Kept) -> Stamp:
         """Return the stamp in a message, or the one that accompanies a scene."""

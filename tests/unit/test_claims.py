@@ -5,6 +5,8 @@ from __future__ import annotations
 import msgspec
 import pytest
 
+from edc_swarm.mission.configuration import Mission
+from edc_swarm.mission.roster_entry import RosterEntry
 from edc_swarm.protocol.claims import MAX_CLAIMANTS, Claims, IdClaim, claimant_of, instance_name
 
 ANNE, BERT, CARL = (letter * 16 for letter in "abc")
@@ -22,6 +24,23 @@ def book() -> Claims:
 def claim(claimant: str, uavs: int = 1) -> IdClaim:
     """A claim."""
     return IdClaim(claimant=claimant, uavs=uavs)
+
+
+def test_a_claim_of_a_cluster_names_its_uavs() -> None:
+    """Of those that the claimant can fly; a cluster without one has no ids, which is not the same as all ids."""
+    places = [("a", 0.0), ("b", 20.0), ("b", 40.0)]
+    roster = [
+        RosterEntry(uav=f"u{k}", cluster=cluster, start_x_m=x_m, start_y_m=0.0, target_x_m=x_m, target_y_m=0.0)
+        for k, (cluster, x_m) in enumerate(places)
+    ]
+    mission = Mission(roster=roster, uavs=3)
+
+    def named(cluster: str, *among: str) -> list[str] | None:
+        found = IdClaim(claimant=ANNE, uavs=1, cluster=cluster, among=list(among)).by_name(mission)
+        return found.among if found is not None else None
+
+    assert [named("b"), named("b", "u0", "u2"), named("")] == [["u1", "u2"], ["u2"], []]
+    assert [named("b", "u0"), named("c")] == [None, None]
 
 
 def test_ids_are_issued_in_order_all_or_none(book: Claims) -> None:
@@ -129,10 +148,10 @@ def test_a_flood_of_claimants_fills_no_memory() -> None:
     assert book.held == {"u1", "u2"}, "one that leaves makes room"
 
 
-@pytest.mark.parametrize("wrong", [{"claimant": "a" * 15}, {"claimant": ANNE + "\n"}, {"uavs": 0}, {"uavs": 2001}])
+@pytest.mark.parametrize("wrong", [{"claimant": "a" * 15}, {"claimant": ANNE + "\n"}, {"uavs": 0}, {"uavs": 10_001}])
 def test_what_is_no_claim_is_refused(wrong: dict[str, object]) -> None:
     """Sixteen hexadecimal digits, and as many UAVs as a mission can have."""
-    right = {"claimant": ANNE, "uavs": 2000}
-    assert msgspec.convert(right, IdClaim).uavs == 2000
+    right = {"claimant": ANNE, "uavs": 10_000}
+    assert msgspec.convert(right, IdClaim).uavs == 10_000
     with pytest.raises(msgspec.ValidationError):
         msgspec.convert({**right, **wrong}, IdClaim)

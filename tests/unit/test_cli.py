@@ -180,6 +180,9 @@ def test_a_port_in_use(capsys: pytest.CaptureFixture[str]) -> None:
         ("join tcp/a:1 --uavs 0", "--uavs = 0"),
         ("join tcp/a:1 --uavs 2.5", "--uavs = '2.5'"),
         ("join tcp/a:1 --state file", "--state = 'file'"),
+        ("join tcp/a:1 --cluster 'a b'", "--cluster = 'a b'"),
+        ("join tcp/a:1 --record file", "--record = 'file'"),
+        ("join tls/a:1 --router --certs file", "--router = 'True': must be left out with --certs"),
         ("join", "ADDRESS = ''"),
     ],
 )

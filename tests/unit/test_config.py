@@ -44,7 +44,7 @@ def test_defaults() -> None:
     [
         ("name", ["a", "A-b_9" * 12], ["", "a b", "a\n", "x" * 65, "a/b", 3, None]),
         ("seed", [0, (1 << 63) - 1], [-1, 1 << 63, 0.5, "1", True]),
-        ("uavs", [1, 2000], [0, 2001, 1.5, "ten"]),
+        ("uavs", [1, 10_000], [0, 10_001, 1.5, "ten"]),
         ("area_m2", [1e-3, 1, 1e12], [0, -1, "big", 1.1e12]),
         ("r_m", [0.25, 1000.0], [0, -5.0]),
         ("body_m", [0.01, 5.0], [0, -0.1, 5.01]),
@@ -125,7 +125,7 @@ def test_unknown_keys(raw: dict[str, Any], field: str) -> None:
     [
         ({"link": [{"loss": 1.5}]}, "link[0].loss = 1.5: must be a number from 0 to 1"),
         ({"link": {}}, "link = {}: must be a list of at most 1000 tables"),
-        ({"uavs": "ten"}, "uavs = 'ten': must be a whole number from 1 to 2000"),
+        ({"uavs": "ten"}, "uavs = 'ten': must be a whole number from 1 to 10000"),
         ({"area_m2": 0}, "area_m2 = 0: must be a number above 0 and at most 1e12"),
         ({"minimise": "money"}, "minimise = 'money': must be one of distance, energy, time"),
         ({"planner": ""}, "planner = '': must be a text of 1 to 200 characters"),

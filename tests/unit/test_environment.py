@@ -434,7 +434,10 @@ ANY = None
 BAD_VALUES: dict[str, dict[str, str | None]] = {
     "run": {"listen": "x", "remote": "99", "operate": "x", "certs": "x", "live": ANY, "secure": ANY,
             "mavlink": "x", "mavlink-commands": ANY, "arm": ANY, "overload": "x"},
-    "join": {"uavs": "0", "state": "/proc/x", "certs": ANY, "arm": ANY},  # With certificates the address is wrong.
+    "join": {  # With certificates the address is wrong.
+        "uavs": "0", "state": "/proc/x", "certs": ANY, "arm": ANY, "cluster": "a b", "router": ANY, "record": "x",
+        "force": ANY,
+    },
     "certs": {"uavs": "0", "out": "/proc/x", "host": "a b", "days": "0", "force": ANY, "json": ANY},
     "fuzz": {"runs": "0", "seed": "-1", "jobs": "0", "keep": "x", "clusters": ANY, "json": ANY},
     "figures": {"runs": "0", "only": "x", "jobs": "0", "out": "/proc/x", "scheduler": "x", "json": ANY},
@@ -446,6 +449,7 @@ BAD_VALUES: dict[str, dict[str, str | None]] = {
     "replay": {"speed": "0", "listen": "x", "connect": "x", "wait": "-1", "verify": ANY, "load-planner": ANY,
                "mavlink": "x", "mavlink-commands": ANY, "json": ANY},
     "recover": {"out": "x", "force": ANY, "json": ANY},
+    "merge": {"out": "x", "force": ANY, "json": ANY},
     "visualise": {"out": "x", "force": ANY},
     "report": {"out": "x", "force": ANY},
     "events": {"json": ANY, "verbose": ANY},
@@ -469,6 +473,7 @@ BAD_VALUES: dict[str, dict[str, str | None]] = {
 }  # fmt: skip
 BAD_VALUES["run"] |= BAD_VALUES["sim"]
 ARGUMENTS = {
+    "merge": ["X", "X"],
     "join": ["tcp/localhost:1"],
     **{name: ["X"] for name in ("metrics", "replay", "recover", "visualise", "report", "import", "export")},
 }

@@ -63,15 +63,22 @@ def join(
     if re.search(get_args(ClusterName)[1].pattern, cluster) is None:
         raise InputError("--cluster", cluster, "the name of a cluster of the mission")
     if certs is not None:
-        check_certificates(certs, [JOIN, *certified_uavs(str(certs))])
         for option, given in (("--router", router), ("--record", record)):
             if given:
                 raise InputError(option, str(given), "left out with --certs")
+        check_certificates(certs, [JOIN, *certified_uavs(str(certs))])
     make_room(uavs)
     own = str(certs.resolve()) if certs is not None else ""
     with ClaimFolder(state) as folder, ExitStack() as claimed:
-        output = claimed.enter_context(Output(record, force=force)) if record is not None else None
+        output = claimed.enter_context(_output(record, force=force)) if record is not None else None
         went_well = Joiner(address, uavs, folder, own, cluster=cluster, arm=arm, router=router, output=output).run()
     if record is not None and record.exists():
         print(record)
     return 0 if went_well else FAILED
+
+
+def _output(record: Path, *, force: bool) -> Output:
+    try:
+        return Output(record, force=force)
+    except InputError as error:
+        raise InputError("--record", error.value, error.allowed) from None
