@@ -20,7 +20,7 @@ import time
 import warnings
 from collections.abc import Iterator
 from concurrent.futures import ProcessPoolExecutor
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from multiprocessing import get_context
 from typing import Any
 
@@ -56,6 +56,7 @@ class Case:
     circle: bool = False
     target: str = ""
     planner: str = "edc"
+    responses: int = 1
 
 
 CASES = {
@@ -68,14 +69,22 @@ CASES = {
     "wide": Case(50, 90_000, target="1.5 % 1.06 p 2/8 ms"),
     "r1": Case(50, 40_000, r_m=1.0, target="0.2 % 1.02"),
     "r10": Case(50, 40_000, r_m=10.0, target="42 % 2.1"),
-    "circle10": Case(10, 10_000, circle=True, runs=1, target="12 % 1.8"),
-    "circle20": Case(20, 10_000, circle=True, runs=1, target="12 % 1.8"),
-    "circle50": Case(50, 10_000, circle=True, runs=1, target="12 % 1.8"),
-    "circle100": Case(100, 10_000, circle=True, runs=1, target="12 % 1.8"),
+    "circle10": Case(10, 10_000, circle=True, runs=5, target="12 % 1.8"),
+    "circle20": Case(20, 10_000, circle=True, runs=5, target="12 % 1.8"),
+    "circle50": Case(50, 10_000, circle=True, runs=5, target="12 % 1.8"),
+    "circle100": Case(100, 10_000, circle=True, runs=3, target="12 % 1.8"),
     "K200": Case(200, 160_000, runs=10, target="3.5 % 1.10 p99 45 ms"),
     "K1000": Case(1000, 800_000, runs=5, target="4 % 1.10 p99 150 ms"),
     "K2000": Case(2000, 1_600_000, runs=1, target="p99 400 ms"),
 }
+CASES |= {
+    f"{name}-3": replace(CASES[name], responses=3, target=target)
+    for name, target in (
+        ("open", ""), ("energy", "energy 11 %"), ("dense", "33 %"), ("circle10", ""), ("circle20", "8 % 1.6"),
+        ("circle50", "10 % 1.7"), ("circle100", "15 % 2.0"),
+    )
+}  # fmt: skip
+"""Those ending in -3 with `responses` 3."""
 QUICK = ("open", "lossy", "dense", "circle10", "circle20")
 SOLVERS = ("osqp", "clarabel", "piqp", "daqp")
 
@@ -87,6 +96,7 @@ def mission_of(case: Case, seed: int) -> tuple[Mission, Floats, Floats]:
         area_m2=case.area_m2,
         r_m=case.r_m,
         minimise=case.minimise,
+        responses=case.responses,
         seed=seed,
         fence="none",  # benchmarks/zones.py says what a fence costs
     )

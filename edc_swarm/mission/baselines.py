@@ -31,6 +31,8 @@ def _check_baseline(mission: Mission) -> None:
         raise MissionError("lag_slots", mission.lag_slots, f"0 with planner {planner}")
     if mission.minimise != "distance":
         raise MissionError("minimise", mission.minimise, f"distance with planner {planner}")
+    if mission.responses != 1:
+        raise MissionError("responses", mission.responses, f"1 with planner {planner}, which knows no best response")
     if model := _model_with_inertia(mission):
         raise MissionError("planner", planner, f"edc, straight or an own one: it plans no acceleration of {model}")
 

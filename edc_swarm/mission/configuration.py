@@ -186,6 +186,14 @@ class Mission(Struct, frozen=True, kw_only=True):
 
     Source: the paper, section III-B, minimises the distance.
     """
+    responses: Annotated[int, Meta(ge=1, le=8), Option("responses")] = 1
+    """Most rounds of best responses in a slot, in the guidance of planner `edc`.
+
+    UAVs whose tracks conflict answer the tracks of the others in turn; a further round is made while conflicts are
+    left. Crowds fly less far with 3, and a plan takes up to three times as long (docs/planner.md has both).
+
+    Source: this project.
+    """
     elect: Annotated[PartName, Option("elect")] = "energy"
     """Criterion by which a head is elected: energy, response-time, or package.module:Class.
 

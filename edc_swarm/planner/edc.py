@@ -56,7 +56,8 @@ class Edc:
         self._stopwatch = stopwatch
         self._airspace = airspace_of(mission)
         prices = np.array([weights(mission, speed_mps) for speed_mps in mission.speeds_mps])
-        self._guidance = Guidance(self._u_max_m, prices, mission.seed, tuning or Tuning(), self._airspace)
+        tuning = tuning or Tuning(responses=mission.responses)
+        self._guidance = Guidance(self._u_max_m, prices, mission.seed, tuning, self._airspace)
         self._change_m = step_changes(mission)
         self._safe = SafeSteps(
             mission.steps_m, stopwatch, self._airspace, changes_m(mission), lags=mission.lag_slots > 0

@@ -2,9 +2,9 @@
 
 The slot QP makes any preferred steps safe; guidance decides whether missions complete, and how far UAVs fly. Each
 UAV has a *plan*, a few way points in space and time and then a straight flight to its
-goal, and hence a *track*, its predicted position in each of the next W slots. Once a slot the UAVs
-whose tracks conflict, the earliest conflict first, search the track A that is cheapest against
-the current tracks of all others:
+goal, and hence a *track*, its predicted position in each of the next W slots. Once a slot, or in up to
+`responses` rounds while conflicts are left, the UAVs whose tracks conflict, the earliest conflict first, search
+the track A that is cheapest against the current tracks of all others:
 
     COST(A) = sum over slots not at the goal of wt  +  wd * length / u_k,max  +  CONF(A)
     CONF(A) = sum_l way_kl sum_t gamma^t (TOUCH + DEPTH (sep - d) / R)   where d < sep
@@ -99,6 +99,8 @@ class Tuning:
         Slots of extra effort below which a plan that passes all opponents on one side needs no search.
     delay
         Slots by which a UAV may delay a plan before it makes a new one.
+    responses
+        Most rounds of best responses in a slot, each with the whole budget.
     """
 
     look_ahead: int = 32
@@ -117,6 +119,7 @@ class Tuning:
     rounds: int = 3
     delay: int = 20
     easy: float = 1.0
+    responses: int = 1
 
     @property
     def layers(self) -> int:
@@ -187,8 +190,11 @@ class Guidance:
         kernel.populate(world, plans, self._tuning.delay)
         limits = self._tuning.limits(len(scene.uav))
         urgency = np.empty(len(scene.uav))
-        kernel.urgencies(world, scene.uav, scene.slot, self._seed, urgency)
-        kernel.sweep(world, plans, self._scratch, self._draft, limits, urgency, np.argsort(urgency, kind="stable"))
+        for response in range(self._tuning.responses):
+            kernel.urgencies(world, scene.uav, scene.slot, self._seed, urgency)
+            if response and urgency.min() > self._tuning.look_ahead:
+                break
+            kernel.sweep(world, plans, self._scratch, self._draft, limits, urgency, np.argsort(urgency, kind="stable"))
         self._memory.store(scene.uav, plans)
         return world.track[:, 1].copy()
 

@@ -157,6 +157,7 @@ def test_the_wheel_of_orca_may_be_missing(monkeypatch: pytest.MonkeyPatch, capsy
         ({"control": "local", "planner": "bvc", "resends": 4}, "resends", "repeats no message"),
         ({"control": "local", "planner": "bvc", "elect": "response-time"}, "elect", "elects nobody"),
         ({"planner": "priority", "minimise": "energy"}, "minimise", "distance"),
+        ({"planner": "bvc", "responses": 3}, "responses", "no best response"),
         ({"control": "locally"}, "control", "head, local"),
     ],
 )

@@ -56,6 +56,7 @@ def test_defaults() -> None:
         ("time_scale", [0.001, 1000], [0, -1, 1e-300, 1001]),
         ("planner", ["edc", "my.module:Planner"], ["", "x" * 201, 3]),
         ("minimise", ["distance", "energy", "time"], ["money", ""]),
+        ("responses", [1, 8], [0, 9, 1.5]),
         ("elect", ["energy", "response-time"], ["luck", 1]),
         ("gps_model", ["none", "bias", "white", "gauss-markov"], ["good"]),
         ("standbys", [0, 100], [-1, 101]),

@@ -12,6 +12,7 @@ from edc_swarm.errors import InputError
 from edc_swarm.geometry import closest_approach_m, length_m, point_segment_distance_m
 from edc_swarm.mission.configuration import Mission
 from edc_swarm.mission.roster import complete_mission
+from edc_swarm.planner import guidance_kernel as kernel
 from edc_swarm.planner.edc import weights
 from edc_swarm.planner.interface import Hull, Plan, PlanRequest
 from edc_swarm.planner.registry import make_planner
@@ -260,6 +261,18 @@ def test_coincident_and_overlapping_uavs_do_not_crash(r_m: float) -> None:
         if r_m:
             assert length_m(after[0] - after[2]) >= length_m(before[0] - before[2]) - 1e-9
         position_m = plan.waypoint_m
+
+
+@pytest.mark.parametrize(("uavs", "rounds"), [(2, 1), (20, 3)])
+def test_uavs_answer_again_while_their_tracks_conflict(uavs: int, rounds: int, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Two that change places are free of conflict after one round; a circle of 20 is not after two."""
+    sweep, made = kernel.sweep, []
+    monkeypatch.setattr(kernel, "sweep", lambda *arguments: made.append(sweep(*arguments)))
+    angle = np.arange(uavs) * 2 * math.pi / uavs
+    start_m = 40 * np.stack([np.cos(angle), np.sin(angle)], axis=-1)
+    planner = make_planner("edc", Mission(uavs=uavs, responses=3))
+    planner.plan(PlanRequest(0, range(uavs), start_m, -start_m, np.full(uavs, 5.0)))
+    assert len(made) == rounds
 
 
 def test_weights_follow_what_is_minimised() -> None:
