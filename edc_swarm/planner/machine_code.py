@@ -29,6 +29,8 @@ Kind = Any
 """Type of a value: float64, int64, bool or none; a dictionary with `item` and `dimensions` of an array, whose items
 follow each other in memory; the list of the types of a tuple's members."""
 
+_CONVERSIONS: dict[str, Callable[[Any], Any]] = {"float64": float, "int64": operator.index}
+
 
 class Described(msgspec.Struct, frozen=True):
     """Types of a function's arguments and of its answer."""
@@ -89,7 +91,7 @@ def _function(entry: Any, described: Described) -> Callable[..., Any]:
 def _unfolder(kind: Kind) -> Callable[[Any, list[Any]], None]:
     """Return the function that appends what is passed for a value to a list."""
     if isinstance(kind, str):
-        convert: Callable[[Any], Any] = {"float64": float, "int64": operator.index}[kind]
+        convert = _CONVERSIONS[kind]
         return lambda value, passed: passed.append(convert(value))
     if isinstance(kind, dict):
         item, dimensions = np.dtype(kind["item"]), kind["dimensions"]
