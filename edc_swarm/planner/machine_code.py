@@ -16,7 +16,6 @@ from pathlib import Path
 from typing import Any
 
 import msgspec
-import numpy as np
 
 SOURCES = ("guidance_kernel.py", "room_kernel.py")
 """The files whose functions are in the library."""
@@ -94,7 +93,9 @@ def _unfolder(kind: Kind) -> Callable[[Any, list[Any]], None]:
         convert = _CONVERSIONS[kind]
         return lambda value, passed: passed.append(convert(value))
     if isinstance(kind, dict):
-        item, dimensions = np.dtype(kind["item"]), kind["dimensions"]
+        from numpy import dtype  # noqa: PLC0415  (only a possible head needs it)
+
+        item, dimensions = dtype(kind["item"]), kind["dimensions"]
 
         def unfold_array(value: Any, passed: list[Any]) -> None:
             assert value.dtype == item

@@ -45,7 +45,7 @@ def _make_library(folder: Path) -> int:
         )
         return 2
     from edc_swarm.planner.ahead_of_time import SYMBOLS, object_code  # noqa: PLC0415  (imports numba)
-    from edc_swarm.planner.machine_code import library_path  # noqa: PLC0415  (imports numpy)
+    from edc_swarm.planner.machine_code import library_path  # noqa: PLC0415
 
     with tempfile.TemporaryDirectory() as scratch:
         compiled, symbols = Path(scratch) / "kernels.o", Path(scratch) / "symbols"
