@@ -16,7 +16,6 @@ from pathlib import Path
 from typing import Any
 
 import msgspec
-import numpy as np
 
 SOURCES = ("guidance_kernel.py", "room_kernel.py")
 """The files whose functions are in the library."""
@@ -28,6 +27,8 @@ LABEL = "edc_label"
 Kind = Any
 """Type of a value: float64, int64, bool or none; a dictionary with `item` and `dimensions` of an array, whose items
 follow each other in memory; the list of the types of a tuple's members."""
+
+_CONVERSIONS: dict[str, Callable[[Any], Any]] = {"float64": float, "int64": operator.index}
 
 
 class Described(msgspec.Struct, frozen=True):
@@ -89,10 +90,12 @@ def _function(entry: Any, described: Described) -> Callable[..., Any]:
 def _unfolder(kind: Kind) -> Callable[[Any, list[Any]], None]:
     """Return the function that appends what is passed for a value to a list."""
     if isinstance(kind, str):
-        convert: Callable[[Any], Any] = {"float64": float, "int64": operator.index}[kind]
+        convert = _CONVERSIONS[kind]
         return lambda value, passed: passed.append(convert(value))
     if isinstance(kind, dict):
-        item, dimensions = np.dtype(kind["item"]), kind["dimensions"]
+        from numpy import dtype  # noqa: PLC0415  (only a possible head needs it)
+
+        item, dimensions = dtype(kind["item"]), kind["dimensions"]
 
         def unfold_array(value: Any, passed: list[Any]) -> None:
             assert value.dtype == item

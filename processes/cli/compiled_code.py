@@ -8,7 +8,7 @@ import tempfile
 from pathlib import Path
 
 import edc_swarm.planner
-from edc_swarm.planner.compiler import is_ready
+from edc_swarm.planner.machine_code import library_path
 from processes.runtime.console import note
 
 VARIABLE = "NUMBA_CACHE_DIR"
@@ -17,7 +17,7 @@ VARIABLE = "NUMBA_CACHE_DIR"
 
 def choose_code_folder() -> None:
     """Choose a folder that takes compiled code, and note it on standard error if it is no usual one."""
-    if is_ready():
+    if library_path().is_file():
         return
     given = os.environ.get(VARIABLE, "")
     usual = [given] if given else [str(Path(edc_swarm.planner.__file__).parent / "__pycache__"), _user_cache()]

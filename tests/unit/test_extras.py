@@ -15,7 +15,7 @@ import pytest
 
 from edc_swarm.analysis.frames import new_frame
 from edc_swarm.errors import InputError
-from edc_swarm.extras import IMAGE, has_package, install_command
+from edc_swarm.extras import IMAGE, has_package, install_command, version_of
 from edc_swarm.mission.configuration import Mission
 from edc_swarm.planner.registry import make_planner
 from edc_swarm.reference.problem import Problem
@@ -69,6 +69,12 @@ def test_uv_and_the_image_have_their_own_commands(tmp_path: Path, monkeypatch: p
     assert install_command("plots") == "EXTRAS=live,secure,plots docker compose build"
     assert has_package("json")
     assert not has_package("no_such_package")
+
+
+def test_a_package_that_is_not_installed_has_a_version_too() -> None:
+    """The image has no numba, and recordings name its version."""
+    assert version_of("numpy") == np.__version__
+    assert version_of("no-such-package") == "absent"
 
 
 @pytest.mark.parametrize(
