@@ -47,7 +47,7 @@ def flight_rows(
     first = int(flown[0]) if len(flown) else len(states)
     rows = []
     for k, entry in enumerate(mission.roster):
-        away = np.flatnonzero(~at_target[:, k])
+        away = np.flatnonzero(~at_target[:, k] | columns.lost[:, k])
         home = int(away[-1]) + 1 if len(away) else 0
         counted = slice(first, max(first, home))
         moving = columns.alive[counted, k] & ~columns.lost[counted, k]
