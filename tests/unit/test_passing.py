@@ -94,7 +94,7 @@ def bend(turn_deg: float, width_m: float) -> tuple[Zone, list[RosterEntry]]:
     outer = (inner[0] + width_m * out[0], inner[1] + width_m * out[1])
     lane = fence([(0, 0), (45, 0), inner, outer, (45 + reach_m, width_m), (0, width_m)])
     ends = (6.0, width_m / 2), (45 + 39 * along[0] + width_m / 2 * out[0], 39 * along[1] + width_m / 2 * out[1])
-    return lane, [entry("a", *ends), entry("b", *ends[::-1])]
+    return lane, [entry("a", ends[0], ends[1]), entry("b", ends[1], ends[0])]
 
 
 @pytest.mark.parametrize("turn_deg", [30, 60, 90])
@@ -150,7 +150,7 @@ def test_random_corridors_against_a_search_of_all_moves() -> None:
         starts, targets = (tuple(rng.sample(sorted(cells), count)) for _ in range(2))
         ways = [[((i + 0.5) * side_m, (j + 0.5) * side_m) for i, j in way] for way in zip(starts, targets, strict=True)]
         shape = unary_union([box(i * side_m, j * side_m, (i + 1) * side_m, (j + 1) * side_m) for i, j in cells])
-        roster = [entry("abcd"[k], *way) for k, way in enumerate(ways)]
+        roster = [entry("abcd"[k], way[0], way[1]) for k, way in enumerate(ways)]
         said = refusal(roster, fence(list(shape.exterior.coords)[:-1]))
         assert said == "" or "leave no room" in said
         found.append((can_be_moved(cells, starts, targets), said == ""))
