@@ -2,6 +2,7 @@
 
     python benchmarks/clusters.py --runs 30                    K = 200 in 1 and in 4 clusters, the same missions
     python benchmarks/clusters.py --scale 100 400 1000 2000    K UAVs in K / 100 clusters, 11 slots of 1 s each
+    python benchmarks/clusters.py --scale 10000 --slots 4      the same for the largest mission, with one settled slot
 
 Runs are kept in `--out`, so an interrupted one goes on where it stopped. Missions of the first kind are random, of
 800 m2 for each UAV, with seeds from 1000. Those of the second kind have a square block of 80 000 m2 for each cluster,
@@ -53,7 +54,9 @@ MOST_SLOTS = 600
 SIZE = 100
 """UAVs of a cluster in the second kind of mission."""
 SLOTS, SETTLED = 11, 3
-"""Slots of a mission of the second kind, and those before every cluster has a head that plans."""
+"""Slots of a mission of the second kind, unless `--slots` says another number, and those before every cluster has a
+head that plans.
+"""
 
 COMPARED: tuple[tuple[str, str, Kind], ...] = (
     ("completed", "completed, %", "share of runs"),
@@ -124,9 +127,9 @@ def compare(clusters: int, seed: int) -> dict[str, Any]:
     }
 
 
-def scale(uavs: int, seed: int) -> dict[str, Any]:
+def scale(uavs: int, seed: int, slots: int = SLOTS) -> dict[str, Any]:
     """Fly some slots of a mission whose clusters are blocks side by side."""
-    mission = blocks(uavs, seed)
+    mission = blocks(uavs, seed, slots)
     warm_up(mission)
     messages, slot_s = Counter[int](), list[float]()
     begun_s = time.process_time()
@@ -155,7 +158,7 @@ def scale(uavs: int, seed: int) -> dict[str, Any]:
     }
 
 
-def blocks(uavs: int, seed: int) -> MissionMessage:
+def blocks(uavs: int, seed: int, slots: int = SLOTS) -> MissionMessage:
     """Return a mission of `uavs` in blocks of `SIZE`, each a cluster of its own."""
     count = uavs // SIZE
     columns = math.ceil(math.sqrt(count))
@@ -176,7 +179,7 @@ def blocks(uavs: int, seed: int) -> MissionMessage:
             for entry in random_roster(replace(block, seed=seed + number))
         ]
     roster = [replace(entry, uav=uav) for entry, uav in zip(roster, uav_ids(uavs), strict=True)]
-    drawn = Mission(uavs=uavs, seed=seed, roster=roster, fence="none", dt_s=1.0, max_slots=SLOTS)
+    drawn = Mission(uavs=uavs, seed=seed, roster=roster, fence="none", dt_s=1.0, max_slots=slots)
     return mission_message(complete_mission(drawn))
 
 
@@ -188,14 +191,15 @@ def read(path: Path) -> dict[tuple[str, int, int], dict[str, Any]]:
     return {(row["kind"], row["size"], row["seed"]): row["measured"] for row in rows}
 
 
-def fly(runs: Sequence[tuple[str, int, int]], path: Path) -> None:
+def fly(runs: Sequence[tuple[str, int, int]], path: Path, slots: int) -> None:
     """Fly the runs that are missing, each in a process of its own, whose memory is that of the run."""
     missing = [run for run in runs if run not in read(path)]
     with path.open("a") as stream:
         for done, (kind, size, seed) in enumerate(missing):
             print(f"run {done + 1} of {len(missing)}: {kind} {size}, seed {seed}", flush=True)
             with ProcessPoolExecutor(1, mp_context=get_context("spawn")) as pool:
-                measured = pool.submit(compare if kind == "compare" else scale, size, seed).result()
+                what = (compare, size, seed) if kind == "compare" else (scale, size, seed, slots)
+                measured = pool.submit(*what).result()
             row = {"kind": kind, "size": size, "seed": seed, "measured": measured}
             stream.write(json.dumps(row) + "\n")
             stream.flush()
@@ -231,11 +235,15 @@ def main() -> None:
     parser.add_argument("--runs", type=int, default=1)
     parser.add_argument("--scale", type=int, nargs="+", metavar="K", help="multiples of 100; fly the second kind")
     parser.add_argument("--out", type=Path, default=Path("clusters.jsonl"))
+    parser.add_argument("--slots", type=int, default=SLOTS, help="slots of the second kind")
     options = parser.parse_args()
     kind, sizes = ("scale", options.scale) if options.scale else ("compare", CLUSTERS)
     if any(uavs < SIZE or uavs % SIZE for uavs in options.scale or ()):
         parser.error(f"argument --scale: multiples of {SIZE}")
-    fly([(kind, size, seed) for seed in range(FIRST_SEED, FIRST_SEED + options.runs) for size in sizes], options.out)
+    if options.slots <= SETTLED:
+        parser.error(f"argument --slots: above {SETTLED}")
+    seeds = range(FIRST_SEED, FIRST_SEED + options.runs)
+    fly([(kind, size, seed) for seed in seeds for size in sizes], options.out, options.slots)
     print("\n".join((scaled if kind == "scale" else compared)(read(options.out))))
 
 

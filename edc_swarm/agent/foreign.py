@@ -19,7 +19,7 @@ from edc_swarm.agent.mission_tables import MissionTables
 from edc_swarm.mission.configuration import Mission
 from edc_swarm.mission.field_types import Point
 from edc_swarm.planner.interface import ForeignUav, Hull
-from edc_swarm.protocol.messages import Fix, Report
+from edc_swarm.protocol.messages import Fix, Message, Report
 
 if TYPE_CHECKING:
     import numpy as np
@@ -74,6 +74,17 @@ class Foreign:
     def __contains__(self, uav: str) -> bool:
         """Return True for a UAV of another cluster."""
         return uav not in self._own and uav in self._tables.entries
+
+    def hear(self, message: Message, slot: int) -> bool:
+        """Keep what a UAV of another cluster says; return False for any other message."""
+        match message:
+            case Fix() if message.uav in self:
+                self.hear_fix(message, slot)
+            case Report() if message.head in self:
+                self.hear_report(message, slot)
+            case _:
+                return False
+        return True
 
     def hear_fix(self, fix: Fix, slot: int) -> None:
         """Keep a fix of a foreign UAV; `slot` is the receiver's current slot."""

@@ -49,6 +49,7 @@ class Knowledge:
         self._relayed: dict[str, tuple[int, int, Hull]] = {}
         self._free_from: dict[str, int] = {}
         self._strays: dict[str, tuple[int, Hull]] = {}
+        self.straying: Set[str] = self._strays.keys()
 
     def hear_fix(self, fix: Fix, slot: int) -> None:
         """Keep a fix if it is the newest of its UAV; `slot` is the receiver's current slot."""
@@ -76,11 +77,6 @@ class Knowledge:
         known = self._strays.get(uav)
         if known is None or slot > known[0]:
             self._strays[uav] = slot, place
-
-    @property
-    def straying(self) -> Set[str]:
-        """Ids of the UAVs that do not follow their commands."""
-        return self._strays.keys()
 
     def strays(self, uav: str) -> bool:
         """Return True if `uav` does not follow its commands."""

@@ -188,7 +188,7 @@ class UavNode:
             self._take_command(own)
         began = self._begin_slots(now_ns)
         match event:
-            case Received(message) if self._hear_foreign(message):
+            case Received(message) if self._foreign.hear(message, self.slot):
                 if own is None and not began:
                     return []  # It changes neither grant nor wishes, and most of what a head hears may be such.
             case Received(message):
@@ -317,17 +317,6 @@ class UavNode:
                 self._take_goal(message, now_ns)
             case _:
                 pass
-
-    def _hear_foreign(self, message: Message) -> bool:
-        """Keep what a UAV of another cluster says; return False for any other message."""
-        match message:
-            case Fix() if message.uav in self._foreign:
-                self._foreign.hear_fix(message, self.slot)
-            case Report() if message.head in self._foreign:
-                self._foreign.hear_report(message, self.slot)
-            case _:
-                return False
-        return True
 
     def _look_around(self) -> None:
         """Find the UAVs of other clusters whose fixes this UAV needs as head, or soon may need."""
