@@ -149,7 +149,7 @@ def test_random_corridors_against_a_search_of_all_moves() -> None:
         cells, count = corridors(rng, rng.randint(5, 9)), rng.randint(2, 4)
         starts, targets = (tuple(rng.sample(sorted(cells), count)) for _ in range(2))
         ways = [[((i + 0.5) * side_m, (j + 0.5) * side_m) for i, j in way] for way in zip(starts, targets, strict=True)]
-        shape = unary_union([box(i * side_m, j * side_m, (i + 1) * side_m, (j + 1) * side_m) for i, j in cells])
+        shape: Any = unary_union([box(i * side_m, j * side_m, (i + 1) * side_m, (j + 1) * side_m) for i, j in cells])
         roster = [entry("abcd"[k], way[0], way[1]) for k, way in enumerate(ways)]
         said = refusal(roster, fence(list(shape.exterior.coords)[:-1]))
         assert said == "" or "leave no room" in said

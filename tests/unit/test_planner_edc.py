@@ -266,7 +266,7 @@ def test_coincident_and_overlapping_uavs_do_not_crash(r_m: float) -> None:
 @pytest.mark.parametrize(("uavs", "rounds"), [(2, 1), (20, 3)])
 def test_uavs_answer_again_while_their_tracks_conflict(uavs: int, rounds: int, monkeypatch: pytest.MonkeyPatch) -> None:
     """Two that change places are free of conflict after one round; a circle of 20 is not after two."""
-    sweep, made = kernel.sweep, []
+    sweep, made = kernel.sweep, list[None]()
     monkeypatch.setattr(kernel, "sweep", lambda *arguments: made.append(sweep(*arguments)))
     angle = np.arange(uavs) * 2 * math.pi / uavs
     start_m = 40 * np.stack([np.cos(angle), np.sin(angle)], axis=-1)
