@@ -44,9 +44,9 @@ THICKNESSES = (0.1, 0.2, 1 / 3, 0.5, 1.0)
 """Thicknesses of pieces in radii, in the order in which they are tried until the graph is small enough."""
 MOST_TOGETHER = 4
 """Most UAVs that are looked at together."""
-MAX_NODES = 1_000_000
+MAX_ORDERS = 1_000_000
 MAX_GROUPS = 20_000
-DIRECTIONS = 64
+GAP_DIRECTIONS = 64
 """Directions in which the distance of two pieces is measured; an even number."""
 ROUNDING_M = 1e-6
 HALF_DIAGONAL = math.sqrt(0.5)
@@ -117,7 +117,7 @@ class Lane:
         """Return the thinnest pieces whose graph for `count` UAVs is small enough."""
         for thickness in THICKNESSES:
             piece = _cut(self.touching, self.level, self.slope, thickness * self.r_m / self.side_m)
-            if (piece.max() + 1) ** count <= MAX_NODES:
+            if (piece.max() + 1) ** count <= MAX_ORDERS:
                 return Pieces.of(self, piece)
         return None
 
@@ -219,14 +219,14 @@ def _squares(
 def _far_m(lane: Lane, piece: Indices) -> Floats:
     """Return (m, m) the largest distance of two points of two pieces, or a little more."""
     count, owner = piece.max() + 1, piece[lane.owner]
-    angle = np.arange(DIRECTIONS) * 2 * math.pi / DIRECTIONS
-    most_m = np.full((DIRECTIONS, count), -np.inf)
+    angle = np.arange(GAP_DIRECTIONS) * 2 * math.pi / GAP_DIRECTIONS
+    most_m = np.full((GAP_DIRECTIONS, count), -np.inf)
     for k, (x, y) in enumerate(zip(np.cos(angle), np.sin(angle), strict=True)):
         np.maximum.at(most_m[k], owner, lane.point_m @ [x, y] + lane.half_m * (abs(x) + abs(y)))
     far_m = np.full((count, count), -np.inf)
-    for one, opposite in zip(most_m, np.roll(most_m, DIRECTIONS // 2, axis=0), strict=True):
+    for one, opposite in zip(most_m, np.roll(most_m, GAP_DIRECTIONS // 2, axis=0), strict=True):
         np.maximum(far_m, one[:, None] + opposite, out=far_m)
-    return far_m / math.cos(math.pi / DIRECTIONS)
+    return far_m / math.cos(math.pi / GAP_DIRECTIONS)
 
 
 @dataclass(slots=True)

@@ -32,7 +32,7 @@ from edc_swarm.recording.reader import first_mission
 from edc_swarm.recording.writer import MAX_CHANNELS, MISSION_ATTACHMENT, RecordingWriter, stamp_of
 
 MAX_FILES = 100
-MAX_NAMED = 20
+MAX_CONTRADICTIONS = 20
 """Most contradictions that are named one by one."""
 DROPPED, LEFT_OUT, MERGED = "dropped", "foreign_left_out", "merged"
 
@@ -159,7 +159,7 @@ class _Kept:
 
     def _contradicts(self, text: str) -> None:
         self._found.contradictions += 1
-        if len(self._found.contradictory) < MAX_NAMED:
+        if len(self._found.contradictory) < MAX_CONTRADICTIONS:
             self._found.contradictory.append(text)
 
 

@@ -256,7 +256,7 @@ BAD: list[tuple[str, str | bytes, str]] = [
     ("m.map", "type octile\nheight 1\nwidth 1\nmap\n@\n", "must have a free cell"),
     # LSC.
     ("a.json", json.dumps(LSC).replace("[-4, 0, 1]", "[-4, 0, 2]"), "agent 1: (-4, 0, 2): must be at z = 1"),
-    ("a.json", json.dumps(LSC | {"agents": []}), "0 agents: must be from 1 to 2000"),
+    ("a.json", json.dumps(LSC | {"agents": []}), "0 agents: must be from 1 to 10000"),
     ("a.json", json.dumps(LSC).replace('"radius": 0.15, ', ""), "quadrotor crazyflie: radius = None: must be a finite"),
     ("a.json", json.dumps(LSC).replace("[4, 0, 1]", "[4, 0]"), "agent 1 start: 2 numbers: must be 3"),
     ("a.json", json.dumps(LSC).replace('"type": "big"', '"type": "bigger"'), "agent 2: type = 'bigger'"),
