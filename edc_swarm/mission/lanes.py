@@ -44,7 +44,7 @@ THICKNESSES = (0.1, 0.2, 1 / 3, 0.5, 1.0)
 """Thicknesses of pieces in radii, in the order in which they are tried until the graph is small enough."""
 MOST_TOGETHER = 4
 """Most UAVs that are looked at together."""
-MAX_ORDERS = 1_000_000
+MAX_PLACINGS = 1_000_000
 MAX_GROUPS = 20_000
 GAP_DIRECTIONS = 64
 """Directions in which the distance of two pieces is measured; an even number."""
@@ -117,7 +117,7 @@ class Lane:
         """Return the thinnest pieces whose graph for `count` UAVs is small enough."""
         for thickness in THICKNESSES:
             piece = _cut(self.touching, self.level, self.slope, thickness * self.r_m / self.side_m)
-            if (piece.max() + 1) ** count <= MAX_ORDERS:
+            if (piece.max() + 1) ** count <= MAX_PLACINGS:
                 return Pieces.of(self, piece)
         return None
 
