@@ -169,9 +169,8 @@ def draw(measured: dict[tuple[Cell, int], dict[str, Any]], cells: Sequence[Cell]
     axes[-1][0].set_xlabel(f"delay of every message, ms (loss {100 * least_loss:g} %)")
     axes[-1][1].set_xlabel(f"loss of messages, % (delay {least_ms:g} ms)")
     runs = [sum(of == cell for of, _ in measured) for cell in cells]
-    figure.suptitle(
-        f"A head or local control, K = {cells[0].uavs}, runs a cell: {min(runs)}-{max(runs)}, 95 % intervals"
-    )
+    flown = f"{min(runs)}" if min(runs) == max(runs) else f"{min(runs)} to {max(runs)}"
+    figure.suptitle(f"A head or local control, {cells[0].uavs} UAVs, {flown} runs a cell, 95 % intervals")
     handles, labels = axes[0][0].get_legend_handles_labels()
     figure.legend(handles, labels, loc="outside lower center", ncols=4, frameon=False)
     figure.savefig(path.with_suffix(".svg"), metadata={"Date": None})

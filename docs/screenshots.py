@@ -1,8 +1,8 @@
 """Pictures of the report page for README and docs: `python docs/screenshots.py` writes docs/pictures/page-*.webp.
 
-It simulates 50 UAVs whose head is killed, makes the report, and opens it in Chromium (apt install chromium-driver), in
-light and in dark. With FILE.html it takes pictures of that page instead. With the same code, fonts and browser the
-pictures are the same.
+It simulates 50 UAVs, of which the head is killed and another one frozen, makes the report, and opens it in Chromium
+(apt install chromium-driver), in light and in dark. With FILE.html it takes pictures of that page instead. With the
+same code, fonts and browser the pictures are the same.
 """
 
 from __future__ import annotations
