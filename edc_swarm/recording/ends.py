@@ -9,7 +9,7 @@ from edc_swarm.mission.faults import Freeze, Kill, Restart, read_fault
 from edc_swarm.mission.roles import OPERATOR, RECORDER
 from edc_swarm.protocol.events import EventKind
 from edc_swarm.protocol.keys import KEY_FORMS
-from edc_swarm.recording.model import Recording
+from edc_swarm.recording.model import DROPPED, Recording
 
 
 @dataclass(frozen=True, slots=True)
@@ -44,8 +44,9 @@ def ends_of(recording: Recording) -> Ends:
             who = speaker(message)
             first_ns[who] = min(message.sent_ns, first_ns.get(who, message.sent_ns))
     first_ns.pop((recording.mission.name, recording.mission.instance), None)
-    if recording.run_end is not None:
-        # The recorder publishes no `closed` event: it writes `run_end` instead, after all of its own events.
+    if DROPPED in (recording.run_end or {}):
+        # The recorder publishes no `closed` event: it writes `run_end` instead, after all of its own events. What is
+        # made of a torn recording has a `run_end` without the recorder's own counts.
         first_ns = {who: at_ns for who, at_ns in first_ns.items() if who[0] != RECORDER}
     newest: dict[str, tuple[int, str]] = {}
     for (source, instance), began_ns in first_ns.items():
