@@ -11,6 +11,9 @@ from edc_swarm.protocol.events import EventKind
 from edc_swarm.protocol.keys import KEY_FORMS
 from edc_swarm.recording.model import DROPPED, Recording
 
+BEGUN_SLOTS = 2
+"""Slots after which every UAV that lives has published a message."""
+
 
 @dataclass(frozen=True, slots=True)
 class Ends:
@@ -57,6 +60,9 @@ def ends_of(recording: Recording) -> Ends:
     silent = {source for source, instance in first_ns.keys() - closed}
     open_now = {source for source, (_, instance) in newest.items() if (source, instance) not in closed}
     unheard = {entry.uav for entry in recording.mission.roster} - newest.keys()
+    # Who lived on into the mission has said something, which the file then lacks.
+    begun_ns = recording.mission.epoch_ns + BEGUN_SLOTS * recording.mission.slot_ns
+    killed -= {uav for uav in unheard if deaths.get(uav, 0) >= begun_ns}
     return Ends(frozenset(silent | unheard), frozenset(killed), frozenset((open_now | unheard) - killed))
 
 
