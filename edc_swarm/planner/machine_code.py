@@ -56,13 +56,13 @@ def digest_of_sources(folder: Path = Path(__file__).parent) -> str:
 
 
 def functions_of_library(path: Path) -> dict[str, Callable[..., Any]]:
-    """Return the functions by name: none if there is no library, or if it was made from other sources."""
+    """Return the functions by name: none if there is no such library, or if it was made from other sources."""
     try:
         library = ctypes.PyDLL(str(path))
-    except OSError:
+        text = ctypes.string_at(ctypes.addressof(ctypes.c_char.in_dll(library, LABEL)))
+        label = msgspec.json.decode(text, type=Label)
+    except (OSError, ValueError):  # No library, one without a label, or with one that is not ours.
         return {}
-    text = ctypes.string_at(ctypes.addressof(ctypes.c_char.in_dll(library, LABEL)))
-    label = msgspec.json.decode(text, type=Label)
     if label.sources != digest_of_sources():
         return {}
     return {name: _function(library[PREFIX + name], described) for name, described in label.functions.items()}

@@ -9,7 +9,10 @@ from edc_swarm.mission.faults import Freeze, Kill, Restart, read_fault
 from edc_swarm.mission.roles import OPERATOR, RECORDER
 from edc_swarm.protocol.events import EventKind
 from edc_swarm.protocol.keys import KEY_FORMS
-from edc_swarm.recording.model import Recording
+from edc_swarm.recording.model import DROPPED, Recording
+
+BEGUN_SLOTS = 2
+"""Slots after which every UAV that lives has published a message."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -44,8 +47,9 @@ def ends_of(recording: Recording) -> Ends:
             who = speaker(message)
             first_ns[who] = min(message.sent_ns, first_ns.get(who, message.sent_ns))
     first_ns.pop((recording.mission.name, recording.mission.instance), None)
-    if recording.run_end is not None:
-        # The recorder publishes no `closed` event: it writes `run_end` instead, after all of its own events.
+    if DROPPED in (recording.run_end or {}):
+        # The recorder publishes no `closed` event: it writes `run_end` instead, after all of its own events. What is
+        # made of a torn recording has a `run_end` without the recorder's own counts.
         first_ns = {who: at_ns for who, at_ns in first_ns.items() if who[0] != RECORDER}
     newest: dict[str, tuple[int, str]] = {}
     for (source, instance), began_ns in first_ns.items():
@@ -56,6 +60,9 @@ def ends_of(recording: Recording) -> Ends:
     silent = {source for source, instance in first_ns.keys() - closed}
     open_now = {source for source, (_, instance) in newest.items() if (source, instance) not in closed}
     unheard = {entry.uav for entry in recording.mission.roster} - newest.keys()
+    # Who lived on into the mission has said something, which the file then lacks.
+    begun_ns = recording.mission.epoch_ns + BEGUN_SLOTS * recording.mission.slot_ns
+    killed -= {uav for uav in unheard if deaths.get(uav, 0) >= begun_ns}
     return Ends(frozenset(silent | unheard), frozenset(killed), frozenset((open_now | unheard) - killed))
 
 

@@ -27,14 +27,14 @@ from edc_swarm.errors import RecordingError
 from edc_swarm.protocol.codec import decode
 from edc_swarm.protocol.messages import MissionMessage
 from edc_swarm.recording.mcap_file import Channel, McapFile, Raw
-from edc_swarm.recording.model import FETCHED, MAX_DIGITS
+from edc_swarm.recording.model import DROPPED, FETCHED, MAX_DIGITS
 from edc_swarm.recording.reader import first_mission
 from edc_swarm.recording.writer import MAX_CHANNELS, MISSION_ATTACHMENT, RecordingWriter, stamp_of
 
 MAX_FILES = 100
 MAX_CONTRADICTIONS = 20
 """Most contradictions that are named one by one."""
-DROPPED, LEFT_OUT, MERGED = "dropped", "foreign_left_out", "merged"
+LEFT_OUT, MERGED = "foreign_left_out", "merged"
 
 
 @dataclass(slots=True)
@@ -164,13 +164,17 @@ class _Kept:
 
 
 def _facts(files: Sequence[McapFile]) -> dict[str, str]:
-    """Return the facts of `run_end`: sums; that of fetched messages only if all files have it."""
+    """Return the facts of `run_end`: sums, each only if all files have it, since a torn one has none.
+
+    A loss that one recorder has counted stays, whatever the others say.
+    """
     ends = [file.metadata.get("run_end", {}) for file in files]
     sums = {name: [_count(end.get(name, "")) for end in ends] for name in (DROPPED, LEFT_OUT, FETCHED)}
-    facts = {name: str(sum(filter(None, sums[name]))) for name in (DROPPED, LEFT_OUT)}
-    if None not in sums[FETCHED]:
-        facts[FETCHED] = str(sum(filter(None, sums[FETCHED])))
-    return facts
+    return {
+        name: str(sum(filter(None, counts)))
+        for name, counts in sums.items()
+        if None not in counts or (name == DROPPED and any(counts))
+    }
 
 
 def _count(text: str) -> int | None:

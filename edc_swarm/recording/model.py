@@ -12,6 +12,8 @@ from edc_swarm.recording.ordering import in_order
 MAX_GARBAGE = 10_000
 """Most pairs of topic and reason that are counted separately; all further garbage is counted together."""
 OTHERS = "(others)"
+DROPPED = "dropped"
+"""Fact of `run_end`: how many messages the recorder had no room for; a recorder that did not finish lacks it."""
 FETCHED = "fetched"
 """Fact of `run_end`: how many messages were asked for again, and had."""
 MAX_DIGITS = 18

@@ -89,7 +89,7 @@ class MissionWatch:
         assert monitor is not None
         pauses = self._ground is not None and self._ground.pauses
         # A UAV that has landed is not waited for, but its process is: the record says whether it is gone for good.
-        if slot > 0 and not pauses and self._remote.is_settled and monitor.complete(slot - 1):
+        if slot > 0 and not pauses and self._remote.is_settled(self.bus.alive) and monitor.complete(slot - 1):
             return COMPLETED
         flying = {*pool.living, *pool.to_restart, *(self._remote.expected - {RECORDER})}
         if not flying and not any(map(self._will_restart, self._setup.roster)):

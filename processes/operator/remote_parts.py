@@ -21,10 +21,9 @@ class Remote:
         """The parts that are present or may come back."""
         return set(self.parts - self._given_up)
 
-    @property
-    def is_settled(self) -> bool:
-        """True if no part is away that may come back: each is present or given up."""
-        return self._away_since_s.keys() <= self._given_up
+    def is_settled(self, alive: Set[str]) -> bool:
+        """Return True if no part is away that may come back, not even since the last look."""
+        return self.parts - alive <= self._given_up
 
     def left(self, alive: Set[str]) -> list[str]:
         """Return the parts that have left the bus since the last look."""

@@ -34,12 +34,13 @@ def test_anything_else_is_not(detail: str) -> None:
 def test_who_is_away_is_waited_for_a_while_and_may_come_back() -> None:
     """A cut link is no death, until it has lasted."""
     remote = Remote(["u1", "u2"])
-    assert remote.is_settled
+    assert remote.is_settled({"u1", "u2"})
+    assert not remote.is_settled({"u1"}), "before the next look too: a mission must not end in between"
     assert remote.look({"u1"}, set(), 0.0) == ([], [])
     assert remote.look({"u1"}, set(), PART_LOST_S - 1) == ([], [])
-    assert not remote.is_settled
+    assert not remote.is_settled({"u1"})
     assert remote.look({"u1"}, set(), PART_LOST_S) == (["u2"], [])
-    assert remote.is_settled
+    assert remote.is_settled({"u1"})
     assert remote.expected == {"u1"}
     assert remote.look({"u1"}, set(), PART_LOST_S + 1) == ([], [])
     assert remote.look({"u1", "u2"}, set(), PART_LOST_S + 2) == ([], ["u2"])

@@ -660,6 +660,18 @@ def test_g5_names_unknown_tails(messages: list[Message]) -> None:
     assert notes == ["mission", "uav/u2/fix", "the record ends at slot 8, without the end of the mission"]
 
 
+@pytest.mark.parametrize(("slot", "status"), [(0, "held"), (9, "not-judged")])
+def test_g5_does_not_hold_up_to_a_message_that_nobody_has(messages: list[Message], slot: int, status: str) -> None:
+    """A UAV that lived for nine slots before its kill has spoken; one that was killed at the start may not have."""
+    drop(messages, Event, instance="i2")
+    drop(messages, Event, instance="")
+    messages = [m for m in messages if not isinstance(m, (Fix, Truth)) or m.uav != "u2"]
+    at_ns = EPOCH_NS + slot * SLOT_NS
+    killed = Event(source="operator", sent_ns=at_ns, slot=slot, kind="fault", detail=f"kill u2 @{slot}", seq=0)
+    closed = msgspec.structs.replace(killed, kind="closed", detail='{"mission":0}', seq=1)
+    assert results([*messages, killed, closed])["G5"].status == status
+
+
 def test_g5_reports_what_cannot_be_read(messages: list[Message]) -> None:
     """A torn file breaks G5."""
     recording = recorded(messages)

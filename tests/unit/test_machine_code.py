@@ -65,6 +65,16 @@ def test_a_library_of_other_sources_is_not_used(library: Path, tmp_path: Path, m
     assert functions_of_library(tmp_path / "none.so") == {}
 
 
+@pytest.mark.parametrize("text", ["", 'const char edc_label[] = "{";', 'const char edc_label[] = "{\\"sources\\":1}";'])
+def test_a_library_that_is_none_of_ours_is_not_used(tmp_path: Path, text: str) -> None:
+    """One without a label, or with one that cannot be read: numba compiles, as if no library were there."""
+    if shutil.which("cc") is None:
+        pytest.skip("no compiler")
+    (tmp_path / "other.c").write_text(text)
+    subprocess.run(["cc", "-shared", "-o", tmp_path / "other.so", tmp_path / "other.c"], check=True)
+    assert functions_of_library(tmp_path / "other.so") == {}
+
+
 @pytest.mark.parametrize(
     "value", [np.zeros((2, 3), np.float32), np.zeros(3), np.zeros((4, 4))[::2], np.zeros((2, 3), order="F"), 1.0]
 )

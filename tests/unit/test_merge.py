@@ -9,6 +9,8 @@ from typing import Any
 import msgspec
 import pytest
 
+from edc_swarm.protocol.codec import encode
+from edc_swarm.protocol.messages import Event
 from edc_swarm.recording.mcap_file import McapFile, Raw
 from edc_swarm.recording.reader import read_recording
 from edc_swarm.recording.sequences import find_gaps
@@ -134,10 +136,13 @@ def test_what_cannot_be_merged_is_one_line(tmp_path: Path, capsys: pytest.Captur
     whole, result = written(tmp_path / "whole.mcap", without(())), tmp_path / "all.mcap"
     noise = tmp_path / "noise.mcap"
     noise.write_bytes(b"noise")
+    link = tmp_path / "link.mcap"
+    link.symlink_to(whole)
     capsys.readouterr()
     for files, out, reason in (
         ([whole, other], result, "must be a readable recording (it has mission "),
         ([whole], result, "recordings = 1: must be from 2 to 100 files"),
+        ([whole, GOLDEN, link], result, f"recordings = '{link}': must be another file than {whole}"),
         ([whole, GOLDEN], whole, "must be another file than those that are merged"),
         ([whole, noise], result, "is not an MCAP file"),
     ):
@@ -164,3 +169,25 @@ def test_garbage_is_there_as_often_as_one_recorder_has_it(tmp_path: Path, capsys
     said, out = merged(capsys, *files)
     assert said["messages"] == read_recording(GOLDEN).message_count
     assert sum(payload == b"noise" for *_, payload in McapFile(out).messages()) == 2
+
+
+@pytest.mark.parametrize("dropped", [["0", "0"], ["0", None], [None, None]])
+def test_a_recorder_without_its_end_has_an_unknown_end(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str], dropped: list[str | None]
+) -> None:
+    """A recorder is torn right after its event and that of the operator's end: no result says that it said no more."""
+    files = []
+    for number, count in enumerate(dropped):
+        source = McapFile(GOLDEN)
+        messages = list(source.messages())
+        at_ns = messages[-1][3]
+        said = Event(source="recorder", instance=f"{number}-{number:08}", sent_ns=at_ns, slot=24, kind="malformed")
+        files.append(path := tmp_path / f"{number}.mcap")
+        with path.open("wb") as stream:
+            writer = RecordingWriter(stream, source.metadata["run"])
+            for channel, sequence, log_ns, sent_ns, payload in messages:
+                writer.copy(channel, payload, log_ns, sent_ns, sequence)
+            writer.write(f"{messages[-1][0].topic.rpartition('/')[0]}/recorder", encode(said), messages[-1][2])
+            writer.finish({"dropped": count} if count is not None else {})
+    _, out = merged(capsys, *files)
+    assert verdicts(capsys, out)["G5"][0] == ("not-judged" if None in dropped else "held")

@@ -39,6 +39,7 @@ def check_no_loss(evidence: Evidence) -> GuaranteeResult:
     A part of the file is unreadable                broken
     Recorder dropped messages                       broken, unless the numbers prove that it fetched them all
     No `closed` event, a fault ended the publisher  held, up to its last recorded message
+    No message of a UAV killed after its start      not judged
     No `closed` event, for any other reason         not judged
     ==============================================  =======================================================
     """

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from contextlib import ExitStack
+from itertools import combinations
 from pathlib import Path
 from typing import Annotated
 
@@ -43,6 +44,9 @@ def merge(
     """
     if not 2 <= len(recordings) <= MAX_FILES:
         raise InputError("recordings", len(recordings), f"from 2 to {MAX_FILES} files")
+    for one, other in combinations(recordings, 2):
+        if is_same_file(one, other):
+            raise InputError("recordings", str(other), f"another file than {one}")
     if any(is_same_file(out, each) for each in recordings):
         raise InputError("--out", str(out), "another file than those that are merged")
     check_output(out, force=force)
