@@ -33,7 +33,7 @@ from edc_swarm.recording.reader import read_recording
 from edc_swarm.recording.sequences import find_gaps
 from processes.bus.address import free_endpoint
 from processes.bus.session import open_client, put
-from processes.services.recorder import RecorderSettings
+from processes.services.recorder_settings import RecorderSettings
 
 MISSION = "bench"
 SESSIONS = 10

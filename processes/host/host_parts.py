@@ -8,7 +8,7 @@ from pathlib import Path
 
 import msgspec
 
-from edc_swarm.mission.roles import ROUTER
+from edc_swarm.mission.roles import RECORDER, ROUTER
 from processes.bus.address import free_endpoint
 from processes.host.ending import CLOSE_TIMEOUT_S, RECORDER_TIMEOUT_S
 from processes.runtime.children import Child
@@ -16,8 +16,7 @@ from processes.runtime.clock import MissionClock
 from processes.runtime.loop import Loop
 from processes.runtime.output import Output
 from processes.runtime.run_facts import run_facts
-from processes.services.recorder import NAME as RECORDER
-from processes.services.recorder import RecorderSettings
+from processes.services.recorder_settings import RecorderSettings
 
 
 class HostParts:

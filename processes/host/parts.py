@@ -8,7 +8,7 @@ import signal
 import msgspec
 
 from edc_swarm.errors import InputError
-from edc_swarm.mission.roles import ROUTER
+from edc_swarm.mission.roles import RECORDER, ROUTER
 from processes.bus.address import check_endpoint, connect_endpoint, free_endpoint, parse_endpoint
 from processes.host.ending import CLOSE_TIMEOUT_S, Deaths, end_fork_source
 from processes.host.pool import FORK_SOURCE, UavPool
@@ -19,8 +19,7 @@ from processes.runtime.loop import Loop
 from processes.runtime.run_facts import plug_in_facts, run_facts
 from processes.services.ground_station import NAME as GROUND
 from processes.services.ground_station import GroundSettings
-from processes.services.recorder import NAME as RECORDER
-from processes.services.recorder import RecorderSettings
+from processes.services.recorder_settings import RecorderSettings
 from processes.services.visualiser import NAME as VIZ
 from processes.services.visualiser import VizSettings
 from processes.uav.process import UavSettings

@@ -23,7 +23,7 @@ from processes.runtime.console import MAX_NAMES, note
 from processes.services.live import ANY_HOST
 from processes.services.live import PORT as LIVE_PORT
 from processes.services.recorder import NAME as RECORDER
-from processes.services.recorder import RecorderSettings
+from processes.services.recorder_settings import RecorderSettings
 from processes.services.visualiser import NAME as VIZ
 from processes.services.visualiser import VizSettings
 

@@ -27,7 +27,7 @@ from edc_swarm.recording.model import Recording
 from edc_swarm.recording.reader import read_recording
 from processes.operator.bus_client import is_in_force
 from processes.services.orders import ASK_TIMEOUT_S, asked
-from processes.services.recorder import RecorderSettings
+from processes.services.recorder_settings import RecorderSettings
 
 
 @dataclass(frozen=True, slots=True)

@@ -22,7 +22,6 @@ from typing import BinaryIO, NamedTuple
 
 import msgspec
 import zenoh
-from msgspec import Struct
 
 from edc_swarm.errors import InputError, SwarmError
 from edc_swarm.mission.configuration import NS_PER_S
@@ -48,6 +47,7 @@ from processes.runtime.parent import die_with_parent
 from processes.runtime.priority import give_way
 from processes.services.backlog import Backlog
 from processes.services.orders import orders, outlast_operator
+from processes.services.recorder_settings import RecorderSettings
 from processes.services.recording_file import Received, RecordingFile
 
 NAME = RECORDER
@@ -92,23 +92,6 @@ class StopRecording:
 
 
 Item = Received | Oversized | RetransmissionAnswer | StopRecording | zenoh.Query
-
-
-class RecorderSettings(Struct, frozen=True, kw_only=True):
-    """Settings of the recorder. `parent` is 0 for a recorder that outlives the process that started it.
-
-    `uavs`: whose messages it records, with those of the operator and of recorders; of everybody, if there are none.
-    """
-
-    endpoint: str
-    mission: str
-    part: str
-    out: str
-    run: dict[str, str]
-    certs: str = ""
-    parent: int = 0
-    clock_ahead_ns: int | None = None
-    uavs: list[str] = []
 
 
 class Recorder:

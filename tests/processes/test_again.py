@@ -29,7 +29,8 @@ from processes.bus.outbox import Outbox
 from processes.bus.session import hand_over, open_client
 from processes.bus.session import put as put_on_bus
 from processes.runtime.inbox import Inbox
-from processes.services.recorder import MAX_ANSWER_BYTES, RecorderSettings
+from processes.services.recorder import MAX_ANSWER_BYTES
+from processes.services.recorder_settings import RecorderSettings
 from processes.services.recording_file import MAX_FOREIGN_KEYS
 from tests import builders
 from tests.processes.conftest import await_true

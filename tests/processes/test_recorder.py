@@ -26,7 +26,7 @@ from edc_swarm.recording.reader import read_recording
 from edc_swarm.recording.sequences import find_gaps
 from processes.bus.session import hand_over, open_client
 from processes.runtime.inbox import Inbox
-from processes.services.recorder import RecorderSettings
+from processes.services.recorder_settings import RecorderSettings
 from processes.services.recording_file import MAX_FOREIGN_KEYS
 from tests.processes.conftest import Fly, FlyToEnd, await_true
 

@@ -145,7 +145,7 @@ def test_what_is_not_installed_is_named(monkeypatch: pytest.MonkeyPatch) -> None
     ("arguments", "field"),
     [
         (["certs", "--uavs", "0"], "--uavs"),
-        (["certs", "--uavs", "2001"], "--uavs"),
+        (["certs", "--uavs", "10001"], "--uavs"),
         (["certs", "--days", "0"], "--days"),
         (["certs", "--host", "a b"], "--host"),
         (["certs", "--out", "/proc/certs"], "--out"),

@@ -1,0 +1,22 @@
+"""The settings of the recorder, for whoever starts one: they load no numpy."""
+
+from __future__ import annotations
+
+from msgspec import Struct
+
+
+class RecorderSettings(Struct, frozen=True, kw_only=True):
+    """Settings of the recorder. `parent` is 0 for a recorder that outlives the process that started it.
+
+    `uavs`: whose messages it records, with those of the operator and of recorders; of everybody, if there are none.
+    """
+
+    endpoint: str
+    mission: str
+    part: str
+    out: str
+    run: dict[str, str]
+    certs: str = ""
+    parent: int = 0
+    clock_ahead_ns: int | None = None
+    uavs: list[str] = []
