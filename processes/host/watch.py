@@ -89,15 +89,15 @@ class MissionWatch:
         assert monitor is not None
         pauses = self._ground is not None and self._ground.pauses
         # A UAV that has landed is not waited for, but its process is: the record says whether it is gone for good.
-        if slot > 0 and not pauses and self._remote.is_settled(self.bus.alive) and monitor.complete(slot - 1):
+        may_end = not pauses and self._remote.is_settled(self.bus.alive)
+        if slot > 0 and may_end and monitor.complete(slot - 1):
             return COMPLETED
         flying = {*pool.living, *pool.to_restart, *(self._remote.expected - {RECORDER})}
         if not flying and not any(map(self._will_restart, self._setup.roster)):
             return NOBODY_LEFT
         if slot > mission.max_slots:
             return GIVEN_UP
-        all_here = set(self._setup.elsewhere) <= self.bus.alive | self._state.deaths.expected
-        return STALLED if all_here and not pauses and monitor.stalled(slot - 1) else ""
+        return STALLED if may_end and monitor.stalled(slot - 1) else ""
 
     def _check_remote(self) -> None:
         """Tell of a part that leaves the bus; give up one that is away for too long, and wait for it if it comes back.
