@@ -44,12 +44,12 @@ def merge(
     """
     if not 2 <= len(recordings) <= MAX_FILES:
         raise InputError("recordings", len(recordings), f"from 2 to {MAX_FILES} files")
-    for one, other in combinations(recordings, 2):
-        if is_same_file(one, other):
-            raise InputError("recordings", str(other), f"another file than {one}")
     if any(is_same_file(out, each) for each in recordings):
         raise InputError("--out", str(out), "another file than those that are merged")
     check_output(out, force=force)
+    for one, other in combinations(recordings, 2):
+        if is_same_file(one, other):
+            raise InputError("recordings", str(other), f"another file than {one}")
     with ExitStack() as held, new_file(out) as stream:
         for path in recordings:
             held.enter_context(locked_for_reading(path))
