@@ -5,7 +5,6 @@ from __future__ import annotations
 import signal
 import time
 
-from edc_swarm.emulation.links import mission_s
 from edc_swarm.mission.autopilots import takeoff_s
 from edc_swarm.mission.configuration import NS_PER_S
 from edc_swarm.mission.prospect import COMPLETED, GIVEN_UP, NOBODY_LEFT, STALLED
@@ -45,9 +44,9 @@ class MissionWatch:
 
     def run(self) -> None:
         """Begin the mission and watch it until it ends; then publish its end."""
-        mission, state = self._begin(), self._state
-        now_s = mission_s(self._setup.clock.now_ns() - mission.epoch_ns, mission.time_scale)
-        injector, monitor = Injector(mission, self, now_s if self._setup.takeover else 0.0), self.bus.monitor
+        mission, state, takeover = self._begin(), self._state, self._setup.takeover
+        injector = Injector(mission, self, takeover.told if takeover is not None else ())
+        monitor = self.bus.monitor
         self._injector = injector
         self._ground = ground = GroundCommands(mission, self, injector, permitted=self._setup.view.commands)
         assert monitor is not None
@@ -73,6 +72,8 @@ class MissionWatch:
             self.bus.take_over(takeover.mission, takeover.in_force, takeover.goals)
             for goal in takeover.goals:
                 note(f"giving goal {goal.number} to {goal.uav} again: the operator before had no answer")
+            if takeover.told is None:
+                note("the recording cannot be read: faults that were due before now are not injected")
             return takeover.mission
         ahead_s = takeoff_s(self._setup.mission)
         if ahead_s:

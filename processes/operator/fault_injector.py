@@ -5,7 +5,7 @@ from __future__ import annotations
 import heapq
 import math
 import signal
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from functools import partial
 from itertools import count
 from typing import Protocol
@@ -24,10 +24,11 @@ from edc_swarm.mission.faults import (
     Restart,
     Resume,
     parse_faults,
+    read_fault,
 )
 from edc_swarm.mission.roles import RECORDER, ROUTER
 from edc_swarm.protocol.events import EventKind
-from edc_swarm.protocol.messages import MissionMessage
+from edc_swarm.protocol.messages import Event, MissionMessage
 from processes.operator.bus_client import Operator
 
 FAULT_DELAY_S = 0.05
@@ -36,6 +37,9 @@ FAULT_DELAY_S = 0.05
 A router must have forwarded the event before it dies, and a process that freezes in the burst at a
 slot's start would hold messages that it has counted but not sent.
 """
+
+TOLD_OF_FAULTS = frozenset({EventKind.FAULT, EventKind.FAULT_WITHOUT_TARGET, EventKind.HOST_REQUEST})
+"""Kinds of the events that an injector publishes: one for each fault, and one for each request to another host."""
 
 
 class Processes(Protocol):
@@ -55,20 +59,28 @@ class Processes(Protocol):
 class Injector:
     """A heap of actions by time, filled from the mission's `fault` list.
 
-    It leaves out faults before `from_s` of the mission: the operator before this one injected them.
+    An injector that takes over goes on after the last of the events `told` by the operator before it. It carries out
+    at once what fell into the time without an operator: a fault that no event tells, and the end of a death or a
+    freeze. A fault that would be over by now has no target any more. With None it does not know what was told,
+    and takes every fault before now as carried out.
     """
 
     HANDLERS: FaultHandlers[Injector] = FaultHandlers()
 
-    def __init__(self, mission: MissionMessage, processes: Processes, from_s: float = 0.0) -> None:
+    def __init__(self, mission: MissionMessage, processes: Processes, told: Sequence[Event] | None = ()) -> None:
         self._mission = mission
         self._processes = processes
         self._order = count()
         self._due: list[tuple[int, int, Callable[[], None]]] = []
         self._faults = parse_faults(mission)
         self._frozen_until_s: dict[str, float] = {}
-        for fault in (fault for fault in self._faults if fault.at_s >= from_s):
-            self._at(fault.at_s, partial(self.inject, fault))
+        until_s = self.now_s if told is None else max(map(self._told_s, told), default=-math.inf)
+        for fault in (fault for fault in self._faults if fault.at_s > until_s):
+            self._at(fault.at_s, partial(self.inject if fault.end_s > self.now_s else self._leave_out, fault))
+        for event in told or ():
+            fault = read_fault(event.detail, mission.dt_s) if event.kind == EventKind.FAULT else None
+            if isinstance(fault, Kill | Freeze) and until_s < fault.end_s < math.inf:
+                self._end_later(fault)
 
     def next_in_s(self) -> float:
         """Return the real seconds until the next fault; infinite when there is none."""
@@ -94,6 +106,9 @@ class Injector:
         """Mission time."""
         return mission_s(self._now_ns() - self._mission.epoch_ns, self._mission.time_scale)
 
+    def _told_s(self, event: Event) -> float:
+        return mission_s(event.sent_ns - self._mission.epoch_ns, self._mission.time_scale)
+
     def _at(self, mission_s: float, action: Callable[[], None]) -> None:
         when_ns = self._mission.epoch_ns + round(mission_s * NS_PER_S / self._mission.time_scale)
         heapq.heappush(self._due, (when_ns, next(self._order), action))
@@ -105,7 +120,7 @@ class Injector:
         roster = [entry.uav for entry in self._mission.roster]
         concrete = resolve(fault, bus.monitor.head, bus.monitor.standbys, roster, bus.monitor.in_office)
         if concrete is None or (isinstance(concrete, Restart) and concrete.target == RECORDER):
-            bus.publish_event(EventKind.FAULT_WITHOUT_TARGET, str(fault))
+            self._leave_out(fault)
             return
         bus.publish_event(EventKind.FAULT, str(concrete))
         if not isinstance(concrete, ProcessFault):
@@ -116,12 +131,22 @@ class Injector:
         else:
             act()
 
+    def _leave_out(self, fault: Fault) -> None:
+        self._processes.bus.publish_event(EventKind.FAULT_WITHOUT_TARGET, str(fault))
+
+    def _end_later(self, fault: Kill | Freeze) -> None:
+        """Start or thaw the process when the fault ends."""
+        if isinstance(fault, Freeze):
+            self._frozen_until_s[fault.target] = max(self._frozen_until_s.get(fault.target, 0.0), fault.end_s)
+        if math.isfinite(fault.for_s):
+            end = partial(self._start, fault.target) if isinstance(fault, Kill) else partial(self._thaw, fault)
+            self._at(fault.end_s, end)
+
     @HANDLERS.of(Kill)
     def _kill(self, fault: Kill) -> None:
         self._frozen_until_s.pop(fault.target, None)
         self._processes.signal(fault.target, signal.SIGKILL)
-        if math.isfinite(fault.for_s):
-            self._at(fault.end_s, partial(self._start, fault.target))
+        self._end_later(fault)
 
     @HANDLERS.of(Restart)
     def _restart(self, fault: Restart) -> None:
@@ -138,9 +163,7 @@ class Injector:
     @HANDLERS.of(Freeze)
     def _freeze(self, fault: Freeze) -> None:
         self._processes.signal(fault.target, signal.SIGSTOP)
-        self._frozen_until_s[fault.target] = max(self._frozen_until_s.get(fault.target, 0.0), fault.end_s)
-        if math.isfinite(fault.for_s):
-            self._at(fault.end_s, partial(self._thaw, fault))
+        self._end_later(fault)
 
     def _thaw(self, fault: Freeze) -> None:
         """End one freeze: go on unless another lasts."""

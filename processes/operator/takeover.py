@@ -26,6 +26,7 @@ from edc_swarm.protocol.messages import Event, Goal, MissionMessage
 from edc_swarm.recording.model import Recording
 from edc_swarm.recording.reader import read_recording
 from processes.operator.bus_client import is_in_force
+from processes.operator.fault_injector import TOLD_OF_FAULTS
 from processes.services.orders import ASK_TIMEOUT_S, asked
 from processes.services.recorder_settings import RecorderSettings
 
@@ -42,8 +43,9 @@ class Takeover:
         The mission message if the mission has begun.
     recorder
         Orders of the recorder.
-    in_force
-        Faults in force.
+    told
+        Events of faults and of their ends that the operator before has published; None if the record of a mission that
+        has begun cannot be read.
     goals
         Goals of the operator that has died which no UAV has answered, as far as the recorder has written.
     """
@@ -51,8 +53,13 @@ class Takeover:
     mission_id: str
     mission: MissionMessage | None = None
     recorder: RecorderSettings | None = None
-    in_force: Sequence[Event] = ()
+    told: Sequence[Event] | None = ()
     goals: Sequence[Goal] = ()
+
+    @property
+    def in_force(self) -> list[Event]:
+        """The faults that a UAV which starts late must receive."""
+        return [event for event in self.told or () if is_in_force(event)][-MAX_CHANGES:]
 
 
 def new_mission_id(mission: Mission) -> str:
@@ -86,10 +93,12 @@ def _takeover(session: zenoh.Session, run: str) -> Takeover:
     said, orders = asked(session, keys.mission), asked(session, keys.orders(RECORDER))
     recorder = msgspec.json.decode(orders, type=RecorderSettings) if orders is not None else None
     mission = cast("MissionMessage", decode(keys.mission, said)) if said is not None else None
-    recording = _recorded(recorder.part) if recorder is not None and mission is not None else None
+    if mission is None:
+        return Takeover(run, recorder=recorder)
+    recording = _recorded(recorder.part) if recorder is not None else None
     if recording is None:
-        return Takeover(run, mission, recorder)
-    return Takeover(run, mission, recorder, _in_force(recording), unanswered_goals(recording))
+        return Takeover(run, mission, recorder, told=None)
+    return Takeover(run, mission, recorder, _told(recording), unanswered_goals(recording))
 
 
 def _recorded(part: str) -> Recording | None:
@@ -100,9 +109,9 @@ def _recorded(part: str) -> Recording | None:
         return None
 
 
-def _in_force(recording: Recording) -> list[Event]:
-    """Return the faults that a UAV which starts late must receive."""
-    return [event for event in recording.events if event.source == OPERATOR and is_in_force(event)][-MAX_CHANGES:]
+def _told(recording: Recording) -> list[Event]:
+    """Return what the operator has said of faults, by time."""
+    return [event for event in recording.events if event.source == OPERATOR and event.kind in TOLD_OF_FAULTS]
 
 
 def unanswered_goals(recording: Recording) -> list[Goal]:

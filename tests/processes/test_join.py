@@ -347,8 +347,12 @@ def test_an_operator_that_died_is_taken_over_from(parts: Parts) -> None:
 
 @pytest.mark.long
 def test_faults_in_force_are_told_again_after_a_takeover(parts: Parts) -> None:
-    """A UAV that the next operator restarts is as cut off as its first instance."""
-    faults = ("partition u001,u002,u004,u005>u003 @4 for 55s", "restart u003 @80")
+    """A UAV that the next operator restarts is as cut off as its first instance.
+
+    The restart comes late if it falls into the time without an operator: on a busy machine this is longer than 40 s of
+    the mission.
+    """
+    faults = ("partition u001,u002,u004,u005>u003 @4 for 90s", "restart u003 @80")
     words = (*HOLD, "--speed-max", "1", *(word for fault in faults for word in ("--fault", fault)))
     joined = [parts.join(f"{number}") for number in range(5)]
     first = parts.operate(*words)
@@ -360,7 +364,7 @@ def test_faults_in_force_are_told_again_after_a_takeover(parts: Parts) -> None:
     recording = ended.recording
     assert [fault.split()[0] for fault in _faults(recording)] == ["partition", "restart"]
     again = [fix for fix in recording.fixes if fix.uav == "u003"]
-    deaf = [fix for fix in again if fix.instance == again[-1].instance != again[0].instance and fix.slot < 110]
+    deaf = [fix for fix in again if fix.instance == again[-1].instance != again[0].instance and fix.slot < 180]
     assert deaf
     assert not any(fix.executing for fix in deaf)
     assert [command.end().status for command in joined] == [0] * 5

@@ -1,0 +1,112 @@
+"""Tests of the fault injector of an operator that takes over: nothing that fell into the gap is lost or done twice."""
+
+from __future__ import annotations
+
+import signal
+from dataclasses import dataclass, field
+from typing import Any, cast
+
+import pytest
+
+from edc_swarm.mission.configuration import NS_PER_S, Mission
+from edc_swarm.mission.roster import complete_mission
+from edc_swarm.protocol.events import EventKind
+from edc_swarm.protocol.messages import Event, MissionMessage, mission_message
+from processes.operator.fault_injector import Injector
+
+FAULTS = ["kill u001 @4s for 10s", "freeze u002 @5s for 20s", "restart u003 @8s", "gps u001 outage @9s for 2s"]
+
+
+@dataclass
+class Seat:
+    """What an injector sees of its operator and of the processes, and what it does to them."""
+
+    now_s: float
+    done: list[tuple[str, str]] = field(default_factory=list)
+
+    def __post_init__(self) -> None:
+        """Be clock, monitor and bus too."""
+        self.bus = self.clock = self.monitor = self
+        self.head, self.standbys, self.in_office = "u001", ["u002"], dict[str, str]()
+
+    def now_ns(self) -> int:
+        """Return the time; the epoch is 0."""
+        return round(self.now_s * NS_PER_S)
+
+    def publish_event(self, kind: EventKind, detail: str = "") -> None:
+        """Note an event."""
+        self.done.append((kind.value, detail))
+
+    def signal(self, name: str, number: int) -> None:
+        """Note a signal."""
+        self.done.append((signal.Signals(number).name, name))
+
+    def restart(self, name: str, *, lose_memory: bool) -> None:
+        """Note a start."""
+        assert not lose_memory
+        self.done.append(("start", name))
+
+
+def mission() -> MissionMessage:
+    """Return a mission of three UAVs with all the faults."""
+    return mission_message(complete_mission(Mission(uavs=3, fault=FAULTS)), 0)
+
+
+def told(kind: EventKind, detail: str, at_s: float) -> Event:
+    """Return an event of the operator before."""
+    return Event(
+        instance="a", seq=0, sent_ns=round(at_s * NS_PER_S), source="operator", kind=kind, detail=detail, slot=0
+    )
+
+
+KILLED, FROZEN = told(EventKind.FAULT, FAULTS[0], 4.0), told(EventKind.FAULT, FAULTS[1], 5.0)
+STARTED = told(EventKind.HOST_REQUEST, "", 14.0)
+
+
+def takes_over(events: list[Event] | None, *times_s: float) -> list[list[tuple[str, str]]]:
+    """Return what an injector that begins at the first of `times_s` does at each of them."""
+    seat, found = Seat(times_s[0]), []
+    injector = Injector(mission(), cast("Any", seat), events)
+    for seat.now_s in times_s:
+        injector.inject_due()
+        found.append(seat.done)
+        seat.done = []
+    return found
+
+
+BEFORE = [KILLED, FROZEN]
+RESTARTED = [("fault", "restart u003 @8s"), ("start", "u003")]
+OUTAGE = ("fault", "gps u001 outage @9s for 2s")
+OVER = ("fault-without-target", "gps u001 outage @9s for 2s")
+
+
+@pytest.mark.parametrize(
+    ("events", "times_s", "expected"),
+    [
+        pytest.param(BEFORE, (6.0, 8.5, 9.5), [[], RESTARTED, [OUTAGE]], id="faults to come"),
+        pytest.param(BEFORE, (9.5,), [[*RESTARTED, OUTAGE]], id="late, and still in force"),
+        pytest.param(BEFORE, (11.5,), [[*RESTARTED, OVER]], id="late, and over"),
+        pytest.param(
+            [*BEFORE, told(EventKind.FAULT, FAULTS[2], 8.0), told(EventKind.FAULT_WITHOUT_TARGET, FAULTS[3], 9.0)],
+            (12.0, 14.5, 26.0),
+            [[], [("start", "u001")], [("SIGCONT", "u002")]],
+            id="ends to come",
+        ),
+        pytest.param(
+            BEFORE, (30.0,), [[*RESTARTED, OVER, ("start", "u001"), ("SIGCONT", "u002")]], id="ends that are late"
+        ),
+        pytest.param([*BEFORE, STARTED], (30.0,), [[("SIGCONT", "u002")]], id="an end that was carried out"),
+        pytest.param(None, (8.5, 9.5), [[], [OUTAGE]], id="unknown"),
+    ],
+)
+def test_takeover(
+    events: list[Event] | None, times_s: tuple[float, ...], expected: list[list[tuple[str, str]]]
+) -> None:
+    """Every fault and every end is carried out once, at its time or at once if no operator was there at its time."""
+    assert takes_over(events, *times_s) == expected
+
+
+def test_the_first_operator_injects_all() -> None:
+    """Without an operator before, every fault comes at its time."""
+    done = takes_over([], 0.0, 4.1, 5.1, 8.1, 9.1, 14.1, 25.1)
+    assert [len(deeds) for deeds in done] == [0, 2, 2, 2, 1, 1, 1]
