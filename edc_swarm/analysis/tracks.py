@@ -1,11 +1,10 @@
 """Tracks: the place of every tracked disc and every UAV in every slot, reconstructed from a recording.
 
-A UAV publishes its waypoint in the fix of each slot. In a slot without a fix it held (a vehicle with inertia: it
-braked), unless its truth or its next fix shows that it executed a step (a process can die after it accepts a step and
-before it publishes the fix). The
-fixes of a UAV that lost its memory (`voter` false) are no evidence on its disc; its truths are, since disc and UAV
-move by the same vector. If the recording lacks fixes (for example because the recorder was frozen) and no command
-explains how the UAV came to the waypoint of its next fix, the slots between are `lost`: nothing is judged there.
+A UAV publishes its waypoint in the fix of each slot. In a slot without a fix it held (with inertia: it braked), unless
+its truth or its next fix shows that it executed a step: a process can die after it accepts a step and before it
+publishes the fix. The fixes of a UAV that lost its memory (`voter` false) are no evidence on its disc; its truths are,
+since disc and UAV move by the same vector. If the recording lacks fixes (for example because the recorder was frozen)
+and no command explains the waypoint of the next fix, the slots between are `lost`: nothing is judged there.
 """
 
 from __future__ import annotations
@@ -145,7 +144,9 @@ def tracks_of(recording: Recording) -> Tracks:
     slot, uav = _cells(voters, index)
     centre_m[slot + 1, uav] = _points(voters, "waypoint")
     change_m = [change_of(recording.mission, entry) for entry in roster]
-    silent = list(_silent_steps(recording, truths, true_cells, centre_m, executed, change_m))
+    began_m = np.full((*shape, 2), np.nan)
+    began_m[slot, uav] = _points(voters, "from")
+    silent = list(_silent_steps(recording, truths, true_cells, centre_m, began_m, executed, change_m))
     for step in silent:
         executed[step.slot, step.uav] = True
         centre_m[step.slot + 1, step.uav] = (step.command.target_x_m, step.command.target_y_m)
@@ -285,9 +286,8 @@ def _flown_before_birth(executed: Bools, truths: Sequence[Truth], index: dict[st
     born: set[tuple[str, str]] = set()
     tells: dict[Cell, bool] = {}
     for truth in truths:
-        process = truth.uav, truth.instance
-        tells.setdefault((truth.slot, index[truth.uav]), process not in born)
-        born.add(process)
+        tells.setdefault((truth.slot, index[truth.uav]), (truth.uav, truth.instance) not in born)
+        born.add((truth.uav, truth.instance))
     return {cell for cell, first in tells.items() if first and executed[cell]}
 
 
@@ -317,10 +317,14 @@ def _silent_steps(
     truths: list[Truth],
     cells: tuple[Ints, Ints],
     centre_m: Floats,
+    began_m: Floats,
     executed: Bools,
     change_m: Sequence[float],
 ) -> Iterator[Step]:
-    """Yield the steps in slots without a fix of a voter, for every UAV with such slots."""
+    """Yield the steps in slots without a fix of a voter, for every UAV with such slots.
+
+    `began_m` (S, K, 2) has the place of the disc at the start of each slot with a fix.
+    """
     unsaid = np.isnan(centre_m[1:, :, 0])
     if not unsaid.any():
         return
@@ -341,7 +345,7 @@ def _silent_steps(
             seen[k].disc_m[truth.slot] = (truth.to_x_m - offset_m[k][0], truth.to_y_m - offset_m[k][1])
     for k, sightings in seen.items():
         for first, after in runs[k]:
-            yield from _explained(k, first, after, sightings, centre_m, executed)
+            yield from _explained(k, first, after, sightings, centre_m, began_m, executed)
 
 
 def _runs(flags: Bools) -> Iterator[tuple[int, int]]:
@@ -351,17 +355,15 @@ def _runs(flags: Bools) -> Iterator[tuple[int, int]]:
 
 
 def _explained(
-    k: int, first: int, after: int, sightings: _Sightings, centre_m: Floats, executed: Bools
+    k: int, first: int, after: int, sightings: _Sightings, centre_m: Floats, began_m: Floats, executed: Bools
 ) -> Iterator[Step]:
     """Yield the steps of slots first..after-1 that UAV `k` must have flown to reach its next known place.
 
     The search keeps the set of all points that the UAV can have reached, slot by slot. A recorded truth decides
     the place at the end of its slot; otherwise all points stay possible and holding is preferred.
     """
-    earlier = centre_m[: first + 1, k]
-    start = _point(earlier[np.flatnonzero(~np.isnan(earlier[:, 0]))[-1]])
-    before = _point(earlier[max(first - 1, 0)])
-    paths: dict[Motion, tuple[Step, ...]] = {sightings.motion(before, start): ()}
+    before = _point(began_m[first - 1, k] if first else centre_m[0, k])
+    paths: dict[Motion, tuple[Step, ...]] = {sightings.motion(before, _point(centre_m[first, k])): ()}
     for slot in range(first, after):
         paths = _advanced(paths, k, slot, sightings)
     if after == len(executed):

@@ -121,6 +121,15 @@ def test_the_fuzzer_finds(defect: Defect, runs: int, monkeypatch: Patch) -> None
     print(defect.__name__, INERT.index(seed) + 1)
 
 
+@pytest.mark.parametrize("seed", [300131, 300443])
+def test_braking_in_every_other_slot_without_a_fix_is_no_command(seed: int) -> None:
+    """A head that plans for two slots says every other fix; where it brakes in between, it flies no late command."""
+    mission = scenario(seed, (0, 2))
+    assert mission.fault[0].startswith("slow")
+    assert mission.vehicle.model == "multirotor"
+    assert fly(mission) == []
+
+
 def _commands(mission: Mission) -> list[Command]:
     message, said = mission_message(complete_mission(mission)), list[Message]()
     make = partial(make_planner, mission.planner, message)
