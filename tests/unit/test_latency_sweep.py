@@ -90,6 +90,7 @@ def test_processes_have_a_grid_of_their_own() -> None:
         ({"mission": {"link": [{"sender": "u099"}]}}, "link[1].sender"),
         ({"mission": {"r_m": -1}}, "mission.r_m"),
         ({"mission": {"planner": "best"}}, "planner"),
+        ({"mission": {"vehicle": {"model": "multirotor", "a_max_mps2": 0.0}}}, "vehicle.a_max_mps2"),
         ({"mission": {"fault": ["kill u099 @3"]}}, "fault"),
         ({"uavs": [3, 500]}, "uavs"),
     ],

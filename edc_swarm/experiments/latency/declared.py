@@ -23,7 +23,14 @@ from edc_swarm.mission.faults import parse_faults
 from edc_swarm.mission.field_types import MAX_UAVS, MOST_SLOTS
 from edc_swarm.mission.link import Link
 from edc_swarm.mission.roster import complete_mission
-from edc_swarm.mission.validation import convert, mission_from_dict, refuse_non_finite, refuse_unknown, with_options
+from edc_swarm.mission.validation import (
+    convert,
+    mission_from_dict,
+    refuse_idle,
+    refuse_non_finite,
+    refuse_unknown,
+    with_options,
+)
 from edc_swarm.planner.registry import check_planner
 
 Engine = Literal["sim", "processes"]
@@ -114,6 +121,7 @@ def sweep_of(raw: Mapping[str, Any]) -> LatencySweep:
     engine = raw.get("engine", "sim")
     sweep = convert({**DEFAULTS["processes" if engine == "processes" else "sim"], **raw}, LatencySweep)
     if isinstance(mission := raw.get("mission"), Mapping):
+        refuse_idle(mission.get("vehicle"))
         sweep = msgspec.structs.replace(sweep, mission=mission_from_dict(mission))
     _check(sweep)
     return sweep
