@@ -249,7 +249,10 @@ def test_what_is_fetched_takes_no_more_room_than_what_comes_by_itself(bench: Ben
 
 
 def test_an_answer_is_taken_for_what_was_asked_and_nothing_else(bench: Bench) -> None:
-    """The recorder ignores noise, foreign answers, messages that are not missing; it counts an answer too large."""
+    """The recorder ignores noise, foreign answers, messages that are not missing; it counts an answer too large.
+
+    The large answer comes three times, since the recorder does not wait for one that takes too long.
+    """
     inbox = Inbox[zenoh.Query]()
     bench.session.declare_queryable(KEYS.again("u001", "p-1"), hand_over(inbox.put))
     right = fix(1)
@@ -257,7 +260,7 @@ def test_an_answer_is_taken_for_what_was_asked_and_nothing_else(bench: Bench) ->
     lies = [Kept(FIX, 1, encode(wrong)), Kept(FIX, 1, fix(7)), Kept(FIX, 0, fix(0)), Kept(FIX, 9, fix(9))]
     lies += [Kept(KEYS.fix("u002"), 1, right), Kept(FIX, 1, b"noise")]
     answers = [
-        b" " * (MAX_ANSWER_BYTES + 1),
+        *[b" " * (MAX_ANSWER_BYTES + 1)] * 3,
         b"noise",
         retransmission.encode(Answer(lies, [])),
         retransmission.encode(Answer([Kept(FIX, 1, right)], [])),
@@ -269,9 +272,9 @@ def test_an_answer_is_taken_for_what_was_asked_and_nothing_else(bench: Bench) ->
     def all_answered() -> bool:
         for query in inbox.wait(0.05):
             asked.append(retransmission.decode_ask(query.payload.to_bytes()))  # type: ignore[union-attr]
-            query.reply(str(query.key_expr), answers[min(len(asked) - 1, 3)])
+            query.reply(str(query.key_expr), answers[min(len(asked), len(answers)) - 1])
             query.drop()
-        return len(asked) == 4
+        return len(asked) == len(answers)
 
     await_true(all_answered)
     bench.say_last_word()
@@ -279,5 +282,5 @@ def test_an_answer_is_taken_for_what_was_asked_and_nothing_else(bench: Bench) ->
     assert [(seq, payload) for channel, seq, _, _, payload in recorded if "/fix" in channel.topic][2:] == [(1, right)]
     run_end = read_recording(bench.out).run_end
     assert run_end is not None
-    assert run_end["dropped"] == "1"
+    assert 1 <= int(run_end["dropped"]) <= 3
     assert all(ask == asked[0] for ask in asked)
