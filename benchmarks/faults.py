@@ -170,6 +170,12 @@ def fly(scenario: Scenario, trial: int, trials: int, time_scale: float, failsafe
     return Flight(recording, compute_metrics(recording), broken, not_judged)
 
 
+def late_pct(flight: Flight) -> float | None:
+    """Return the share of late ticks, which tells a loaded machine from a late head; None if it is unknown."""
+    late = flight.metrics.ticks_late_pct
+    return None if late is None else round(late, 2)
+
+
 def row(scenario: Scenario, flights: Sequence[Flight]) -> dict[str, object]:
     """Return the results of one scenario."""
     values = [scenario.measure(flight) for flight in flights]
@@ -179,6 +185,8 @@ def row(scenario: Scenario, flights: Sequence[Flight]) -> dict[str, object]:
         "trials": len(flights),
         "p50": statistics.median(values),
         "max": max(values),
+        "each": values,
+        "late ticks of each, %": [late_pct(flight) for flight in flights],
         "as promised": sum(scenario.ok(value) for value in values),
         "all that live at home": sum(flight.living_home for flight in flights),
         "broken guarantees": sum(bool(flight.broken) for flight in flights),

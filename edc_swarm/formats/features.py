@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, field
 from typing import Literal
 
@@ -33,6 +33,8 @@ ZONE_KINDS: dict[str, Kind] = {
     **dict.fromkeys(("inclusion", "include", "fence", "geofence", "boundary", "keep-in"), "inclusion"),
     **dict.fromkeys(("exclusion", "exclude", "no-fly", "nofly", "obstacle", "keep-out"), "exclusion"),
 }
+KIND_NAMES = ("kind", "type", "role")
+"""Names of the property that states a kind, the first one of a feature counts."""
 POINT_KINDS = ("start", "waypoint", "target")
 """Kinds of points that are part of a route, in the order in which they are flown."""
 
@@ -63,6 +65,27 @@ class Feature:
         """Return a property as a number, 0 if it is absent."""
         text = self.properties.get(name, "")
         return parsed(self.item, name, text) if text.strip() else 0.0
+
+
+def properties_of(item: str, stated: Iterable[tuple[str, str]], notes: Content) -> dict[str, str]:
+    """Return properties by their names in small letters; note those that another one of the same meaning hides.
+
+    Raises
+    ------
+    FormatError
+        One name is there twice.
+    """
+    pairs = sorted(stated, key=lambda pair: KIND_NAMES.index(pair[0].lower()) if pair[0].lower() in KIND_NAMES else 0)
+    names, properties = set[str](), dict[str, str]()
+    for name, value in pairs:
+        if name in names:
+            raise FormatError(item, f"property {name[:40]!r}: must be there once")
+        names.add(name)
+        key = "kind" if name.lower() in KIND_NAMES else name.lower()
+        if key in properties:
+            notes.note(f"property {name[:40]} beside another {key[:40]}", item)
+        properties.setdefault(key, value)
+    return properties
 
 
 def features_content(features: Sequence[Feature], notes: Content, options: Options) -> Content:

@@ -7,7 +7,7 @@ from typing import Any
 
 from edc_swarm.errors import FormatError
 from edc_swarm.formats.content import Content, Options, check_lat_lon, number
-from edc_swarm.formats.features import Feature, Shape, features_content
+from edc_swarm.formats.features import Feature, Shape, features_content, properties_of
 from edc_swarm.formats.json_values import as_list, as_table, as_word, json_value
 
 GEOMETRIES = ("Point", "MultiPoint", "LineString", "MultiLineString", "Polygon", "MultiPolygon", "GeometryCollection")
@@ -17,7 +17,6 @@ MAX_DEPTH = 10
 """Levels of geometry collections."""
 WGS84_NAMES = ("CRS84", "4326", "4979")
 """Ends of the names of coordinate reference systems that are WGS 84, for files older than RFC 7946."""
-KIND_KEYS = ("kind", "type", "role")
 Position = tuple[float, float, float]
 
 
@@ -66,10 +65,8 @@ def _feature(item: str, feature: dict[str, Any], notes: Content) -> Feature:
     if feature.get("type") != "Feature":
         raise FormatError(item, f"type = {as_word(feature.get('type'))!r}: must be Feature")
     raw = as_table(f"{item} properties", feature.get("properties") or {})
-    properties = {key.lower(): _text(value) for key, value in raw.items() if value is not None}
-    for key in KIND_KEYS:
-        if key in properties:
-            properties.setdefault("kind", properties.pop(key))
+    stated = ((key, _text(value)) for key, value in raw.items() if value is not None)
+    properties = properties_of(item, stated, notes)
     _note_members(item, feature, notes)
     geometry = feature.get("geometry")
     if geometry is None:

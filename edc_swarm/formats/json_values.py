@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import json
+from collections import Counter
 from typing import Any
 
 import msgspec
@@ -16,14 +18,25 @@ def json_value(data: bytes) -> Any:
     Raises
     ------
     FormatError
-        It is not JSON, is cut short, or is nested too deeply.
+        It is not JSON, is cut short, is nested too deeply, or has a key twice in one object.
     """
+    text = decoded(data)
     try:
-        return msgspec.json.decode(decoded(data))
+        value = msgspec.json.decode(text)
+        # msgspec keeps the last of equal keys and does not say so. Numbers stay texts: Python refuses very long ones.
+        json.loads(text, object_pairs_hook=_check_keys, parse_int=str, parse_float=str)
+        return value
     except msgspec.DecodeError as error:
         raise FormatError("", f"must be whole, valid JSON ({error})") from None
     except RecursionError:
         raise FormatError("", "must be JSON with fewer levels") from None
+
+
+def _check_keys(pairs: list[tuple[str, Any]]) -> None:
+    """Raise `FormatError` if a key is there twice: programs differ in which of its values they take."""
+    key, count = next(iter(Counter(key for key, _ in pairs).most_common(1)), ("", 0))
+    if count > 1:
+        raise FormatError(f"key {key[:40]!r}", f"{count} times in one object: must be there once")
 
 
 def as_table(place: str, value: Any) -> dict[str, Any]:

@@ -15,7 +15,7 @@ from xml.parsers import expat
 
 from edc_swarm.errors import FormatError
 from edc_swarm.formats.content import MAX_FILE_BYTES, Content, Options, check_lat_lon, parsed
-from edc_swarm.formats.features import Feature, Shape, features_content
+from edc_swarm.formats.features import Feature, Shape, features_content, properties_of
 
 MAX_ELEMENTS = 500_000
 MAX_LEVELS = 100
@@ -47,14 +47,17 @@ class Node:
         """The text of the element itself."""
         return "".join(self.text).strip()
 
-    def first(self, name: str) -> Node | None:
-        """Return the first child of this name."""
-        return next((child for child in self.children if child.name == name), None)
+    def child(self, name: str) -> Node | None:
+        """Return the child of this name; raise `FormatError` if there are two."""
+        found = [child for child in self.children if child.name == name]
+        if len(found) > 1:
+            raise FormatError(f"line {found[1].line}", f"element {name}: must be there once in {self.name[:40]}")
+        return found[0] if found else None
 
     def said(self, name: str) -> str:
-        """Return the text of the first child of this name, "" if there is none."""
-        child = self.first(name)
-        return child.content if child is not None else ""
+        """Return the text of the child of this name, "" if there is none."""
+        found = self.child(name)
+        return found.content if found is not None else ""
 
 
 def read_kml(data: bytes, options: Options) -> Content:
@@ -167,11 +170,13 @@ def _note(node: Node, notes: Content) -> None:
 def _placemark(node: Node, notes: Content) -> Feature:
     name = node.said("name")
     item = f"line {node.line}" + (f" ({name[:40]})" if name else "")
-    properties = {"name": name} if name else {}
-    data = node.first("extendeddata")
-    for each in _data(data) if data is not None else ():
-        key = each.attributes.get("name", "").lower()
-        properties["kind" if key in {"type", "role"} else key] = each.said("value") or each.content
+    data = node.child("extendeddata")
+    stated = ((each.attributes.get("name", ""), each.said("value") or each.content) for each in _data(data))
+    properties = properties_of(item, stated, notes)
+    if name:
+        if properties.get("name", name) != name:
+            notes.note("property name beside the element name", item)
+        properties["name"] = name
     if node.said("visibility") == "0":
         notes.note("hidden placemark: it is read like others", item)
     shapes = [shape for child in node.children for shape in _shapes(item, child, notes)]
@@ -180,8 +185,8 @@ def _placemark(node: Node, notes: Content) -> Feature:
     return Feature(item, properties, shapes)
 
 
-def _data(node: Node) -> Iterator[Node]:
-    for child in node.children:
+def _data(node: Node | None) -> Iterator[Node]:
+    for child in node.children if node is not None else ():
         if child.name in {"data", "simpledata"}:
             yield child
         else:
@@ -237,7 +242,7 @@ def _rings(node: Node) -> list[list[tuple[float, float, float]]]:
 
 def _positions(node: Node) -> list[tuple[float, float, float]]:
     """Return the positions in `coordinates`: longitude,latitude[,altitude], with white space between positions."""
-    coordinates = node.first("coordinates")
+    coordinates = node.child("coordinates")
     if coordinates is None:
         raise FormatError(f"line {node.line}", "must have coordinates")
     text = ",".join(part.strip() for part in coordinates.content.split(","))

@@ -99,8 +99,9 @@ def _grid(data: bytes, content: Content) -> Grid:
         key, _, value = line.partition(" ")
         if key == "map":
             break
-        if key not in {"type", "height", "width"} or (key == "type" and value.strip() != "octile"):
-            raise FormatError(f"line {number}", f"{line[:40]!r}: must be type octile, height, width or map")
+        wanted = {"type", "height", "width"} - header.keys()
+        if key not in wanted or (key == "type" and value.strip() != "octile"):
+            raise FormatError(f"line {number}", f"{line[:40]!r}: must be type octile, height, width or map, each once")
         header[key] = value.strip()
     else:
         raise FormatError("", "must have a line 'map'")

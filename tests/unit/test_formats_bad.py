@@ -113,6 +113,12 @@ def bomb_archive() -> bytes:
     return out.getvalue()
 
 
+def named_twice(*names: str) -> str:
+    """A line of KML with data of these names."""
+    data = "".join(f'<Data name="{name}"><value>2</value></Data>' for name in names)
+    return LINE.replace("<LineString>", f"<ExtendedData>{data}</ExtendedData><LineString>")
+
+
 BAD: list[tuple[str, str | bytes, str]] = [
     # The wrong kind of file, or a part of one.
     ("a.plan", "", "a.plan: an empty file"),
@@ -246,6 +252,39 @@ BAD: list[tuple[str, str | bytes, str]] = [
     ),
     ("a.csv", "uav,x,y,r_m\na,0,0,-1\n", "line 2 to line 2: r_m = -1: must be above 0"),
     ("a.geojson", collection(*[feature("LineString", [[8, 47], [8.1, 47]], uav="a")] * 2), "uav = 'a': must be an id"),
+    # A name twice.
+    (
+        "a.plan",
+        plan().replace('"version"', '"groundStation": "", "version"', 1),
+        "a.plan: key 'groundStation': 2 times",
+    ),
+    (
+        "a.plan",
+        plan(item(16, *HOME)).replace('"frame": 3', '"frame": 3, "frame": 0', 1),
+        "a.plan: key 'frame': 2 times",
+    ),
+    (
+        "a.geojson",
+        collection(feature("Point", HOME)).replace('"type"', '"type": "X", "type"', 1),
+        "key 'type': 2 times",
+    ),
+    (
+        "a.geojson",
+        collection(feature("LineString", RING[:2], uav="a")).replace('"uav"', '"uav": "b", "\\u0075av"', 1),
+        "a.geojson: key 'uav': 2 times in one object: must be there once",
+    ),
+    ("a.json", json.dumps(LSC).replace('"radius"', '"radius": 1, "radius"', 1), "a.json: key 'radius': 2 times"),
+    (
+        "a.kml",
+        kml(LINE.replace("<coordinates>", "<coordinates>8,47 8,48</coordinates><coordinates>")),
+        "element coordinates: must be there once in linestring",
+    ),
+    ("a.kml", kml(named_twice("r_m", "r_m")), "property 'r_m': must be there once"),
+    (
+        "m.map",
+        MAP.replace("height 7", "height 7\nheight 7"),
+        "line 3: 'height 7': must be type octile, height, width or map, each once",
+    ),
     # MAPF.
     ("m.scen", SCEN, "must be given together with its .map"),
     ("m.map", MAP.replace("height 7", "height 9"), "rows of the map: must be 9"),

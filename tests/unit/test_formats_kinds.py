@@ -205,6 +205,13 @@ AT_GROUND = "<altitudeMode>clampToGround</altitudeMode><coordinates>8.5,47.4</co
         ("a.geojson", json.dumps({"type": "FeatureCollection", "features": [
             feature("Point", at, uav="a", r_m=number) for number, at in enumerate(ROUTE, 1)]}),
          "r_m that differs between the points of a UAV: the first one counts", ["feature 1", "feature 2"]),
+        ("a.geojson", json.dumps(feature("LineString", ROUTE, uav="a", UAV="b")), "property UAV beside another uav",
+         ["the feature"]),
+        ("a.geojson", json.dumps(feature("Point", HOME, role="start", kind="waypoint")),
+         "property role beside another kind", ["the feature"]),
+        ("a.kml", kml(LINE.replace("<LineString>", '<ExtendedData><Data name="name"><value>other</value></Data>'
+                                   "</ExtendedData><LineString>")),
+         "property name beside the element name", ["line 2 (way)"]),
         ("a.kmz", kmz(("doc.kml", kml(LINE).encode()), ("b.kml", b"")), "other file of the archive", ["b.kml"]),
         ("a.kml", kml(f"<Placemark><gx:Track>{TRACK}</gx:Track></Placemark>"), "element angles", ["line 2"]),
         ("a.kml", kml(LINE.replace("<coordinates>", "<altitudeMode>absolute</altitudeMode><coordinates>")
