@@ -8,6 +8,7 @@ from collections.abc import Callable
 from pathlib import Path
 
 import pytest
+import zenoh
 
 from edc_swarm.errors import InputError
 from edc_swarm.mission.roles import JOIN
@@ -107,9 +108,13 @@ def test_a_host_with_a_router_and_a_recorder_of_its_own(
     joined = start("join", address, *options)
     with open_router(free_endpoint("tls"), Credentials(folder, BETA), link=address) as rogue:
         presence, heard = OperatorPresence(rogue), set[str]()
+
+        def note(sample: zenoh.Sample) -> None:
+            heard.add(str(sample.key_expr))
+
         keys = Keys(await_found(lambda: presence.only_mission(address), "the mission"))
         for key in (keys.fix("u001"), keys.truth("u001"), keys.commands_to("u001"), keys.commands_to("u003")):
-            rogue.declare_subscriber(key, hand_over(lambda sample: heard.add(str(sample.key_expr))))
+            rogue.declare_subscriber(key, hand_over(note))
         run.await_file(lambda: keys.fix("u001") in heard and any(key.endswith("/command/u003") for key in heard))
         for uav in ("u001", "u003"):
             put(rogue, keys.fix(uav), b"a lie about " + uav.encode())
