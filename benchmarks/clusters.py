@@ -60,11 +60,13 @@ head that plans.
 
 COMPARED: tuple[tuple[str, str, Kind], ...] = (
     ("completed", "completed, %", "share of runs"),
+    ("arrived", "UAVs at their targets, %", "amount"),
     ("overlaps", "overlaps", "count"),
     ("extra_pct", "extra distance, %", "amount"),
     ("makespan_s", "makespan, s", "amount"),
     ("plan_ms", "plan, median ms", "amount"),
     ("plan_most_ms", "plan, greatest ms", "amount"),
+    ("fix_to_command_ms", "fix to command, median ms", "amount"),
     ("messages", "messages per slot", "amount"),
     ("heard", "heard per head and slot", "amount"),
 )
@@ -117,11 +119,14 @@ def compare(clusters: int, seed: int) -> dict[str, Any]:
     metrics = compute_metrics(Recording.from_messages(said), timings)
     return {
         "completed": 100.0 * end.completed,
+        "arrived": 100.0 * metrics.arrived / UAVS if metrics.arrived is not None else None,
+        "slots": end.slots,
         "overlaps": len(overlaps(mission, with_braking(mission, end.motions), end.stepped_slot)),
         "extra_pct": metrics.extra_distance_pct,
         "makespan_s": metrics.makespan_s,
         "plan_ms": statistics.median(timing.plan_ms for timing in timings),
         "plan_most_ms": max(timing.plan_ms for timing in timings),
+        "fix_to_command_ms": metrics.fix_to_command_ms.p50,
         "messages": len(said) / end.slots,
         "heard": statistics.mean(CountingNode.heard.values()),
     }

@@ -89,6 +89,10 @@ class RecordingError(SwarmError):
         return f"{self.path}: {self.reason}"
 
 
+class EarlyEndError(RecordingError):
+    """Failure to read a torn recording that ends before its mission: it may be one of any mission."""
+
+
 class FormatError(SwarmError):
     """Rejection of a file that holds no mission of a known format.
 

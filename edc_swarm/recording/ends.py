@@ -28,11 +28,18 @@ class Ends:
     unended
         Ids whose newest process published no `closed` event although no recorded fault or death ended it, and
         UAVs of the mission without any recorded message.
+    replaced
+        Ids of `without_last_word` that a later process has had too.
+    unheard
+        Ids of `unended` without any recorded message although a recorded fault or death ended them: it came so late
+        that they must have said something.
     """
 
     without_last_word: frozenset[str]
     ended_by_fault: frozenset[str]
     unended: frozenset[str]
+    replaced: frozenset[str]
+    unheard: frozenset[str]
 
 
 def ends_of(recording: Recording) -> Ends:
@@ -58,12 +65,20 @@ def ends_of(recording: Recording) -> Ends:
     deaths = _deaths(recording)
     killed = {source for source, at_ns in deaths.items() if at_ns >= newest.get(source, (0, ""))[0]}
     silent = {source for source, instance in first_ns.keys() - closed}
+    replaced = {source for source, instance in first_ns.keys() - closed if newest[source][1] != instance}
     open_now = {source for source, (_, instance) in newest.items() if (source, instance) not in closed}
     unheard = {entry.uav for entry in recording.mission.roster} - newest.keys()
     # Who lived on into the mission has said something, which the file then lacks.
     begun_ns = recording.mission.epoch_ns + BEGUN_SLOTS * recording.mission.slot_ns
-    killed -= {uav for uav in unheard if deaths.get(uav, 0) >= begun_ns}
-    return Ends(frozenset(silent | unheard), frozenset(killed), frozenset((open_now | unheard) - killed))
+    lost = {uav for uav in unheard if deaths.get(uav, 0) >= begun_ns}
+    killed -= lost
+    return Ends(
+        without_last_word=frozenset(silent | unheard),
+        ended_by_fault=frozenset(killed),
+        unended=frozenset((open_now | unheard) - killed),
+        replaced=frozenset(replaced),
+        unheard=frozenset(lost),
+    )
 
 
 def _deaths(recording: Recording) -> dict[str, int]:

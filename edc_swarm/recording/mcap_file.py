@@ -19,7 +19,7 @@ from typing import BinaryIO
 import lz4.frame
 import zstandard
 
-from edc_swarm.errors import RecordingError
+from edc_swarm.errors import EarlyEndError, RecordingError
 from edc_swarm.files import open_regular
 
 MAGIC = b"\x89MCAP0\r\n"
@@ -135,9 +135,11 @@ class McapFile:
     def _check_magic(self, stream: BinaryIO) -> None:
         start = stream.read(len(MAGIC))
         if not start:
-            raise RecordingError(self.path, "is empty")
+            raise EarlyEndError(self.path, "is empty")
         if start[:5] != MAGIC[:5]:
             raise RecordingError(self.path, "is not an MCAP file")
+        if MAGIC.startswith(start) and start != MAGIC:
+            raise EarlyEndError(self.path, f"is torn after byte {len(start)}")
         if start != MAGIC:
             raise RecordingError(self.path, "is torn or of an MCAP version other than 0")
 

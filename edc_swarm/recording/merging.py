@@ -15,7 +15,7 @@ from __future__ import annotations
 
 import hashlib
 from collections import Counter
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from heapq import merge as in_time_order
 from pathlib import Path
@@ -23,7 +23,7 @@ from typing import BinaryIO, cast
 
 import msgspec
 
-from edc_swarm.errors import RecordingError
+from edc_swarm.errors import EarlyEndError, RecordingError
 from edc_swarm.protocol.codec import decode
 from edc_swarm.protocol.messages import MissionMessage
 from edc_swarm.recording.mcap_file import Channel, McapFile, Raw
@@ -46,56 +46,70 @@ class Merged:
     messages
         Number of messages in the result.
     lacking
-        By file: the number of them that it lacks.
+        By file: the number of them that it lacks, None for one that is left out.
     contradictions
         Number of messages with the topic, instance and `seq` of another one, and other bytes.
     contradictory
         The first of them, one line each.
     problems
         One line for each part of a file that could not be read.
+    left_out
+        One line for each file that is torn before its mission: nobody can say which mission it is of.
     """
 
     messages: int = 0
-    lacking: list[int] = field(default_factory=list)
+    lacking: list[int | None] = field(default_factory=list)
     contradictions: int = 0
     contradictory: list[str] = field(default_factory=list)
     problems: list[str] = field(default_factory=list)
+    left_out: list[str] = field(default_factory=list)
 
 
 def merge(paths: Sequence[Path], stream: BinaryIO) -> Merged:
     """Write the messages of the recordings at `paths` to `stream`, in the order of log time, each once.
 
-    Facts of the run are those of the first file.
+    Facts of the run are those of the first file. A file that is torn before its mission is left out.
 
     Raises
     ------
     RecordingError
-        A file is no recording, is of another mission than the first one, or they have too many topics together.
+        A file is no recording, is of another mission than the first one, or they have too many topics together; or no
+        file has a mission.
     """
-    files, missions = [], list[bytes]()
+    found, files, missions = Merged(), list[McapFile](), list[bytes]()
     for path in paths:
-        files.append(file := McapFile(path))
-        missions.append(first_mission(file))
+        file = McapFile(path)
+        try:
+            missions.append(first_mission(file))
+        except EarlyEndError as error:
+            found.left_out.append(str(error))
+            continue
+        files.append(file)
         if not _is_same(missions[-1], missions[0]):
-            raise RecordingError(path, f"it has {_named(missions[-1])}, but {paths[0]} has {_named(missions[0])}")
+            raise RecordingError(path, f"it has {_named(missions[-1])}, but {files[0].path} has {_named(missions[0])}")
+    if not files:
+        raise RecordingError(paths[0], f"holds no mission, and none of {len(paths)} files does")
     topics = {channel for file in files for channel in file.channels}
     if len(topics) > MAX_CHANNELS:
-        raise RecordingError(paths[-1], f"all together have {len(topics)} topics, more than {MAX_CHANNELS}")
-    found = Merged(problems=[f"{file.path}: {each}" for file in files for each in file.problems])
+        raise RecordingError(files[-1].path, f"all together have {len(topics)} topics, more than {MAX_CHANNELS}")
+    found.problems = [f"{file.path}: {each}" for file in files for each in file.problems]
     writer = RecordingWriter(stream, files[0].metadata["run"])
     attachments = {name: attached for file in reversed(files) for name, attached in file.attachments.items()}
     attachments.setdefault(MISSION_ATTACHMENT, ("application/json", missions[0]))
     for name, (media_type, data) in attachments.items():
         writer.attach(name, media_type, data)
     kept, own = _Kept(found), [0] * len(files)
-    for place, (channel, sequence, log_ns, sent_ns, payload) in _in_order(paths):
+    for place, (channel, sequence, log_ns, sent_ns, payload) in _in_order([file.path for file in files]):
         is_new, is_own = kept.take(place, channel, sequence, log_ns, sent_ns, payload)
         own[place] += is_own
         if is_new:
             writer.copy(channel, payload, log_ns, sent_ns, sequence)
             found.messages += 1
-    found.lacking = [found.messages - count for count in own]
-    writer.finish({**_facts(files), MERGED: "; ".join([f"{len(files)} recordings", *found.problems])})
+    lacking = {file.path: found.messages - count for file, count in zip(files, own, strict=True)}
+    found.lacking = [lacking.get(path) for path in paths]
+    told = [f"{len(files)} recordings", *found.problems, *(f"left out: {each}" for each in found.left_out)]
+    ends = [file.metadata.get("run_end", {}) for file in files]
+    writer.finish({**_facts([*ends, *({} for _ in found.left_out)]), MERGED: "; ".join(told)})
     return found
 
 
@@ -163,12 +177,11 @@ class _Kept:
             self._found.contradictory.append(text)
 
 
-def _facts(files: Sequence[McapFile]) -> dict[str, str]:
+def _facts(ends: Sequence[Mapping[str, str]]) -> dict[str, str]:
     """Return the facts of `run_end`: sums, each only if all files have it, since a torn one has none.
 
     A loss that one recorder has counted stays, whatever the others say.
     """
-    ends = [file.metadata.get("run_end", {}) for file in files]
     sums = {name: [_count(end.get(name, "")) for end in ends] for name in (DROPPED, LEFT_OUT, FETCHED)}
     return {
         name: str(sum(filter(None, counts)))

@@ -15,7 +15,7 @@ from typing import Any, BinaryIO
 import msgspec
 from msgspec import Struct
 
-from edc_swarm.errors import MessageError, RecordingError
+from edc_swarm.errors import EarlyEndError, MessageError, RecordingError
 from edc_swarm.protocol.codec import MAX_MESSAGE_BYTES, MISPLACED, decode
 from edc_swarm.protocol.keys import KEY_FORMS, PREFIX, kind_of
 from edc_swarm.protocol.messages import Command, Fix, Message, MissionMessage, Truth
@@ -209,6 +209,8 @@ def _read_metadata(file: McapFile, recording: Recording) -> None:
 
 def _check_version(file: McapFile) -> None:
     run = file.metadata.get("run")
+    if run is None and file.problems and not file.channels:
+        raise EarlyEndError(file.path, "; ".join(["holds no `run` metadata", *file.problems[:1]]))
     if run is None:
         raise RecordingError(file.path, "is MCAP, but not a recording of edc-swarm (no `run` metadata)")
     if run.get("format") != FORMAT:
@@ -227,7 +229,8 @@ def _choose_mission(file: McapFile, recording: Recording) -> None:
 
 def _attached_mission(file: McapFile) -> MissionMessage:
     if MISSION_ATTACHMENT not in file.attachments:
-        raise RecordingError(file.path, "; ".join(["holds no mission", *file.problems[:1]]))
+        error = EarlyEndError if file.problems else RecordingError
+        raise error(file.path, "; ".join(["holds no mission", *file.problems[:1]]))
     try:
         mission = decode("mission", file.attachments[MISSION_ATTACHMENT][1])
     except MessageError as error:

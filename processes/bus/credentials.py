@@ -8,13 +8,18 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
+import msgspec
+
 from edc_swarm.errors import InputError
+from edc_swarm.mission.field_types import MAX_UAVS, UavId
 from edc_swarm.mission.roles import JOIN, RESERVED_IDS, ROLES
 
 CERTIFIED = (*sorted(ROLES), JOIN)
 """Names with a certificate beside the UAVs: the roles, and a joiner."""
 AUTHORITY = "ca.pem"
 TLS = "tls/"
+HOST = "host."
+"""Beginning of the name in the certificate of a host with a router or a recorder of its own; no UAV's id has a dot."""
 
 
 def certificate_path(folder: Path, name: str) -> Path:
@@ -38,7 +43,41 @@ def check_certificates(folder: Path, names: Iterable[str]) -> None:
 
 def certified_uavs(folder: str) -> list[str]:
     """Return the UAVs whose certificates are in `folder`: the UAVs that this host may fly."""
-    return sorted(path.stem for path in Path(folder).glob("*.pem") if path.stem not in RESERVED_IDS)
+    names = (path.stem for path in Path(folder).glob("*.pem"))
+    return sorted(name for name in names if name not in RESERVED_IDS and not name.startswith(HOST))
+
+
+def host_path(folder: Path, name: str) -> Path:
+    """Return the path of the list of the UAVs for which the router of host `name` may speak."""
+    return folder / f"{name}.json"
+
+
+def certified_hosts(folder: Path) -> dict[str, list[str]]:
+    """Return, by the name in its certificate, the UAVs of each host that may have a router or a recorder of its own.
+
+    Raises
+    ------
+    InputError
+        A list is no list of UAVs, or a host has none.
+    """
+    hosts = {}
+    for path in sorted(folder.glob(f"{HOST}*.json")):
+        try:
+            hosts[path.stem] = msgspec.json.decode(path.read_bytes(), type=list[UavId])
+        except (OSError, msgspec.DecodeError):
+            hosts[path.stem] = []
+        if not 1 <= len(hosts[path.stem]) <= MAX_UAVS:
+            raise InputError("--certs", str(folder), f"a folder in which {path.name} lists UAVs")
+    return hosts
+
+
+OWN_HOST = "a folder with one host.NAME.key and its .pem and .json, of `edc-swarm certs --joined NAME=UAV,UAV`"
+
+
+def own_host(folder: Path) -> tuple[str, list[str]] | None:
+    """Return the name in the certificate of this host, and its UAVs; None unless `folder` has the key of one host."""
+    own = [(name, uavs) for name, uavs in certified_hosts(folder).items() if os.access(key_path(folder, name), os.R_OK)]
+    return own[0] if len(own) == 1 else None
 
 
 @dataclass(frozen=True, slots=True)

@@ -117,6 +117,7 @@ def open_router(
     return _open(
         {
             **(credentials.listening if credentials is not None else {}),
+            **(credentials.connecting if credentials is not None and link else {}),
             **({"access_control": access} if access is not None else {}),
             "mode": "router",
             "listen/endpoints": [endpoint],

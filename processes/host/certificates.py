@@ -9,10 +9,11 @@ from __future__ import annotations
 
 import ipaddress
 import os
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from datetime import UTC, datetime, timedelta
 from pathlib import Path
 
+import msgspec
 from cryptography import x509
 from cryptography.hazmat.primitives.asymmetric import ec
 from cryptography.hazmat.primitives.hashes import SHA256
@@ -21,7 +22,7 @@ from cryptography.x509.oid import ExtendedKeyUsageOID, NameOID
 
 from edc_swarm.errors import InputError
 from edc_swarm.mission.roles import ROUTER
-from processes.bus.credentials import AUTHORITY, CERTIFIED, certificate_path, key_path
+from processes.bus.credentials import AUTHORITY, CERTIFIED, HOST, certificate_path, host_path, key_path
 from processes.runtime.output import unwritten
 
 DAYS = 30
@@ -35,9 +36,17 @@ Key = ec.EllipticCurvePrivateKey
 
 
 def write_certificates(
-    folder: Path, uavs: Sequence[str], *, hosts: Sequence[str] = (), days: int = DAYS, force: bool = False
+    folder: Path,
+    uavs: Sequence[str],
+    *,
+    hosts: Sequence[str] = (),
+    joined: Mapping[str, Sequence[str]] | None = None,
+    days: int = DAYS,
+    force: bool = False,
 ) -> None:
     """Write the certificates of a swarm into `folder`; `hosts` are the names and addresses of its router.
+
+    `joined`: the UAVs of each host that may have a router or a recorder of its own, by name.
 
     Raises
     ------
@@ -48,7 +57,10 @@ def write_certificates(
         folder.mkdir(mode=0o700, parents=True, exist_ok=True)
         if any(folder.iterdir()) and not force:
             raise InputError("--out", str(folder), "a new or empty folder (or give --force)")
-        _write_all(folder, [*CERTIFIED, *uavs], hosts, timedelta(days=days))
+        own = {f"{HOST}{name}": list(said) for name, said in (joined or {}).items()}
+        _write_all(folder, [*CERTIFIED, *uavs, *own], hosts, timedelta(days=days))
+        for name, said in own.items():
+            _write(host_path(folder, name), msgspec.json.encode(said), 0o644)
     except OSError as error:
         raise unwritten("--out", folder, error) from None
 
@@ -94,11 +106,15 @@ def _authority(key: Key, lifetime: timedelta) -> x509.Certificate:
 
 
 def _for_use(builder: x509.CertificateBuilder, name: str, hosts: Sequence[str]) -> x509.CertificateBuilder:
-    """Add the uses of a certificate: every name may be a client, only the router a server, at its hosts."""
+    """Add the uses of a certificate: every name may be a client, only a router a server.
+
+    The mission's router serves at `hosts`, that of another host at that host alone.
+    """
     uses = [ExtendedKeyUsageOID.CLIENT_AUTH]
-    if name == ROUTER:
+    if name == ROUTER or name.startswith(HOST):
         uses.append(ExtendedKeyUsageOID.SERVER_AUTH)
-        addresses = [_general_name(host) for host in dict.fromkeys([*LOCAL_HOSTS, *hosts])]
+        elsewhere = hosts if name == ROUTER else ()
+        addresses = [_general_name(host) for host in dict.fromkeys([*LOCAL_HOSTS, *elsewhere])]
         builder = builder.add_extension(x509.SubjectAlternativeName(addresses), critical=False)
     builder = builder.add_extension(x509.BasicConstraints(False, None), critical=True)
     return builder.add_extension(x509.ExtendedKeyUsage(uses), critical=False)

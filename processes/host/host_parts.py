@@ -10,6 +10,7 @@ import msgspec
 
 from edc_swarm.mission.roles import RECORDER, ROUTER
 from processes.bus.address import free_endpoint
+from processes.bus.credentials import own_host
 from processes.host.ending import CLOSE_TIMEOUT_S, RECORDER_TIMEOUT_S
 from processes.runtime.children import Child
 from processes.runtime.clock import MissionClock
@@ -28,29 +29,34 @@ class HostParts:
         Names of the parts that have reported that they are ready.
     """
 
-    def __init__(self, loop: Loop, folder: Path, output: Output | None) -> None:
+    def __init__(self, loop: Loop, folder: Path, output: Output | None, certs: str = "") -> None:
         self._loop = loop
         self._folder = folder
         self._output = output
+        self._certs = certs
         self._children: dict[str, Child] = {}
         self.ready: set[str] = set()
 
     def start_router(self, linked_to: str) -> str:
         """Start the router of this host, and return its address."""
-        endpoint = free_endpoint()
-        self._spawn(ROUTER, "processes.services.router", [endpoint, str(os.getpid()), "--link", linked_to])
+        endpoint = free_endpoint("tls" if self._certs else "tcp")
+        arguments = [endpoint, str(os.getpid()), self._certs, "--link", linked_to]
+        self._spawn(ROUTER, "processes.services.router", arguments)
         return endpoint
 
     def start_recorder(self, endpoint: str, mission: str, uavs: Sequence[str], clock: MissionClock) -> None:
         """Start the recorder of what some UAVs say, if this host has one, and wait until it listens."""
         if self._output is None:
             return
+        own = own_host(Path(self._certs)) if self._certs else None
         settings = RecorderSettings(
             endpoint=endpoint,
             mission=mission,
             part=str(self._output.part),
             out=str(self._output.path),
             run=run_facts("wall"),
+            certs=self._certs,
+            certified=own[0] if own is not None else RECORDER,
             parent=os.getpid(),
             clock_ahead_ns=clock.ahead_ns,
             uavs=list(uavs),

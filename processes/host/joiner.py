@@ -19,7 +19,7 @@ from edc_swarm.protocol.events import EventKind
 from edc_swarm.protocol.keys import Keys
 from edc_swarm.protocol.messages import Event
 from processes.bus.address import unreachable_router
-from processes.bus.credentials import certified_uavs, credentials
+from processes.bus.credentials import certified_uavs, credentials, own_host
 from processes.bus.operator_presence import LINGER_S, OperatorPresence
 from processes.bus.session import hand_over, try_client
 from processes.bus.subscriptions import Gate, Heard, heard_from
@@ -62,6 +62,7 @@ class Joiner:
         self._address = address
         self._endpoint = address
         self._has_router = router
+        self._has_own_parts = router or output is not None
         self._certs = certs
         self._arm = arm
         self._cluster = cluster
@@ -69,7 +70,7 @@ class Joiner:
         self._clock = MissionClock()
         self._folder = folder
         self._loop = Loop(self._take)
-        self._parts = HostParts(self._loop, folder.path, output)
+        self._parts = HostParts(self._loop, folder.path, output, certs)
         self._gate = Gate(lambda detail: note(f"malformed: {detail}"))
         self._session: zenoh.Session | None = None
         self._pool: UavPool | None = None
@@ -128,7 +129,7 @@ class Joiner:
 
     def _claim(self, session: zenoh.Session, presence: OperatorPresence, mission: str) -> Issued:
         """Repeat the claim until the operator answers; the same claim always gets the same answer."""
-        among = certified_uavs(self._certs) if self._certs else []
+        among = self._certified()
         claim = msgspec.json.encode(
             IdClaim(
                 claimant=self._folder.claimant,
@@ -154,6 +155,13 @@ class Joiner:
             free += f" that has a certificate in {self._certs}" if among else ""
             raise InputError("--uavs", self._uavs, f"at most {answers[0].left}: {free}")
         return answers[0]
+
+    def _certified(self) -> list[str]:
+        """Return the UAVs that this host may fly; an own router or recorder speaks for those of its host alone."""
+        if not self._certs:
+            return []
+        own = own_host(Path(self._certs)) if self._has_own_parts else None
+        return [uav for uav in certified_uavs(self._certs) if own is None or uav in own[1]]
 
     # --- the UAVs ----------------------------------------------------------------------------
 

@@ -11,7 +11,7 @@ import msgspec
 from edc_swarm.errors import InputError
 from edc_swarm.extras import has_package, install_command
 from edc_swarm.mission.roles import ROLES
-from processes.bus.credentials import check_certificates
+from processes.bus.credentials import certified_hosts, check_certificates
 from processes.services.router import RouterAccess
 
 
@@ -53,5 +53,6 @@ def secure(
 
         write_certificates(certs, uavs, hosts=hosts)
     access = state / "access.json"
-    access.write_bytes(msgspec.json.encode(RouterAccess(certs=str(certs), mission=mission, uavs=list(uavs))))
+    allowed = RouterAccess(certs=str(certs), mission=mission, uavs=list(uavs), hosts=certified_hosts(certs))
+    access.write_bytes(msgspec.json.encode(allowed))
     return Security(str(certs), str(access.resolve()))

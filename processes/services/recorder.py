@@ -109,7 +109,7 @@ class Recorder:
         self._holes = Holes(settings.mission, self.file.known)
         self._end_s = self._stop_s = math.inf
         give_way()  # Before Zenoh's threads begin, which inherit it.
-        self._session = open_client(settings.endpoint, credentials(settings.certs, NAME), observer=True)
+        self._session = open_client(settings.endpoint, credentials(settings.certs, settings.certified), observer=True)
         self._is_partial = bool(settings.uavs)
         for key in self._keys.said_by(settings.uavs) if self._is_partial else [self._keys.everything]:
             self._session.declare_subscriber(key, hand_over(self._take))

@@ -5,7 +5,8 @@ It prints `ready` when it listens, and routes until SIGTERM. With PARENT it ends
 before it has a mission (`processes.bus.abort_notice`), or no operator comes, the router notifies all processes, and
 for a while those that connect later. On a secured bus, ACCESS is the file of a `RouterAccess`, or a folder of
 certificates; the latter allows any mission of the UAVs with a certificate there. With `--link` it is the router of one
-host, linked to the router at ADDRESS: what nobody asks for there stays on this host.
+host, linked to the router at ADDRESS: what nobody asks for there stays on this host. On a secured bus ACCESS is then a
+folder with the certificate of that host.
 """
 
 from __future__ import annotations
@@ -24,14 +25,21 @@ from edc_swarm.errors import InputError
 from edc_swarm.mission.roles import OPERATOR, ROUTER
 from edc_swarm.protocol.keys import ALL_ALIVE
 from processes.bus.abort_notice import NOTICE_KEY
-from processes.bus.credentials import certified_uavs, check_certificates, credentials
+from processes.bus.credentials import (
+    OWN_HOST,
+    certified_hosts,
+    certified_uavs,
+    check_certificates,
+    credentials,
+    own_host,
+)
 from processes.bus.operator_presence import GAVE_UP, LINGER_S
 from processes.bus.session import MAX_SESSIONS, hand_over, open_router
 from processes.runtime.console import FAILED
 from processes.runtime.limits import make_room_for_sessions
 from processes.runtime.parent import die_with_parent
 from processes.runtime.priority import come_first
-from processes.services.access_rules import ANY_MISSION, access_control
+from processes.services.access_rules import ANY_MISSION, access_control, host_access_control
 
 ONE_MISSION = "mission"
 NO_OPERATOR_S = 120.0
@@ -48,17 +56,29 @@ class RouterAccess(Struct, frozen=True, kw_only=True):
     certs: str
     mission: str
     uavs: list[str]
+    hosts: dict[str, list[str]] = {}
 
 
 def open_secured(endpoint: str, where: Path) -> zenoh.Session:
     """Open the router of a secured bus, with rules from the roster in a file or from a folder of certificates."""
     if where.is_dir():
         check_certificates(where, [ROUTER])
-        access = RouterAccess(certs=str(where), mission=ANY_MISSION, uavs=certified_uavs(str(where)))
+        uavs, hosts = certified_uavs(str(where)), certified_hosts(where)
+        access = RouterAccess(certs=str(where), mission=ANY_MISSION, uavs=uavs, hosts=hosts)
     else:
         access = msgspec.json.decode(where.read_bytes(), type=RouterAccess)
-    rules = access_control(access.mission, access.uavs)
+    rules = access_control(access.mission, access.uavs, access.hosts)
     return open_router(endpoint, credentials(access.certs, ROUTER), rules)
+
+
+def open_linked(endpoint: str, certs: str, link: str) -> zenoh.Session:
+    """Open the router of one host, linked to another one; `certs` is "" on an open bus."""
+    if not certs:
+        return open_router(endpoint, link=link)
+    own = own_host(Path(certs))
+    if own is None:
+        raise InputError("--certs", certs, OWN_HOST)
+    return open_router(endpoint, credentials(certs, own[0]), host_access_control(*own), link=link)
 
 
 def main() -> int:
@@ -74,10 +94,12 @@ def main() -> int:
         make_room_for_sessions(MAX_SESSIONS)  # The launcher has done so for a router of its own.
     come_first()  # Before Zenoh's threads begin, which inherit it.
     try:
-        if given.access:
+        if given.link:
+            session = open_linked(given.endpoint, given.access, given.link)
+        elif given.access:
             session = open_secured(given.endpoint, Path(given.access))
         else:
-            session = open_router(given.endpoint, link=given.link)
+            session = open_router(given.endpoint)
     except (zenoh.ZError, OSError, msgspec.DecodeError, InputError) as error:
         print(f"router: {error}", file=sys.stderr)
         return 2

@@ -669,7 +669,25 @@ def test_g5_does_not_hold_up_to_a_message_that_nobody_has(messages: list[Message
     at_ns = EPOCH_NS + slot * SLOT_NS
     killed = Event(source="operator", sent_ns=at_ns, slot=slot, kind="fault", detail=f"kill u2 @{slot}", seq=0)
     closed = msgspec.structs.replace(killed, kind="closed", detail='{"mission":0}', seq=1)
-    assert results([*messages, killed, closed])["G5"].status == status
+    result = results([*messages, killed, closed])["G5"]
+    assert result.status == status
+    if status == "not-judged":
+        assert result.notes[0] == "no message of u2, although a recorded fault ended it only after its first slots"
+
+
+def test_g5_says_of_which_process_the_end_is_cut(messages: list[Message]) -> None:
+    """u2 is killed and started again: what its first process said last is cut, not what its second one said."""
+    at_ns = EPOCH_NS + 9 * SLOT_NS
+    last = next(m for m in reversed(messages) if isinstance(m, Fix) and m.uav == "u2")
+    again = msgspec.structs.replace(last, instance="i2b", seq=0, slot=9, sent_ns=at_ns + 2_000_000)
+    messages += [
+        Event(source="operator", instance="op", sent_ns=at_ns, slot=9, kind="fault", detail="restart u2 @9", seq=0),
+        again,
+        Event(source="operator", instance="op", sent_ns=again.sent_ns + 1, slot=9, kind="closed", detail="{}", seq=1),
+    ]
+    close(messages)
+    drop(messages, Event, instance="i2")
+    assert results(messages)["G5"].words == "held, up to the last recorded message of each killed process of u2"
 
 
 def test_g5_reports_what_cannot_be_read(messages: list[Message]) -> None:

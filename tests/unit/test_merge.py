@@ -129,6 +129,38 @@ def test_a_torn_file_gives_what_it_has(tmp_path: Path, capsys: pytest.CaptureFix
     assert verdicts(capsys, out)["G5"][0] == "not-judged"
 
 
+@pytest.mark.parametrize("left", [0, 5, 30, 700], ids=lambda left: f"{left} bytes")
+def test_a_file_that_is_torn_before_its_mission_is_left_out(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str], left: int
+) -> None:
+    """The others make the recording, which says so; whether that recorder dropped messages is unknown."""
+    early, whole = tmp_path / "early.mcap", written(tmp_path / "whole.mcap", without(()))
+    early.write_bytes(GOLDEN.read_bytes()[:left])
+    for files, lacking in (([early, whole], [None, 0]), ([whole, early], [0, None])):
+        said, out = merged(capsys, *files)
+        assert (said["lacking"], said["torn"]) == (lacking, [])
+        (line,) = said["left_out"]
+        assert line.startswith(f"{early}: ")
+        assert verdicts(capsys, out) == verdicts(capsys, GOLDEN)
+        end = McapFile(out)
+        list(end.messages())
+        assert end.metadata["run_end"]["merged"] == f"1 recordings; left out: {line}"
+        assert "dropped" not in end.metadata["run_end"]
+    assert main(["merge", str(early), str(whole), "-o", str(out), "--force"]) == 0
+    assert f"left out: {early}: " in capsys.readouterr().err
+
+
+def test_nothing_is_left_to_merge(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    """Every file is torn before its mission: one line, and no result."""
+    files = [tmp_path / "a.mcap", tmp_path / "b.mcap"]
+    for path, left in zip(files, (0, 700), strict=True):
+        path.write_bytes(GOLDEN.read_bytes()[:left])
+    assert main(["merge", *map(str, files), "-o", str(tmp_path / "all.mcap")]) == 2
+    (line,) = capsys.readouterr().err.splitlines()
+    assert "holds no mission, and none of 2 files does" in line
+    assert not (tmp_path / "all.mcap").exists()
+
+
 def test_what_cannot_be_merged_is_one_line(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     """Another mission, one file, a result that is one of the sources, a file that is no recording."""
     other = tmp_path / "other.mcap"

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 
 from msgspec.structs import replace
 
@@ -13,6 +13,7 @@ from edc_swarm.foreign_text import shown
 from edc_swarm.mission.roles import OPERATOR
 from edc_swarm.protocol.codec import MISPLACED
 from edc_swarm.protocol.events import EventKind
+from edc_swarm.recording.ends import Ends
 from edc_swarm.recording.model import MAX_DIGITS, Recording
 from edc_swarm.recording.sequences import Gap, sequence_numbers, unknown_tails
 
@@ -58,11 +59,21 @@ def check_no_loss(evidence: Evidence) -> GuaranteeResult:
         notes.append(f"duplicates: {recording.duplicates} messages are in the file again, bit by bit; each counts once")
     if not found and (why := unproved(evidence)):
         return not_judged(*_G5, why, notes)
-    cut = sorted(evidence.ends.without_last_word)
-    if found or not cut:
+    if found or not evidence.ends.without_last_word:
         return verdict(*_G5, found, notes)
-    named = ", ".join(cut[:MAX_CUT]) + (f" and {len(cut) - MAX_CUT} more" if len(cut) > MAX_CUT else "")
-    return replace(verdict(*_G5, [], notes), scope=f"up to the last recorded message of {shown(named)}")
+    return replace(verdict(*_G5, [], notes), scope=f"up to the last recorded message {shown(_cut(evidence.ends))}")
+
+
+def _cut(ends: Ends) -> str:
+    """Name the publishers without a last word; of one that started again, each process that was killed lacks it."""
+    once, again = sorted(ends.without_last_word - ends.replaced), sorted(ends.without_last_word & ends.replaced)
+    parts = [f"of {_listed(once)}"] if once else []
+    parts += [f"of each killed process of {_listed(again)}"] if again else []
+    return " and ".join(parts)
+
+
+def _listed(names: Sequence[str]) -> str:
+    return ", ".join(names[:MAX_CUT]) + (f" and {len(names) - MAX_CUT} more" if len(names) > MAX_CUT else "")
 
 
 def _uncounted(recording: Recording) -> Iterator[Violation]:
@@ -84,6 +95,8 @@ def unproved(evidence: Evidence) -> str:
     speaking = sorted(evidence.ends.unended)
     if speaking:
         more = f" and {len(speaking) - 1} more" if len(speaking) > 1 else ""
+        if speaking[0] in evidence.ends.unheard:
+            return f"no message of {speaking[0]}{more}, although a recorded fault ended it only after its first slots"
         return f"no `closed` event of {speaking[0]}{more}, and no recorded fault that ended it"
     return ""
 

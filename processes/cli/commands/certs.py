@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import re
+from collections.abc import Sequence
 from pathlib import Path
 from typing import Annotated
 
@@ -11,12 +13,13 @@ from edc_swarm.errors import InputError
 from edc_swarm.mission.field_types import MAX_UAVS
 from edc_swarm.mission.roster import uav_ids
 from edc_swarm.mission.validation import load_mission
-from processes.bus.credentials import CERTIFIED
+from processes.bus.credentials import CERTIFIED, HOST
 from processes.cli.options import MISSION_HELP
 from processes.cli.whole_number import WholeNumber
 from processes.host.security import check_security
 from processes.runtime.console import note, print_json
 
+HOST_NAME = r"[A-Za-z0-9_-]{1,32}"
 HOST_CHARACTERS = frozenset("abcdefghijklmnopqrstuvwxyzABCDEFGHIJKLMNOPQRSTUVWXYZ0123456789.-:")
 
 
@@ -27,14 +30,15 @@ def certs(
     uavs: WholeNumber = 10,
     out: Annotated[Path, Parameter(name=["--out", "-o"])] = Path("certs"),
     host: list[str] | None = None,
+    joined: list[str] | None = None,
     days: WholeNumber = 30,
     force: bool = False,
     json: bool = False,
 ) -> int:
     """Make an authority and a certificate for every UAV and role, for --certs of `run` and `join`.
 
-    Give each host only the NAME.pem and NAME.key of its UAVs, those of `join`, and ca.pem. The authority's key
-    is not kept.
+    Give each host only the NAME.pem and NAME.key of its UAVs, those of `join`, ca.pem, and its own host.NAME.* if it
+    has them. The authority's key is not kept.
 
     Parameters
     ----------
@@ -44,6 +48,8 @@ def certs(
         The folder to make (certs).
     host
         Name or address of the router, besides those of this host; may be given more than once.
+    joined
+        NAME=UAV,UAV: a host that may have a router or a recorder of its own, and its UAVs; may be given more than once.
     days
         Days for which the certificates are valid (30).
     force
@@ -61,13 +67,27 @@ def certs(
     for name in hosts:
         if not name or not HOST_CHARACTERS.issuperset(name):
             raise InputError("--host", name, "a host's name or address")
-    write_certificates(out, ids, hosts=hosts, days=days, force=force)
+    own = _joined(joined or [], ids)
+    write_certificates(out, ids, hosts=hosts, joined=own, days=days, force=force)
     if json:
-        print_json({"folder": str(out), "names": [*CERTIFIED, *ids], "days": days})
+        names = [*CERTIFIED, *ids, *(f"{HOST}{name}" for name in own)]
+        print_json({"folder": str(out), "names": names, "days": days})
     else:
         note(f"certificates of {len(ids)} UAVs and {len(CERTIFIED)} roles, valid for {days} days; keys are {out}/*.key")
         print(out)
     return 0
+
+
+def _joined(given: Sequence[str], ids: Sequence[str]) -> dict[str, list[str]]:
+    """Return the UAVs of each host that may have a router or a recorder of its own, by name."""
+    hosts: dict[str, list[str]] = {}
+    for text in given:
+        name, _, listed = text.partition("=")
+        uavs = listed.split(",")
+        if re.fullmatch(HOST_NAME, name) is None or name in hosts or not set(uavs) <= set(ids):
+            raise InputError("--joined", text, "NAME=UAV,UAV: each name once, and ids of the mission's UAVs")
+        hosts[name] = list(dict.fromkeys(uavs))
+    return hosts
 
 
 def _ids(mission_file: Path | None, uavs: int) -> list[str]:

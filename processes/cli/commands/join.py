@@ -13,7 +13,7 @@ from edc_swarm.errors import InputError
 from edc_swarm.mission.field_types import MAX_UAVS, ClusterName
 from edc_swarm.mission.roles import JOIN
 from processes.bus.address import parse_endpoint
-from processes.bus.credentials import certified_uavs, check_certificates
+from processes.bus.credentials import OWN_HOST, certified_uavs, check_certificates, own_host
 from processes.cli.whole_number import WholeNumber
 from processes.host.claim_folder import ClaimFolder
 from processes.host.joiner import Joiner
@@ -50,8 +50,8 @@ def join(
     arm
         Arm the vehicles of autopilots, after a check of each; without it nothing is armed.
     router
-        Start a router on this host, linked to the mission's: what its UAVs say to each other stays here. Not with
-        --certs: the mission's router could not tell whose messages another router passes on.
+        Start a router on this host, linked to the mission's: what its UAVs say to each other stays here. With --certs
+        it needs the host's own certificate, of `edc-swarm certs --joined`, as --record does.
     record
         The recording to write of what the UAVs of this host say; `edc-swarm merge` joins it to that of `run`.
     force
@@ -63,15 +63,19 @@ def join(
     if re.search(get_args(ClusterName)[1].pattern, cluster) is None:
         raise InputError("--cluster", cluster, "the name of a cluster of the mission")
     if certs is not None:
-        for option, given in (("--router", router), ("--record", record)):
-            if given:
-                raise InputError(option, str(given), "left out with --certs")
         check_certificates(certs, [JOIN, *certified_uavs(str(certs))])
+        own = own_host(certs) if router or record is not None else None
+        if own is not None:
+            check_certificates(certs, [own[0]])
+        elif router or record is not None:
+            raise InputError("--certs", str(certs), f"with --router or --record {OWN_HOST}")
     make_room(uavs)
-    own = str(certs.resolve()) if certs is not None else ""
+    folder_of_certs = str(certs.resolve()) if certs is not None else ""
     with ClaimFolder(state) as folder, ExitStack() as claimed:
         output = claimed.enter_context(_output(record, force=force)) if record is not None else None
-        went_well = Joiner(address, uavs, folder, own, cluster=cluster, arm=arm, router=router, output=output).run()
+        went_well = Joiner(
+            address, uavs, folder, folder_of_certs, cluster=cluster, arm=arm, router=router, output=output
+        ).run()
     if record is not None and record.exists():
         print(record)
     return 0 if went_well else FAILED

@@ -29,7 +29,7 @@ def merge(
     """Make one recording of what several recorders have written of one mission, one on each host, say.
 
     A message that one of them lacks is taken from another. Exit status 1: messages are missing between those of the
-    result, or the recordings contradict each other.
+    result, or the recordings contradict each other. A file that is torn before its mission is left out.
 
     Parameters
     ----------
@@ -61,16 +61,19 @@ def merge(
     if json:
         facts = {"messages": merged.message_count, "lacking": found.lacking, "gaps": gaps, "unknown_tails": tails}
         told = {"contradictions": found.contradictions, "contradictory": found.contradictory, "torn": found.problems}
-        print_json({**facts, **told, "recording": str(out)})
+        print_json({**facts, **told, "left_out": found.left_out, "recording": str(out)})
         return FAILED if failed else 0
     for problem in found.problems:
         note(f"torn: {problem}")
+    for left_out in found.left_out:
+        note(f"left out: {left_out}")
     for contradiction in found.contradictory:
         note(f"contradiction: {contradiction}")
     if found.contradictions > len(found.contradictory):
         note(f"{found.contradictions} contradictions in all")
     for path, lacking in zip(recordings, found.lacking, strict=True):
-        note(f"{path} lacks {lacking} of {found.messages} messages")
+        if lacking is not None:
+            note(f"{path} lacks {lacking} of {found.messages} messages")
     note(
         f"{merged.message_count} messages of the swarm, {gaps} are missing between them; of {tails} streams nobody "
         f"knows whether more was said"
