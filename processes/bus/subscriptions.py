@@ -32,6 +32,8 @@ MAX_MEASURED = 100_000
 """Most postponed messages whose lateness is measured."""
 _TOO_LARGE = {limit: bytes(limit + 1) for limit in (MAX_MESSAGE_BYTES, MAX_MISSION_BYTES)}
 """Replacement for every payload that is too large, by the limit, so that a flood of them fills no memory."""
+MAX_QUERIES = 2
+"""Most queries for liveliness tokens in a slot: a UAV's head and its duty may change once each."""
 MAX_TOKENS = 40_000
 """Most liveliness tokens that are remembered: a few instances of every UAV of the largest mission."""
 
@@ -73,6 +75,7 @@ class UavSubscriptions:
         self._subscribe(keys.commands_to(uav), inbox.put_quietly)
         self._tokens: zenoh.Subscriber[None] | None = None
         self._watched = ""
+        self._queries = (-1, 0)
         self._hears_truths = False
 
     @property
@@ -109,15 +112,17 @@ class UavSubscriptions:
         for uav in sorted(near - self._near.keys()):
             self._near[uav] = self._subscribe(self._keys.fix(uav), self._inbox.put_quietly)
 
-    def watch(self, head: str) -> bool:
+    def watch(self, head: str, slot: int) -> bool:
         """Watch the liveliness tokens of all UAVs if this one hears all fixes, else of its head; return True if new.
 
-        If everybody watched everybody, a swarm of K would deliver K^2 tokens at its start.
+        If everybody watched everybody, a swarm of K would deliver K^2 tokens at its start. Each change is a query at
+        the router, so what changes more than `MAX_QUERIES` times in a slot waits for the next one: tokens are hints.
         """
         key = self._keys.all_alive if self.hears_fixes else self._keys.alive(head, "*") if head else ""
-        if key == self._watched:
+        made = self._queries[1] if self._queries[0] == slot else 0
+        if key == self._watched or made == MAX_QUERIES:
             return False
-        self._watched = key
+        self._watched, self._queries = key, (slot, made + 1)
         if self._tokens is not None:
             self._tokens.undeclare()
         liveliness, take = self._session.liveliness(), hand_over(self._take_token)

@@ -359,7 +359,7 @@ class UavProcess:
             self._publisher.send_truth()
         self._outbox.flush()
         self._take_precedence()
-        if self._flight is not None and self._subscriptions.watch(self._flight.node.grant[1]):
+        if (flight := self._flight) is not None and self._subscriptions.watch(flight.node.grant[1], flight.node.slot):
             self._peers = Peers()
 
     def _take_precedence(self) -> None:

@@ -20,6 +20,7 @@ from edc_swarm.protocol.keys import Keys
 from edc_swarm.protocol.messages import Event, Fix, Report, mission_message
 from edc_swarm.protocol.retransmission import Answer, Ask, Span
 from processes.bus.session import hand_over, open_client
+from processes.bus.subscriptions import MAX_QUERIES
 from processes.runtime.clock import MissionClock
 from processes.runtime.inbox import Inbox
 from processes.uav.state import create_state
@@ -29,11 +30,17 @@ Said = TypeVar("Said", Fix, Event)
 
 
 class Bench:
-    """A mission, by default of three, of which only the last UAV flies; the test plays the others and the operator."""
+    """A mission, by default of three, of which only the last UAV flies; the test plays the others and the operator.
 
-    def __init__(self, endpoint: str, folder: Path, uavs: int = 3) -> None:
+    `module` is the UAV's, and `slot_s` the length of a slot in real time.
+    """
+
+    def __init__(
+        self, endpoint: str, folder: Path, uavs: int = 3, module: str = "processes.uav.process", slot_s: float = 0.25
+    ) -> None:
         # On a busy machine the UAV hears of no head for long, and shall not land for that.
-        mission = complete_mission(Mission(name="bench", uavs=uavs, standbys=0, time_scale=2, failsafe="hold"))
+        settings = Mission(name="bench", uavs=uavs, standbys=0, time_scale=2, dt_s=2 * slot_s, failsafe="hold")
+        mission = complete_mission(settings)
         self.ranked = [entry.uav for entry in sorted(mission.roster, key=lambda entry: -entry.energy_j)]
         self.first, self.second, self.last = self.ranked[0], self.ranked[1], self.ranked[-1]
         self.mission = mission_message(mission, MissionClock().now_ns())
@@ -48,9 +55,7 @@ class Bench:
         token = hand_over(self._take_token)
         self._token = self.session.liveliness().declare_subscriber(self.keys.all_alive, token)
         arguments = ["--endpoint", endpoint, "--mission", "bench", "--uav", self.last, "--state", str(folder)]
-        self.process = subprocess.Popen(
-            [sys.executable, "-m", "processes.uav.process", *arguments], stderr=subprocess.PIPE
-        )
+        self.process = subprocess.Popen([sys.executable, "-m", module, *arguments], stderr=subprocess.PIPE)
 
     def _listen(self, key: str) -> None:
         self.session.declare_subscriber(key, hand_over(self._take))
@@ -145,6 +150,29 @@ def test_imports_numpy_only_when_it_is_a_standby(bench: Bench) -> None:
     bench.say(bench.report(standby=[bench.last]))
     await_true(bench.imports_numpy)
     bench.close()
+
+
+def test_queries_for_tokens_are_bounded_per_slot(endpoint: str, tmp_path: Path) -> None:
+    """Forty heads within a slot or a few, as in a backlog: the UAV follows them all, and asks for few of their tokens.
+
+    In the next slot it watches the last one.
+    """
+    bench, changes = Bench(endpoint, tmp_path, module="tests.processes.asking", slot_s=4.0), 40
+    bench.begin()
+    for term in range(1, changes + 1):
+        head = bench.second if term % 2 else bench.first
+        bench.say(msgspec.structs.replace(bench.report(), head=head, term=term))
+    await_true(lambda: bench.await_heard(Fix)[-1].term == changes)
+    last = bench.await_heard(Fix)[-1].slot
+    await_true(lambda: bench.await_heard(Fix)[-1].slot > last)
+    fixes = bench.await_heard(Fix)
+    bench.say(Event(source="operator", kind="end"))
+    _, said = bench.process.communicate(timeout=30)
+    bench.session.close()
+    asked, slots = said.decode().split(), {fix.slot for fix in fixes}
+    assert len({fix.term for fix in fixes}) > MAX_QUERIES * len(slots), "it has more heads than it may ask for"
+    assert len(asked) <= MAX_QUERIES * len(slots)
+    assert asked[-1] == bench.keys.alive(bench.first, "*")
 
 
 def test_a_uav_of_another_claimant_leaves(bench: Bench) -> None:

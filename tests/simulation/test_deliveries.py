@@ -7,12 +7,14 @@ from typing import Any
 
 import pytest
 
+from edc_swarm.agent.effects import Effect
 from edc_swarm.agent.rota import CANDIDATES, WINDOW_SLOTS, Rota
 from edc_swarm.mission.roster import complete_mission
 from edc_swarm.mission.validation import mission_from_dict
 from edc_swarm.planner.registry import make_planner
 from edc_swarm.protocol.events import EventKind
 from edc_swarm.protocol.messages import Event, Fix, Message, MissionMessage, Report, mission_message
+from edc_swarm.simulation.computers import Computer, Process
 from edc_swarm.simulation.network import Network
 from edc_swarm.simulation.simulator import Simulation
 
@@ -27,17 +29,24 @@ LAST_WORDS = {EventKind.CLOSED, EventKind.LINK_DELAYS, EventKind.END}
 
 
 class Counts:
-    """Messages that were published, their deliveries, and most listeners, by slot; and the first head's slot."""
+    """Messages that were published, their deliveries, and most listeners, by slot; and the first head's slot.
+
+    `queries` are those for liveliness tokens: a UAV that hears all fixes watches all UAVs, any other its head, and
+    queries the router whenever that changes. `wide` are the queries for all tokens.
+    """
 
     def __init__(self, mission: MissionMessage, monkeypatch: pytest.MonkeyPatch) -> None:
         self.published: Counter[int] = Counter()
         self.delivered: Counter[int] = Counter()
         self.listeners: Counter[int] = Counter()
         self.events: Counter[int] = Counter()
+        self.queries: Counter[int] = Counter()
+        self.wide: Counter[int] = Counter()
+        self._watched: dict[str, str] = {}
         self.led_slots: list[int] = []
         self._start_ns = mission.epoch_ns
         self._slot_ns = mission.slot_ns
-        original = Network._send
+        original, carry_out = Network._send, Computer._carry_out
 
         def count(network: Network, sender: str, message: Message, receivers: Any) -> None:
             receivers = list(receivers)
@@ -47,9 +56,21 @@ class Counts:
                 self.listeners[slot] = max(self.listeners[slot], len(receivers))
             original(network, sender, message, receivers)
 
+        def watch(computer: Computer, process: Process, effects: list[Effect]) -> None:
+            carry_out(computer, process, effects)
+            self._watch(computer, process)
+
         monkeypatch.setattr(Network, "_send", count)
+        monkeypatch.setattr(Computer, "_carry_out", watch)
         simulation = Simulation(mission, lambda: make_planner(mission.planner, mission), self._record)
         simulation.run()
+
+    def _watch(self, computer: Computer, process: Process) -> None:
+        key = "*" if computer.subscribes_to_fixes else process.node.grant[1]
+        if self._watched.get(computer.uav, "") != key:
+            self._watched[computer.uav] = key
+            self.queries[computer._schedule.slot] += 1
+            self.wide[computer._schedule.slot] += key == "*"
 
     def _record(self, _key: str, message: Message, now_ns: int) -> None:
         self.published[(now_ns - self._start_ns) // self._slot_ns] += 1
@@ -77,6 +98,8 @@ def test_deliveries_are_linear(uavs: int, loss: float, monkeypatch: pytest.Monke
     assert max(counts.published.values()) <= 5 * uavs
     assert max(counts.events.values(), default=0) <= most, "only who claims has something to tell"
     assert max(counts.delivered.values()) <= (2 * most + CANDIDATES) * uavs
+    assert CANDIDATES <= max(counts.wide.values()) <= most
+    assert max(counts.queries.values()) <= most + uavs, "one for each change of the head"
 
 
 @pytest.mark.parametrize("fault", ["kill {} @0.1s", "freeze {} @0.1s", "partition {}|rest @0", "partition rest>{} @0"])
