@@ -78,9 +78,9 @@ class Injector:
         for fault in (fault for fault in self._faults if fault.at_s > until_s):
             self._at(fault.at_s, partial(self.inject if fault.end_s > self.now_s else self._leave_out, fault))
         for event in told or ():
-            fault = read_fault(event.detail, mission.dt_s) if event.kind == EventKind.FAULT else None
-            if isinstance(fault, Kill | Freeze) and until_s < fault.end_s < math.inf:
-                self._end_later(fault)
+            before = read_fault(event.detail, mission.dt_s) if event.kind == EventKind.FAULT else None
+            if isinstance(before, Kill | Freeze) and until_s < before.end_s < math.inf:
+                self._end_later(before)
 
     def next_in_s(self) -> float:
         """Return the real seconds until the next fault; infinite when there is none."""

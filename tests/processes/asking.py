@@ -29,7 +29,7 @@ class Told:
         """Declare a subscriber; with a history it queries the router."""
         if options.get("history"):
             print(key, file=sys.stderr, flush=True)
-        return self._inner.declare_subscriber(key, take, **options)
+        return self._inner.declare_subscriber(key, take, **options)  # type: ignore[call-overload]
 
 
 if __name__ == "__main__":
