@@ -5,7 +5,6 @@ from __future__ import annotations
 import csv
 import json
 import tomllib
-from dataclasses import replace
 from datetime import datetime
 from itertools import pairwise
 from pathlib import Path
@@ -26,7 +25,6 @@ from edc_swarm.mission.validation import load_mission
 from edc_swarm.mission.zone import Zone
 from edc_swarm.recording.model import Recording
 from edc_swarm.recording.reader import read_recording
-from processes.cli.commands.export import tracks_of
 from processes.cli.main import main
 from tests.unit.test_formats_read import MAP, SCEN, SQUARE, WPL, item, kml, plan
 
@@ -188,18 +186,6 @@ def test_csv_is_read_back(golden: Recording, capsys: pytest.CaptureFixture[str])
             assert (float(row["true_x_m"]), float(row["true_y_m"])) == truths[row["uav"], slot]
             compared += 1
     assert compared >= slots * count
-
-
-def test_a_track_has_a_gap_where_the_recording_has_one(golden: Recording) -> None:
-    """Nothing is drawn through slots whose motion is lost, nor after a UAV's end."""
-    columns = columns_of(golden)
-    lost, alive = columns.lost.copy(), columns.alive.copy()
-    lost[4:7, 0] = True
-    alive[10:, 1] = False
-    gap, ended, *_ = tracks_of(replace(columns, lost=lost, alive=alive), golden.mission)
-    last = len(lost)
-    assert [[run[0].slot, run[-1].slot] for run in gap.runs] == [[0, 4], [7, last]]
-    assert [[run[0].slot, run[-1].slot] for run in ended.runs] == [[0, 10]]
 
 
 def test_tracks_can_be_imported_again(capsys: pytest.CaptureFixture[str]) -> None:

@@ -2,23 +2,26 @@
 
 from __future__ import annotations
 
-from datetime import UTC, datetime
+import math
 from itertools import groupby
 from pathlib import Path
 from typing import Annotated, Literal
 
 import numpy as np
 from cyclopts import Parameter
-from numpy.typing import NDArray
 
-from edc_swarm.analysis.columns import Columns, columns_of
+from edc_swarm.analysis.guarantees.evidence import gather
+from edc_swarm.analysis.living import alive_in, living_at_end
+from edc_swarm.analysis.tracks import Tracks
+from edc_swarm.errors import InputError
+from edc_swarm.foreign_text import listed
 from edc_swarm.formats.tracks import Track, TrackPoint, csv_tracks, geojson_tracks, kml_tracks
 from edc_swarm.geodesy import to_wgs84
-from edc_swarm.mission.configuration import NS_PER_S
 from edc_swarm.protocol.messages import MissionMessage
+from edc_swarm.recording.model import Recording
 from edc_swarm.recording.reader import read_recording
 from processes.runtime.console import note
-from processes.runtime.output import SUFFIX, check_new, new_file
+from processes.runtime.output import SUFFIX, check_new, is_same_file, new_file
 
 
 def export(
@@ -46,11 +49,17 @@ def export(
     """
     path = out or recording.with_name(f"{recording.name.removesuffix(SUFFIX)}.{format}")
     check_new(path, f".{format}", force=force)
+    if is_same_file(path, recording):
+        raise InputError("--out", str(path), "another file than the recording")
     whole = read_recording(recording)
-    tracks = tracks_of(columns_of(whole), whole.mission)
-    for track in tracks:
-        if len(track.runs) != 1:
-            note(f"warning: {track.uav}: its way is known in {len(track.runs)} parts only")
+    tracks = tracks_of(whole)
+    unknown = [track.uav for track in tracks if not track.runs]
+    if len(unknown) == len(tracks):
+        raise InputError("recording", str(recording), "one that has the way of a UAV")
+    if unknown:
+        note(f"warning: the way of {listed(unknown)} is not known")
+    if parted := [track.uav for track in tracks if len(track.runs) > 1]:
+        note(f"warning: the way of {listed(parted)} is known in parts only")
     text = {
         "geojson": lambda: geojson_tracks(tracks),
         "kml": lambda: kml_tracks(tracks, whole.mission.name),
@@ -62,32 +71,26 @@ def export(
     return 0
 
 
-def tracks_of(columns: Columns, mission: MissionMessage) -> list[Track]:
-    """Return the track of every UAV, while it lives and where its way is known."""
-    known = known_points(columns)
+def tracks_of(recording: Recording) -> list[Track]:
+    """Return the track of every UAV: while it lives and has a disc, and where its way is known."""
+    found = gather(recording).tracks
+    alive = alive_in(found, living_at_end(recording, found))
+    told = alive & ~(found.lost | found.astray)
+    known = np.zeros((found.slots + 1, len(found.uavs)), dtype=bool)
+    known[:-1] |= told
+    known[1:] |= told
     tracks = []
-    for k, uav in enumerate(columns.uavs):
+    for k, uav in enumerate(found.uavs):
         slots = np.flatnonzero(known[:, k]).tolist()
         runs = [[slot for _, slot in run] for _, run in groupby(enumerate(slots), lambda pair: pair[1] - pair[0])]
-        tracks.append(Track(uav, [[_point(columns, mission, slot, k) for slot in run] for run in runs]))
+        tracks.append(Track(uav, [[_point(found, recording.mission, slot, k) for slot in run] for run in runs]))
     return tracks
 
 
-def known_points(columns: Columns) -> NDArray[np.bool_]:
-    """Return (S + 1, K) True where the place of a living UAV is known when a slot begins, and at the end."""
-    told = ~columns.lost & columns.alive
-    known = np.zeros((len(told) + 1, told.shape[1]), dtype=bool)
-    known[:-1] |= told
-    known[1:] |= told
-    return np.asarray(known & ~np.isnan(columns.centre_m[..., 0]))
-
-
-def _point(columns: Columns, mission: MissionMessage, slot: int, k: int) -> TrackPoint:
-    x_m, y_m = columns.centre_m[slot, k].tolist()
+def _point(tracks: Tracks, mission: MissionMessage, slot: int, k: int) -> TrackPoint:
+    x_m, y_m = tracks.centre_m[slot, k].tolist()
     lat_deg, lon_deg = to_wgs84(x_m, y_m, mission.origin_lat_deg, mission.origin_lon_deg)
     clock_ns = mission.epoch_ns + slot * mission.slot_ns
-    whole_s, rest_ns = divmod(clock_ns, NS_PER_S)
-    utc = f"{datetime.fromtimestamp(whole_s, UTC):%Y-%m-%dT%H:%M:%S}.{rest_ns // 1_000_000:03d}Z"
-    true_m = columns.true_from_m[slot, k] if slot < len(columns.true_from_m) else columns.true_to_m[-1, k]
-    shown_m = None if np.isnan(true_m).any() else (float(true_m[0]), float(true_m[1]))
-    return TrackPoint(slot, slot * mission.dt_s, utc, lat_deg, lon_deg, x_m, y_m, shown_m)
+    ends_m = [*tracks.true_from_m[slot : slot + 1, k].tolist(), *tracks.true_to_m[max(slot - 1, 0) : slot, k].tolist()]
+    true_m = next(((x_m, y_m) for x_m, y_m in ends_m if not math.isnan(x_m)), None)
+    return TrackPoint(slot, slot * mission.dt_s, clock_ns, lat_deg, lon_deg, x_m, y_m, true_m)
