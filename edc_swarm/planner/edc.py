@@ -53,6 +53,7 @@ class Edc:
 
     def __init__(self, mission: Mission, stopwatch: Stopwatch, tuning: Tuning | None = None) -> None:
         self._u_max_m = np.array(mission.steps_m)
+        self._start_m = np.array([(entry.start_x_m, entry.start_y_m) for entry in mission.roster])
         self._stopwatch = stopwatch
         self._airspace = airspace_of(mission)
         prices = np.array([weights(mission, speed_mps) for speed_mps in mission.speeds_mps])
@@ -62,6 +63,11 @@ class Edc:
         self._safe = SafeSteps(
             mission.steps_m, stopwatch, self._airspace, changes_m(mission), lags=mission.lag_slots > 0
         )
+
+    @property
+    def priced_steps(self) -> int:
+        """Steps that guidance has priced for the last plan."""
+        return self._guidance.priced_steps
 
     def plan(self, request: PlanRequest) -> Plan:
         """Return the next waypoints of the UAVs of `request`."""
@@ -84,10 +90,15 @@ class Edc:
         goal_m = ways.free_goals(arrays.target_m[free], r_m, obstacles, self._airspace)
         wish_m = arrays.position_m.copy()
         scene = Scene(arrays.slot, arrays.uav[free], position_m, goal_m, r_m, obstacles, arrays.rest_m[free])
-        wish_m[free] = self._guidance.wishes(with_foreign(scene, arrays.foreign))[: len(position_m)]
+        scene = with_foreign(scene, arrays.foreign)
+        wish_m[free] = self._guidance.wishes(scene, in_flight=self._in_flight(arrays))[: len(position_m)]
         if len(arrays.obstacles.keep_m) and len(arrays.uav):
             self._leave(arrays, wish_m)
         return wish_m
+
+    def _in_flight(self, arrays: Arrays) -> bool:
+        """Return True if a UAV has left its start; a planner that is given no roster knows none."""
+        return bool(len(self._start_m)) and bool((arrays.position_m != self._start_m[arrays.uav]).any())
 
     def _with_foreign_hulls(self, arrays: Arrays) -> Obstacles:
         """Return the hulls with those of foreign UAVs that are small: such a UAV is dead, or unheard for a few slots.

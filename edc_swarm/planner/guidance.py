@@ -36,7 +36,8 @@ delayed too often. It keeps and improves a plan whose conflicts are gone, and re
 the straight line as soon as that is free.
 
 Random numbers are a hash of (seed, slot, UAV) and guidance counts effort in priced steps, so the same
-requests give the same bytes on any head. A new head starts cold: all tracks are straight lines.
+requests give the same bytes on any head. A new head starts cold: all tracks are straight lines. So its first plan has
+a part of the budget alone (`Tuning.first_share`).
 """
 
 from __future__ import annotations
@@ -101,6 +102,8 @@ class Tuning:
         Slots by which a UAV may delay a plan before it makes a new one.
     responses
         Most rounds of best responses in a slot, each with the whole budget.
+    first_share
+        Share of the budget for the first plan of a planner that takes over in flight.
     """
 
     look_ahead: int = 32
@@ -120,6 +123,7 @@ class Tuning:
     delay: int = 20
     easy: float = 1.0
     responses: int = 1
+    first_share: float = 0.25
 
     @property
     def layers(self) -> int:
@@ -131,9 +135,9 @@ class Tuning:
         """Lattice points along one side: the reach at full speed."""
         return 2 * math.ceil(self.layers * math.sqrt(20.0)) + 1
 
-    def limits(self, uavs: int) -> kernel.Limits:
-        """Return the limits on the effort of one slot with this number of UAVs."""
-        budget = self.budget + self.budget_per_uav * uavs
+    def limits(self, uavs: int, share: float = 1.0) -> kernel.Limits:
+        """Return the limits on the effort of one slot with this number of UAVs, for a share of the budget."""
+        budget = round(share * (self.budget + self.budget_per_uav * uavs))
         return kernel.Limits(self.layers, self.side, self.greed, self.expand, budget, self.rounds, self.easy)
 
 
@@ -171,8 +175,17 @@ class Guidance:
         self._scratch = _scratch(tuning, self._charts.barred)
         self._draft = _draft(tuning)
 
-    def wishes(self, scene: Scene) -> Floats:
-        """Return the preferred waypoints (n, 2), each within the UAV's longest step."""
+    @property
+    def priced_steps(self) -> int:
+        """Steps that the last plan has priced, in its last round: its effort, which no clock measures."""
+        return int(self._draft.work[0])
+
+    def wishes(self, scene: Scene, *, in_flight: bool = False) -> Floats:
+        """Return the preferred waypoints (n, 2), each within the UAV's longest step.
+
+        A plan that begins `in_flight` is that of a new head, which has less of its slot left than those that follow: it
+        has `first_share` of the budget, for the earliest conflicts. The others wait for the next slot.
+        """
         if not len(scene.uav):
             return np.empty((0, 2))
         reach_m = self._u_max_m[scene.uav] * (self._tuning.look_ahead + 1)
@@ -180,7 +193,7 @@ class Guidance:
         goal_m, way_m = ways.routed(
             scene.position_m, scene.goal_m, walls, scene.slot, scene.uav, scene.r_m, self._charts
         )
-        self._remember(scene, way_m + scene.rest_m)
+        takes_over = not self._remember(scene, way_m + scene.rest_m) and in_flight
         if len(self._charts.barred.edge):
             goal_m = self._room.aims(
                 scene.slot, scene.uav, scene.position_m, scene.goal_m, goal_m, way_m, scene.r_m, walls
@@ -188,9 +201,9 @@ class Guidance:
         plans = self._memory.plans_of(scene.uav)
         world = self._world(scene, goal_m, walls)
         kernel.populate(world, plans, self._tuning.delay)
-        limits = self._tuning.limits(len(scene.uav))
+        limits = self._tuning.limits(len(scene.uav), self._tuning.first_share if takes_over else 1.0)
         urgency = np.empty(len(scene.uav))
-        for response in range(self._tuning.responses):
+        for response in range(1 if takes_over else self._tuning.responses):
             kernel.urgencies(world, scene.uav, scene.slot, self._seed, urgency)
             if response and urgency.min() > self._tuning.look_ahead:
                 break
@@ -209,8 +222,11 @@ class Guidance:
             world, plans, self._scratch, self._draft, self._tuning.limits(1), np.zeros(1), np.empty(0, np.int64)
         )
 
-    def _remember(self, scene: Scene, way_m: Floats) -> None:
-        """Advance the memory to this slot: lateness grows, and UAVs unheard for long are forgotten."""
+    def _remember(self, scene: Scene, way_m: Floats) -> bool:
+        """Advance the memory to this slot: lateness grows, and UAVs unheard for long are forgotten.
+
+        Returns True if it knew any of the UAVs.
+        """
         memory = self._memory = self._memory.grown(int(scene.uav.max()) + 1)
         elapsed = scene.slot - memory.seen[scene.uav]
         known = (elapsed > 0) & (elapsed <= self._tuning.look_ahead)
@@ -220,6 +236,7 @@ class Guidance:
         memory.seen[scene.uav] = scene.slot
         memory.position_m[scene.uav] = scene.position_m
         memory.distance_m[scene.uav] = way_m
+        return bool(known.any())
 
     def _stood_still(self, scene: Scene) -> NDArray[np.bool_]:
         """Return a mask of the UAVs that have not moved since their last plan."""

@@ -13,8 +13,9 @@ from edc_swarm.geometry import closest_approach_m, length_m, point_segment_dista
 from edc_swarm.mission.configuration import Mission
 from edc_swarm.mission.roster import complete_mission
 from edc_swarm.planner import guidance_kernel as kernel
-from edc_swarm.planner.edc import weights
-from edc_swarm.planner.interface import Hull, Plan, PlanRequest
+from edc_swarm.planner.edc import Edc, weights
+from edc_swarm.planner.guidance import Tuning
+from edc_swarm.planner.interface import Hull, Plan, Planner, PlanRequest, stopped
 from edc_swarm.planner.registry import make_planner
 
 R_M = 5.0
@@ -25,7 +26,7 @@ class Flight:
 
     def __init__(self, mission: Mission) -> None:
         self.mission = complete_mission(mission)
-        self.planner = make_planner("edc", self.mission)
+        self.planner: Planner = make_planner("edc", self.mission)
         roster = self.mission.roster
         self.position_m = np.array([(e.start_x_m, e.start_y_m) for e in roster])
         self.previous_m = self.position_m.copy()
@@ -170,6 +171,25 @@ def test_a_new_head_starts_cold_in_the_middle() -> None:
             flight.planner = make_planner("edc", flight.mission)
         flight.step()
     assert flight.done()
+    assert flight.least_gap_m >= -1e-9
+
+
+def test_the_first_plan_of_a_new_head_in_flight_is_short() -> None:
+    """It ends with the search in which its share of the budget does; those before and after have the whole budget.
+
+    It is a safe plan like any other.
+    """
+    flight = Flight(Mission(uavs=30, area_m2=6000, seed=9, fence="none"))
+    whole, share = (Tuning().limits(30, part).budget for part in (1.0, Tuning().first_share))
+    steps = []
+    for _ in range(2):
+        flight.planner = planner = Edc(flight.mission, stopped)
+        for _ in range(2):
+            flight.step()
+            steps.append(planner.priced_steps)
+    at_start, after, taking_over, next_one = steps
+    assert share <= taking_over < whole / 2
+    assert min(at_start, after, next_one) >= whole
     assert flight.least_gap_m >= -1e-9
 
 
