@@ -8,8 +8,9 @@ guessed.
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
+from operator import attrgetter
 from typing import Literal
 
 import numpy as np
@@ -19,6 +20,7 @@ from numpy.typing import NDArray
 from edc_swarm.analysis.living import SILENT_SLOTS, living_at_end
 from edc_swarm.analysis.tracks import Tracks, tracks_of
 from edc_swarm.analysis.voyages import Voyages, voyages_of
+from edc_swarm.mission.clusters import cluster_of
 from edc_swarm.mission.faults import Freeze, Kill, read_fault
 from edc_swarm.mission.roles import OPERATOR
 from edc_swarm.mission.roster_entry import ARRIVED_M
@@ -31,6 +33,7 @@ from edc_swarm.recording.model import Recording
 from edc_swarm.recording.sequences import find_gaps
 
 Bools = NDArray[np.bool_]
+_PLAN_ORDER = attrgetter("term", "slot")
 
 STUCK_SLOTS = 20
 """A UAV is stuck if it has come no nearer to its target for this many slots."""
@@ -146,6 +149,8 @@ class _Judge:
         (K,) last slot with a fix of each UAV, -1 for none.
     incomplete
         UAVs with fixes that are missing from the recording.
+    plans
+        The newest plan of each cluster.
     """
 
     recording: Recording
@@ -154,7 +159,7 @@ class _Judge:
     home: Bools
     newest: NDArray[np.int64]
     incomplete: frozenset[str]
-    plan: Report | None
+    plans: Mapping[str, Report]
     end: Event | None
     voyages: Voyages
 
@@ -163,7 +168,8 @@ class _Judge:
         """Collect the state of all UAVs at the end."""
         slots = np.arange(tracks.slots)[:, None]
         backing = Backing(recording.mission)
-        plans = [report for report in recording.reports if backing.is_plan(report)]
+        clusters = cluster_of(recording.mission)
+        plans = sorted((report for report in recording.reports if backing.is_plan(report)), key=_PLAN_ORDER)
         return cls(
             recording,
             tracks,
@@ -175,7 +181,7 @@ class _Judge:
                 for gap in find_gaps(recording)
                 if gap.key.startswith("uav/") and gap.key.endswith("/fix") and not gap.duplicate
             ),
-            plan=max(plans, key=lambda plan: (plan.term, plan.slot), default=None),
+            plans={clusters.get(plan.head, ""): plan for plan in plans},
             end=next((e for e in recording.events if e.kind == EventKind.END and e.source == OPERATOR), None),
             voyages=voyages_of(recording, tracks),
         )
@@ -262,15 +268,24 @@ class _Judge:
         """Yield the disc of every other UAV that is in the air and not home, and its hull if it does not live."""
         for other in np.flatnonzero(~self.home & ~self.tracks.grounded[-1]).tolist():
             if other != k:
-                plan = None if self.living[other] else self.plan
-                yield from places_of(self.recording.mission.roster[other], point(self.tracks.centre_m[-1, other]), plan)
+                entry = self.recording.mission.roster[k]
+                yield from (place.seen_by(entry) for place in self._places(other))
+
+    def _places(self, k: int) -> Iterator[Place]:
+        """Yield the disc of UAV `k`, and if it does not live its hull."""
+        mission, centre_m = self.recording.mission, point(self.tracks.centre_m[-1, k])
+        entry = mission.roster[k]
+        if self.living[k]:
+            yield from places_of(entry, centre_m, None)
+        else:
+            yield from places_of(entry, centre_m, self.plans.get(entry.cluster), step_m=mission.step_m(entry))
 
     def _hindered(self, k: int) -> NotHome | None:
         """UAVs that do not live leave it no step, or no way to its target."""
         roster, centre_m = self.recording.mission.roster, self.tracks.centre_m[-1]
         gone = np.flatnonzero(~self.living & ~self.tracks.grounded[-1]).tolist()
         away = np.flatnonzero(self.living & ~self.home).tolist()
-        places = [place for i in gone for place in places_of(roster[i], point(centre_m[i]), self.plan)]
+        places = [place for i in gone for place in self._places(i)]
         flying = [(self.voyages.each[i].present, point(centre_m[i])) for i in away]
         found = hindrances(flying, places, self.recording.mission.zone).get(roster[k].uav)
         if found is None:

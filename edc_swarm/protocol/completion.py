@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 
 from msgspec import UNSET
 
@@ -15,9 +15,11 @@ from edc_swarm.mission.faults import Fault, GiveGoal, parse_faults
 from edc_swarm.mission.prospect import prospect_of, settled_slot
 from edc_swarm.mission.roster_entry import RosterEntry
 from edc_swarm.mission.routes import headed
-from edc_swarm.protocol.hindrance import Place, hindrances, places_of
+from edc_swarm.protocol.hindrance import Hindrance, Place, Point, hindrances, places_of
 from edc_swarm.protocol.messages import Command, Fix, Report
 
+Away = tuple[RosterEntry, Point]
+"""A UAV, with its next target, that is at a point away from it."""
 STALL_SLOTS = 100
 """Consecutive plans without a move after which no plan will have one.
 
@@ -37,7 +39,7 @@ class ClusterMonitor:
     """Monitor of fixes, commands and reports that decides when the mission of one cluster is over.
 
     A lifelong mission is never complete, and no mission is before the last goal that its faults give. Any other is
-    over when every UAV that still flies is at its target, or kept from it by UAVs that move no more (`complete`, see
+    over when every UAV that still flies is at its target, or kept from it by UAVs that move no more (`content`, see
     `protocol.hindrance`), or when nothing can change any more (`stalled`). With the failsafe a UAV that moves no more
     leaves the airspace, so it keeps no other from its target for good; a stray does, as long as it has a hull. Who has
     landed by a report with a quorum is not waited for.
@@ -135,30 +137,42 @@ class ClusterMonitor:
         """Number of UAVs at their targets."""
         return sum(fix.arrived for fix in self._newest.values())
 
-    def complete(self, slot: int) -> bool:
-        """Return True if the fixes of `slot` show every flying UAV at its target, or unable to get there.
+    def away(self, slot: int) -> list[Away] | None:
+        """Return the flying UAVs that the fixes of `slot` show away from their targets; None if the cluster goes on.
 
-        A UAV whose target is covered for good flies to the nearest free place first, and waits there.
+        It does without a fix of `slot` of each flying UAV, and before the last goal.
         """
         if self._mission.goals == "lifelong" or slot <= self._last_goal_slot:
-            return False
+            return None
         flying = [entry for entry in self._mission.roster if not self._grounded(entry.uav)]
-        away = []
+        away: list[Away] = []
         for entry in flying:
             fix = self._newest.get(entry.uav)
             if fix is None or fix.slot < slot:
-                return False
+                return None
             if not fix.arrived:
                 here_m = (fix.waypoint_x_m, fix.waypoint_y_m)
                 away.append((headed(entry, fix.course.left(entry)[0]), here_m))
-        if not away or len(flying) == len(self._mission.roster):
-            return bool(flying) and not away
-        places = [place for other in self._mission.roster for place in self._places(other)]
-        found = hindrances(away, places, self._mission.zone)
-        return len(found) == len(away) and all(
-            found[entry.uav].kind != "covered" or slot - self._moved_slot.get(entry.uav, -STILL_SLOTS) >= STILL_SLOTS
+        return away if flying else None
+
+    def content(self, slot: int, away: Sequence[Away], found: Mapping[str, Hindrance]) -> bool:
+        """Return True if each UAV of `away` is unable to get to its target.
+
+        A UAV whose target is covered for good flies to the nearest free place first, and waits there.
+        """
+        return all(
+            entry.uav in found
+            and (
+                found[entry.uav].kind != "covered"
+                or slot - self._moved_slot.get(entry.uav, -STILL_SLOTS) >= STILL_SLOTS
+            )
             for entry, _ in away
         )
+
+    def places(self) -> Iterator[Place]:
+        """Yield where the UAVs are or can be for good that move no more."""
+        for entry in self._mission.roster:
+            yield from self._places(entry)
 
     def stalled(self, slot: int) -> bool:
         """Return True if the fixes, commands and reports until `slot` show that nothing can change any more.
@@ -201,18 +215,19 @@ class ClusterMonitor:
         if not self._grounded(other.uav) or (self._failsafe is not None and not strays):
             return
         centre_m = (other.start_x_m, other.start_y_m) if fix is None else (fix.waypoint_x_m, fix.waypoint_y_m)
-        yield from (place for place in places_of(other, centre_m, self.report) if not strays or place.what == "hull")
+        found = places_of(other, centre_m, self.report, step_m=self._mission.step_m(other))
+        yield from (place for place in found if not strays or place.what == "hull")
 
 
 class MissionMonitor:
     """Monitor of a whole mission: it is over when it is over for each of its clusters (`ClusterMonitor`).
 
     A cluster that is complete waits for the others. Where one cluster has stalled, all others have to be complete or
-    stalled too, since they may still make way for it.
+    stalled too, since they may still make way for it. UAVs that move no more are in the way of every cluster.
     """
 
     def __init__(self, mission: Mission) -> None:
-        self._cluster = cluster_of(mission)
+        self._cluster, self._zones = cluster_of(mission), mission.zone
         faults, names = parse_faults(mission), cluster_names(mission.roster)
         self.clusters = {name: ClusterMonitor(of_cluster(mission, name), faults) for name in names}
 
@@ -280,12 +295,20 @@ class MissionMonitor:
 
     def complete(self, slot: int) -> bool:
         """Return True if the mission of every cluster is complete in `slot`."""
-        return all(cluster.complete(slot) for cluster in self.clusters.values())
+        return len(self._complete(slot)) == len(self.clusters)
 
     def stalled(self, slot: int) -> bool:
         """Return True if a cluster has stalled, and every other one has stalled or is complete."""
-        over = [cluster for cluster in self.clusters.values() if cluster.stalled(slot)]
-        return bool(over) and all(cluster in over or cluster.complete(slot) for cluster in self.clusters.values())
+        over = {name for name, cluster in self.clusters.items() if cluster.stalled(slot)}
+        return bool(over) and over | self._complete(slot) == self.clusters.keys()
+
+    def _complete(self, slot: int) -> set[str]:
+        """Return the clusters whose mission is complete in `slot`."""
+        away = {name: each for name, cluster in self.clusters.items() if (each := cluster.away(slot)) is not None}
+        astray = [pair for pairs in away.values() for pair in pairs]
+        places = [place for cluster in self.clusters.values() for place in cluster.places()] if astray else []
+        found = hindrances(astray, places, self._zones) if places else {}
+        return {name for name, pairs in away.items() if self.clusters[name].content(slot, pairs, found)}
 
     def _of(self, uav: str) -> ClusterMonitor:
         """Return the monitor of a UAV's cluster; of the first one for a UAV that is not in the roster."""

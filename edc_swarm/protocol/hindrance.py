@@ -10,13 +10,16 @@ The end of a mission, G7 and the outcome share this rule. A UAV with radius r_m 
 
 The last is a question of topology: a closed curve separates two points if its winding numbers about them differ. All
 places are convex, so it is enough to look at the polylines that connect the ones which overlap.
+
+The heads of other clusters know less of a UAV that no longer flies: its own head may move it in the next slot, so they
+keep clear of its place and a step around it.
 """
 
 from __future__ import annotations
 
 import math
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Literal
 
 import numpy as np
@@ -59,6 +62,10 @@ class Place:
         "disc" for the last known place, "hull" for where the newest plan says that it can be.
     r_m
         GPS radius of the UAV.
+    cluster
+        Its cluster.
+    wider_m
+        Distance by which the place is wider for the heads of other clusters.
     """
 
     uav: str
@@ -67,6 +74,14 @@ class Place:
     b_m: Point
     radius_m: float
     r_m: float
+    cluster: str = ""
+    wider_m: float = 0.0
+
+    def seen_by(self, entry: RosterEntry) -> Place:
+        """Return the place as the head of another UAV knows it."""
+        if entry.cluster == self.cluster or not self.wider_m:
+            return self
+        return replace(self, what="hull", radius_m=self.radius_m + self.wider_m, wider_m=0.0)
 
     def gap_m(self, point_m: Point, r_m: float) -> float:
         """Distance from a disc with radius `r_m` about `point_m` to this UAV's disc, negative where they overlap."""
@@ -95,13 +110,16 @@ class Hindrance:
         return f"{self.kind} by {' and '.join([*map(str, self.by), *['zones'] * self.with_zones])}"
 
 
-def places_of(entry: RosterEntry, centre_m: Point, plan: Report | None) -> Iterator[Place]:
-    """Yield the last known disc of a UAV that no longer flies, then its hull in the newest plan if it has one."""
-    yield Place(entry.uav, "disc", centre_m, centre_m, 0.0, entry.r_m)
+def places_of(entry: RosterEntry, centre_m: Point, plan: Report | None, *, step_m: float = 0.0) -> Iterator[Place]:
+    """Yield the last known disc of a UAV that no longer flies, then its hull in the newest plan if it has one.
+
+    `plan` is one of its own cluster's head. `step_m`: its longest step, 0 for a UAV whose fixes all heads hear.
+    """
+    yield Place(entry.uav, "disc", centre_m, centre_m, 0.0, entry.r_m, entry.cluster, step_m)
     if plan is not None and entry.uav in plan.hull_uav:
         k = plan.hull_uav.index(entry.uav)
         a_m, b_m = (plan.hull_ax_m[k], plan.hull_ay_m[k]), (plan.hull_bx_m[k], plan.hull_by_m[k])
-        yield Place(entry.uav, "hull", a_m, b_m, plan.hull_r_m[k], entry.r_m)
+        yield Place(entry.uav, "hull", a_m, b_m, plan.hull_r_m[k], entry.r_m, entry.cluster, step_m)
 
 
 def point(centre_m: Floats) -> Point:
@@ -129,7 +147,7 @@ def hindrances(
     A UAV that is held is in the way of the others as if it no longer flew.
     """
     barriers = barriers_of(list(zones)) if places else Barriers.none()
-    fixed = {entry.uav: [place for place in places if place.uav != entry.uav] for entry, _ in away}
+    fixed = {entry.uav: [place.seen_by(entry) for place in places if place.uav != entry.uav] for entry, _ in away}
     free = list(away)
     while held := [(entry, at_m) for entry, at_m in free if _holding(at_m, entry.r_m, fixed[entry.uav], barriers)]:
         free = [other for other in free if other not in held]

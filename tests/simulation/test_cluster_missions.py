@@ -6,13 +6,23 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
+import msgspec
 import pytest
 
 from edc_swarm.agent.foreign import Foreign
 from edc_swarm.agent.knowledge import Knowledge
+from edc_swarm.analysis.guarantees.check import check
+from edc_swarm.analysis.outcome import not_home_of
 from edc_swarm.experiments import fuzzing
 from edc_swarm.experiments.fuzz_scenarios import scenario
+from edc_swarm.mission.configuration import Mission
+from edc_swarm.mission.prospect import COMPLETED
+from edc_swarm.mission.roster import complete_mission
 from edc_swarm.mission.validation import load_mission
+from edc_swarm.planner.registry import make_planner
+from edc_swarm.protocol.messages import Message, mission_message
+from edc_swarm.recording.model import Recording
+from edc_swarm.simulation.simulator import Simulation
 from edc_swarm.solver import foreign_rows
 
 Patch = pytest.MonkeyPatch
@@ -26,6 +36,25 @@ SCENARIOS = Path(__file__).parents[2] / "scenarios"
 def test_clusters_pass_through_each_other(name: str) -> None:
     """Every guarantee holds, among them G7: all UAVs are at their targets."""
     assert fuzzing.fly(load_mission(SCENARIOS / f"{name}.toml")) == []
+
+
+def test_whoever_holds_in_the_air_keeps_others_from_their_targets_and_is_named() -> None:
+    """A UAV of each cluster is killed and holds: all guarantees hold, and the mission is over with all others there.
+
+    Three of them wait beside targets that the heads of other clusters cannot know to be free.
+    """
+    said = list[Message]()
+    drawn = Mission(uavs=12, area_m2=9600.0, clusters=3, seed=1, failsafe="hold")
+    faults = ["kill u004 @6", "kill u006 @9", "kill u005 @12"]
+    mission = mission_message(complete_mission(msgspec.structs.replace(drawn, fault=faults)))
+    end = Simulation(mission, lambda: make_planner("edc", mission), lambda _key, each, _ns: said.append(each)).run()
+    recording = Recording.from_messages(said)
+    assert [result.guarantee for result in check(recording) if result.broken] == []
+    assert end.reason == COMPLETED
+    waiting = {who.uav: who.by for who in not_home_of(recording) if who.cause == "beside"}
+    assert waiting == {"u007": "u004", "u010": "u005", "u012": "u005"}
+    cluster = {entry.uav: entry.cluster for entry in mission.roster}
+    assert all(cluster[uav] != cluster[by] for uav, by in waiting.items())
 
 
 def whole_gap(patch: Patch) -> None:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 
+import msgspec
 import numpy as np
 import pytest
 
@@ -12,7 +13,7 @@ from edc_swarm.mission.zone import Zone
 from edc_swarm.mission.zones import barriers
 from edc_swarm.planner import edc
 from edc_swarm.protocol.completion import MissionMonitor
-from edc_swarm.protocol.hindrance import BUFFER_M, TOUCH_M, Place, Point, hindrance, hindrances
+from edc_swarm.protocol.hindrance import BUFFER_M, TOUCH_M, Place, Point, hindrance, hindrances, places_of
 from edc_swarm.solver.barrier_rows import Airspace
 from edc_swarm.solver.hull_rows import Obstacles
 from edc_swarm.solver.normals import DELTA_M
@@ -47,6 +48,20 @@ def kind(position_m: Point, target_m: Point, places: list[Place]) -> str:
     """The kind of hindrance, "" for none."""
     found = hindrance(position_m, target_m, R_M, places)
     return "" if found is None else found.kind
+
+
+def test_heads_of_other_clusters_keep_a_step_more_away() -> None:
+    """A dead UAV covers targets of its own cluster as its disc, those of others as that and its longest step."""
+    roster = [
+        msgspec.structs.replace(entry(uav), target_x_m=100.0, target_y_m=0.0, r_m=R_M, cluster=cluster)
+        for uav, cluster in (("own", "a"), ("other", "b"))
+    ]
+    dead = msgspec.structs.replace(entry("dead"), r_m=R_M, cluster="a")
+    for gap_m, hindered in ((-0.1, {"own", "other"}), (0.1, {"other"}), (1.9, {"other"}), (2.1, set[str]())):
+        (place,) = places_of(dead, (100.0, 2 * R_M + gap_m), None, step_m=2.0)
+        found = hindrances([(each, HERE) for each in roster], [place])
+        assert found.keys() == hindered
+        assert {each.kind for each in found.values()} <= {"covered"}
 
 
 def test_the_buffer_is_that_of_the_planner() -> None:

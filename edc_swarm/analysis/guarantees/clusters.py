@@ -8,25 +8,51 @@ where its UAVs are. In both cases a cluster that completes all the same has held
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
+from typing import TypeVar
+
+import numpy as np
+from numpy.typing import NDArray
 
 from edc_swarm.analysis.guarantees.evidence import Evidence, gather
-from edc_swarm.analysis.guarantees.progress import PROGRESS
+from edc_swarm.analysis.guarantees.progress import PROGRESS, away_of, places_without, points_of
 from edc_swarm.analysis.guarantees.verdict import GuaranteeResult, Violation, not_applicable, not_judged, verdict
 from edc_swarm.analysis.living import living_at_end
+from edc_swarm.analysis.voyages import voyages_of
 from edc_swarm.mission.clusters import cluster_of
 from edc_swarm.mission.fault_targets import resolve
 from edc_swarm.mission.faults import Heal, Partition, parse_faults
+from edc_swarm.mission.roster_entry import RosterEntry
+from edc_swarm.protocol.hindrance import Point
 from edc_swarm.recording.by_cluster import by_cluster
 
+T = TypeVar("T")
 Checker = Callable[[Evidence], GuaranteeResult]
 
 
 def parts_of(evidence: Evidence) -> dict[str, Evidence]:
-    """Return the evidence of each cluster by name, which knows the faults of the whole mission."""
+    """Return the evidence of each cluster by name, which knows the faults and the obstacles of the whole mission."""
     recordings = by_cluster(evidence.recording)
-    return {name: replace(gather(part), whole=evidence.mission) for name, part in recordings.items()}
+    parts = {name: replace(gather(part), whole=evidence.mission) for name, part in recordings.items()}
+    if len(parts) == 1:
+        return parts
+    living = {name: living_at_end(part.recording, part.tracks) for name, part in parts.items()}
+    places = {name: [*places_without(part, living[name])] for name, part in parts.items()}
+    away = {name: _astray(part, living[name]) for name, part in parts.items()}
+    return {
+        name: replace(part, foreign=_of_others(name, places), foreign_away=_of_others(name, away))
+        for name, part in parts.items()
+    }
+
+
+def _astray(evidence: Evidence, living: NDArray[np.bool_]) -> list[tuple[RosterEntry, Point]]:
+    voyages = voyages_of(evidence.recording, evidence.tracks)
+    return points_of(evidence, voyages, away_of(evidence, voyages, living))
+
+
+def _of_others(name: str, each: Mapping[str, Sequence[T]]) -> list[T]:
+    return [found for other, listed in each.items() if other != name for found in listed]
 
 
 def of_each(parts: Mapping[str, Evidence], checker: Checker) -> GuaranteeResult:

@@ -34,6 +34,8 @@ from edc_swarm.analysis.autopilots import never_flew, unreported
 from edc_swarm.analysis.tracks import Tracks, tracks_of
 from edc_swarm.analysis.true_paths import TruePaths, true_paths
 from edc_swarm.foreign_text import listed
+from edc_swarm.mission.roster_entry import RosterEntry
+from edc_swarm.protocol.hindrance import Place, Point
 from edc_swarm.protocol.messages import Command, Fix, MissionMessage, Report, Truth, roster_index
 from edc_swarm.recording.ends import Ends, ends_of
 from edc_swarm.recording.model import Recording
@@ -76,6 +78,10 @@ class Evidence:
         How each publisher ended.
     whole
         The mission of all clusters, with all faults; `mission` is that of one cluster where a cluster is judged.
+    foreign
+        Where a cluster is judged: places of UAVs of other clusters that no longer fly.
+    foreign_away
+        The same of those that fly and are away from their targets, with their points at the end.
     """
 
     recording: Recording
@@ -88,6 +94,8 @@ class Evidence:
     gaps: list[Gap]
     ends: Ends
     whole: MissionMessage
+    foreign: Sequence[Place] = ()
+    foreign_away: Sequence[tuple[RosterEntry, Point]] = ()
 
     @cached_property
     def paths(self) -> TruePaths | None:

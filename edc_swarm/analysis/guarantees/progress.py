@@ -26,7 +26,7 @@ hear: it breaks G7, and is no excuse for others.
 from __future__ import annotations
 
 import math
-from collections.abc import Collection, Mapping, Sequence
+from collections.abc import Collection, Iterator, Mapping, Sequence
 from itertools import combinations, pairwise
 
 import msgspec
@@ -43,10 +43,10 @@ from edc_swarm.mission.configuration import Mission
 from edc_swarm.mission.faults import Fault, OrderLanding, parse_faults, read_fault
 from edc_swarm.mission.prospect import STALLED, Prospect, default_max_slots, prospect_of, settled_slot
 from edc_swarm.mission.roles import OPERATOR
-from edc_swarm.mission.roster_entry import ARRIVED_M
+from edc_swarm.mission.roster_entry import ARRIVED_M, RosterEntry
 from edc_swarm.mission.routes import Course
 from edc_swarm.protocol.events import EventKind
-from edc_swarm.protocol.hindrance import Hindrance, hindrances, places_of, point
+from edc_swarm.protocol.hindrance import Hindrance, Place, Point, hindrances, places_of, point
 from edc_swarm.protocol.messages import Fix
 
 PROGRESS = "G7"
@@ -74,14 +74,14 @@ def check_progress(evidence: Evidence) -> GuaranteeResult:
         return not_applicable(*_G7, f"{due.sum()} UAVs live at the end{where}, {mission.quorum} are a quorum")
     if mission.goals == "lifelong":
         return _lifelong(evidence, voyages, prospect, settled, bound)
-    excuses = _excuses(evidence, voyages, _away(evidence, voyages, due), bound)
+    excuses = _excuses(evidence, voyages, away_of(evidence, voyages, due), bound)
     excuses |= dict.fromkeys(
-        _away(evidence, voyages, living & ~inside), "a partition that never heals cuts it off from the quorum"
+        away_of(evidence, voyages, living & ~inside), "a partition that never heals cuts it off from the quorum"
     )
-    excuses |= _landed_by_fault(evidence, _away(evidence, voyages, ~due & ~living))
+    excuses |= _landed_by_fault(evidence, away_of(evidence, voyages, ~due & ~living))
     begun = max((voyage.since_slot for voyage in voyages.each), default=0)
     lasting = due & ((drained < 0) | (drained >= max(settled, begun) + prospect.limit_slots))
-    if (final := _away(evidence, voyages, unasked)) and not prospect.obstacle:
+    if (final := away_of(evidence, voyages, unasked)) and not prospect.obstacle:
         # Who has landed never flies again, so no later slot can mend it.
         return verdict(*_G7, [_missing(evidence, voyages, k) for k in final])
     return _judged(evidence, voyages, prospect, max(settled, begun), excuses, due, lasting)
@@ -211,7 +211,8 @@ def _drained(evidence: Evidence) -> NDArray[np.int64]:
     return slots
 
 
-def _away(evidence: Evidence, voyages: Voyages, among: NDArray[np.bool_]) -> list[int]:
+def away_of(evidence: Evidence, voyages: Voyages, among: NDArray[np.bool_]) -> list[int]:
+    """Return which UAVs of `among` are away from their targets at the end."""
     return [
         k for k in np.flatnonzero(among).tolist() if voyages.pending[-1, k] or _away_m(evidence, voyages, k) > ARRIVED_M
     ]
@@ -223,13 +224,26 @@ def _away_m(evidence: Evidence, voyages: Voyages, k: int) -> float:
 
 def _excuses(evidence: Evidence, voyages: Voyages, away: list[int], bound: NDArray[np.bool_]) -> dict[int, str]:
     """Return why each of `away` need not arrive: where the UAVs that no longer fly are, or may be. "" if it must."""
-    roster, centre_m = evidence.mission.roster, evidence.tracks.centre_m[-1]
-    plan = max(evidence.plans, key=lambda report: (report.term, report.slot), default=None)
-    there = np.flatnonzero(~bound & ~evidence.tracks.grounded[-1]).tolist()
-    places = [place for k in there for place in places_of(roster[k], point(centre_m[k]), plan)]
-    found = hindrances([(voyages.each[k].present, point(centre_m[k])) for k in away], places, evidence.mission.zone)
-    living = {roster[k].uav for k in np.flatnonzero(bound).tolist()}
+    roster = evidence.mission.roster
+    places = [*places_without(evidence, bound), *evidence.foreign]
+    astray = [*points_of(evidence, voyages, away), *evidence.foreign_away]
+    found = hindrances(astray, places, evidence.mission.zone)
+    living = {roster[k].uav for k in np.flatnonzero(bound).tolist()} | {entry.uav for entry, _ in evidence.foreign_away}
     return {k: _excuse(found[roster[k].uav], living) if roster[k].uav in found else "" for k in away}
+
+
+def places_without(evidence: Evidence, bound: NDArray[np.bool_]) -> Iterator[Place]:
+    """Yield where the UAVs in the airspace are, or may be, of which no progress is expected."""
+    mission, centre_m = evidence.mission, evidence.tracks.centre_m[-1]
+    plan = max(evidence.plans, key=lambda report: (report.term, report.slot), default=None)
+    for k in np.flatnonzero(~bound & ~evidence.tracks.grounded[-1]).tolist():
+        entry = mission.roster[k]
+        yield from places_of(entry, point(centre_m[k]), plan, step_m=mission.step_m(entry))
+
+
+def points_of(evidence: Evidence, voyages: Voyages, away: Collection[int]) -> list[tuple[RosterEntry, Point]]:
+    """Return UAVs with their newest goals and their points at the end."""
+    return [(voyages.each[k].present, point(evidence.tracks.centre_m[-1, k])) for k in away]
 
 
 def _excuse(found: Hindrance, living: Collection[str]) -> str:
