@@ -6,7 +6,8 @@ layouts. The script needs Chromium with its driver and, in any folder:
     npm install @foxglove/studio-base@1.48.0 react@17.0.2 react-dom@17.0.2
     python benchmarks/viewer/look.py FOLDER/node_modules FILE.mcap [--at 0.3 0.6] [--size 1600x1000]
 
-Pictures are FILE-1.png, FILE-2.png, ... in the current folder; the exit status is 1 if the viewer reports a problem.
+Pictures are FILE-1.png, FILE-2.png, ... in the current folder, and FILE-tabs.png with the other tabs in front; the exit
+status is 1 if the viewer reports a problem.
 """
 
 from __future__ import annotations
@@ -30,7 +31,7 @@ from selenium.webdriver.common.actions.action_builder import ActionBuilder
 from selenium.webdriver.common.by import By
 
 from edc_swarm.recording.mcap_file import McapFile
-from edc_swarm.viz.layout import LAYOUT_ATTACHMENT
+from edc_swarm.viz.layout import LAYOUT_ATTACHMENT, TABS
 
 LOADED_S = 25.0
 DRAWN_S = 6.0
@@ -102,6 +103,10 @@ def look(browser: Any, address: str, shares: list[float], stem: str) -> list[str
     for number, share in enumerate(shares, start=1):
         seek(browser, share)
         browser.save_screenshot(f"{stem}-{number}.png")
+    for tabs in TABS.values():
+        browser.find_element(By.XPATH, f"//input[@value='{[*tabs][-1]}']/../..").click()
+    time.sleep(DRAWN_S)
+    browser.save_screenshot(f"{stem}-tabs.png")
     return problems
 
 
