@@ -31,7 +31,7 @@ from selenium.webdriver.common.actions.action_builder import ActionBuilder
 from selenium.webdriver.common.by import By
 
 from edc_swarm.recording.mcap_file import McapFile
-from edc_swarm.viz.layout import LAYOUT_ATTACHMENT, TABS
+from edc_swarm.viz.layout import LAYOUT_ATTACHMENT
 
 LOADED_S = 25.0
 DRAWN_S = 6.0
@@ -103,8 +103,9 @@ def look(browser: Any, address: str, shares: list[float], stem: str) -> list[str
     for number, share in enumerate(shares, start=1):
         seek(browser, share)
         browser.save_screenshot(f"{stem}-{number}.png")
-    for tabs in TABS.values():
-        browser.find_element(By.XPATH, f"//input[@value='{[*tabs][-1]}']/../..").click()
+    layout = browser.execute_script("return fetch('/layout.json').then((answer) => answer.json())")
+    for tabs in (panel["tabs"] for panel in layout["configById"].values() if "tabs" in panel):
+        browser.find_element(By.XPATH, f"//input[@value='{tabs[-1]['title']}']/../..").click()
     time.sleep(DRAWN_S)
     browser.save_screenshot(f"{stem}-tabs.png")
     return problems
