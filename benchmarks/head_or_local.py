@@ -168,7 +168,8 @@ def draw(measured: dict[tuple[Cell, int], dict[str, Any]], cells: Sequence[Cell]
         axes[row][0].set_ylabel(quantity.title)
     axes[-1][0].set_xlabel(f"delay of every message, ms (loss {100 * least_loss:g} %)")
     axes[-1][1].set_xlabel(f"loss of messages, % (delay {least_ms:g} ms)")
-    runs = [sum(of == cell for of, _ in measured) for cell in cells]
+    drawn = [cell for cell in cells if least_loss == cell.loss or least_ms == cell.delay_ms]
+    runs = [sum(of == cell for of, _ in measured) for cell in drawn]
     flown = f"{min(runs)}" if min(runs) == max(runs) else f"{min(runs)} to {max(runs)}"
     figure.suptitle(f"A head or local control, {cells[0].uavs} UAVs, {flown} runs a cell, 95 % intervals")
     handles, labels = axes[0][0].get_legend_handles_labels()

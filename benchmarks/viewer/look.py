@@ -6,7 +6,8 @@ layouts. The script needs Chromium with its driver and, in any folder:
     npm install @foxglove/studio-base@1.48.0 react@17.0.2 react-dom@17.0.2
     python benchmarks/viewer/look.py FOLDER/node_modules FILE.mcap [--at 0.3 0.6] [--size 1600x1000]
 
-Pictures are FILE-1.png, FILE-2.png, ... in the current folder; the exit status is 1 if the viewer reports a problem.
+Pictures are FILE-1.png, FILE-2.png, ... in the current folder, and FILE-tabs.png with the other tabs in front; the exit
+status is 1 if the viewer reports a problem.
 """
 
 from __future__ import annotations
@@ -102,6 +103,11 @@ def look(browser: Any, address: str, shares: list[float], stem: str) -> list[str
     for number, share in enumerate(shares, start=1):
         seek(browser, share)
         browser.save_screenshot(f"{stem}-{number}.png")
+    layout = browser.execute_script("return fetch('/layout.json').then((answer) => answer.json())")
+    for tabs in (panel["tabs"] for panel in layout["configById"].values() if "tabs" in panel):
+        browser.find_element(By.XPATH, f"//input[@value='{tabs[-1]['title']}']/../..").click()
+    time.sleep(DRAWN_S)
+    browser.save_screenshot(f"{stem}-tabs.png")
     return problems
 
 

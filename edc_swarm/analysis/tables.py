@@ -63,12 +63,16 @@ def _of_heads(m: Metrics) -> list[tuple[str, str]]:
     ]
 
 
+def _heads(count: int) -> str:
+    return "1 head" if count == 1 else f"{count} heads"
+
+
 def _clusters(m: Metrics) -> list[tuple[str, str]]:
     """Return a row for each cluster; none for a mission with one."""
     return [
         (
             f"cluster {each.name}",
-            f"{_count(each.arrived)} of {each.uavs} arrived, {len(each.heads)} heads, {each.messages} messages",
+            f"{_count(each.arrived)} of {each.uavs} arrived, {_heads(len(each.heads))}, {each.messages} messages",
         )
         for each in m.clusters
     ]

@@ -30,6 +30,8 @@ def _plain(schema: dict[str, Any], definitions: dict[str, Any]) -> dict[str, Any
     if "properties" in schema:
         fields = schema["properties"].items()
         plain["properties"] = {name: _plain(field, definitions) for name, field in fields if not _is_nested(field)}
+    elif plain.get("type") == "object":
+        plain["properties"] = {}  # viewers read the properties of every object
     if "items" in schema:
         plain["items"] = _plain(schema["items"], definitions)
     return plain

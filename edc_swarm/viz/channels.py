@@ -32,6 +32,9 @@ LOCATION, LOG, STATUS, STORY = "location", "log", "status", "story"
 class Status(Struct, frozen=True, kw_only=True):
     """Values for plots, one set per report of a slot.
 
+    Of several clusters, `slot` and `status` are those of the report. The others are those of the newest reports of all:
+    heads and terms in the order of the clusters, the longest plan, the least gap, all that are heard and unheard.
+
     An unknown value (the plan time in a simulation, the gap of a lone UAV) is absent. `plan_limit_near_ms` is the limit
     of the plan time, in slots in which the plan takes a large share of it: a plot of both stays readable. The batteries
     are those of all UAVs heard of, in per cent of the first charge. `oldest_fix_slots` is the age of the oldest fix
@@ -39,7 +42,7 @@ class Status(Struct, frozen=True, kw_only=True):
     """
 
     slot: int
-    term: int
+    term: str
     head: str
     status: str
     plan_ms: float | UnsetType = UNSET

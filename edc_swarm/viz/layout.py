@@ -17,16 +17,16 @@ GRID_M = 20.0
 MAX_DIVISIONS = 50
 SCENE, PLAN, GAP, HEAD, LOG, MAP = "3D!swarm", "Plot!plan", "Plot!gap", "StateTransitions!head", "RosOut!log", "map!gps"
 BATTERY, LINKS, PLOTS, BELOW = "Plot!battery", "Plot!links", "Tab!plots", "Tab!below"
-HEIGHTS = {PLOTS: 45, HEAD: 20, BELOW: 35}
+HEIGHTS = {PLOTS: 36, HEAD: 30, BELOW: 34}
 """Panels of the right-hand column with their shares of its height in per cent."""
 TABS: dict[str, dict[str, tuple[str, ...]]] = {
-    PLOTS: {"Flight": (PLAN, GAP), "Batteries and links": (BATTERY, LINKS)},
+    PLOTS: {"Flight": (PLAN, GAP), "Battery, links": (BATTERY, LINKS)},
     BELOW: {"Log": (LOG,), "Map": (MAP,)},
 }
 """Panels that share a place, by the name of their tab."""
 BUSY = frozenset({channels.LABELS, channels.GOALS, channels.LINKS})
 """Layers that begin switched off above `MANY_UAVS`."""
-MAP_PX = 220
+MAP_PX = 180
 """Height of the map panel at these shares, in pixels."""
 TILE_MPP = 156_543.034
 """Metres per pixel of web map tiles at zoom 0 on the equator."""
@@ -37,7 +37,8 @@ def layout(mission: MissionMessage) -> dict[str, Any]:
     """Return a layout for Foxglove and for Lichtblick whose camera shows the whole area of `mission`.
 
     Viewers hide every topic that no layout shows. The least gap has the scale of a disc's radius, since the gaps that
-    matter are near 0; the limit of the plan time is in the title, since a line at it would flatten the plan times.
+    matter are near 0; the limit of the plan time is in the title, since a line at it would flatten the plan times: it
+    has one where a plan comes near it.
     """
     limit_ms = 1e3 * (mission.dt_s - mission.tau_s) / mission.time_scale
     top_m = max((entry.r_m for entry in mission.roster), default=0.0) or 1.0
@@ -48,13 +49,13 @@ def layout(mission: MissionMessage) -> dict[str, Any]:
             SCENE: _titled("Swarm from above", _scene(middle_m, size_m, len(mission.roster))),
             PLAN: _titled(
                 f"Plan time (ms); the limit is {limit_ms:g} ms",
-                _plot(plan_ms=("plan", BLUE), plan_limit_near_ms=("limit, when near", RED)),
+                _plot(plan_ms=("plan", BLUE), plan_limit_near_ms=("limit", RED)),
             ),
             GAP: _titled(
                 f"Least gap (m), up to {top_m:g} m",
                 {
                     **_plot(gap_m=("now", BLUE), planned_gap_m=("planned", ORANGE), gap_limit_m=("limit", RED)),
-                    "minYValue": -top_m / 4,
+                    "minYValue": -top_m / 5,
                     "maxYValue": top_m,
                 },
             ),
@@ -66,7 +67,7 @@ def layout(mission: MissionMessage) -> dict[str, Any]:
                 "UAVs that the head does not hear, oldest fix (slots)",
                 _plot(unheard=("not heard", BLUE), oldest_fix_slots=("oldest fix", ORANGE)),
             ),
-            HEAD: _titled("Head, term, faults, warnings", {"isSynced": True, "paths": _rows()}),
+            HEAD: _titled("Head, term, faults and warnings", {"isSynced": True, "paths": _rows()}),
             LOG: _titled("Log", {"searchTerms": [], "minLogLevel": 2}),
             MAP: _titled("GPS", _map(mission, middle_m, size_m)),
             **{panel: {"activeTabIdx": 0, "tabs": _tabs(tabs)} for panel, tabs in TABS.items()},
@@ -165,12 +166,11 @@ def _path(name: str) -> dict[str, Any]:
 
 
 def _rows() -> list[dict[str, Any]]:
-    """Return the rows of the timeline: head and term, and what the story tells of faults and warnings."""
-    told = f"{ROOT}{channels.STORY}"
-    rows = {"fault": f'{told}{{kind=="fault"}}.words', "warning": f'{told}{{level=="warning"}}.words'}
-    words = [{"value": value, "enabled": True, "timestampMethod": "receiveTime"} for value in rows.values()]
-    named = zip(("head", "term", *rows), (_path("head"), _path("term"), *words), strict=True)
-    return [{**path, "label": name} for name, path in named]
+    """Return the rows of the timeline: head and term, and the story's warnings, of which faults are some."""
+    told = f'{ROOT}{channels.STORY}{{level=="warning"}}.words'
+    warnings = {"value": told, "enabled": True, "timestampMethod": "receiveTime"}
+    rows = {"head": _path("head"), "term": _path("term"), "fault or warning": warnings}
+    return [{**path, "label": name} for name, path in rows.items()]
 
 
 def _tabs(tabs: dict[str, tuple[str, ...]]) -> list[dict[str, Any]]:

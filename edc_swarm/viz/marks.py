@@ -19,7 +19,7 @@ def on_the_ground(entry: RosterEntry, centre: Point, now_ns: int) -> SceneEntity
 
 
 def out_of_action(entry: RosterEntry, centre: Point, words: str, label_m: float, now_ns: int) -> SceneEntity:
-    """Return the mark of a UAV that is dead, frozen or silent: a grey, empty disc that is crossed out."""
+    """Return the mark of a UAV that does not fly, but has its airspace: a grey, empty disc that is crossed out."""
     made = entity(entry.uav, now_ns)
     made.lines.append(ring(centre, entry.r_m, GREY, 2.0))
     d_m = 0.7 * entry.r_m

@@ -5,7 +5,7 @@ The caller gives the time, so the same messages at the same times give the same 
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass
 
 import msgspec
@@ -60,7 +60,8 @@ LABELS_HIGH = 45
 """Height of a view of the whole area, in labels."""
 
 
-GONE = frozenset({"dead", "frozen", "silent"})
+GONE = frozenset({"dead", "frozen", "silent", "landed"})
+"""States of a UAV that does not fly. The others keep clear of the disc of one that landed until its head frees it."""
 OUTLINES: dict[str, Rgb] = {
     "flying": BLUE, "holding": AMBER, "arrived": GREEN, "beside": CYAN, "cut-off": PURPLE, "unknown": GREY,
 }  # fmt: skip
@@ -237,11 +238,15 @@ class Scenery:
     def _links(self, centres: dict[str, Point], now_ns: int) -> list[SceneEntity]:
         """Return the links of each head to the UAVs of its cluster; none where no head is known."""
         links = []
-        for cluster, report in self._reports.items():
-            mates = (name for name, uav in self._uavs.items() if uav.entry.cluster == cluster and self._flies(name))
-            aged = layers.ages(report.slot, self._heard_in, mates)
+        for report, aged in self._ages():
             links += [(centres[report.head], centres[name], age) for name, age in aged.items() if name != report.head]
         return layers.links(links, now_ns)
+
+    def _ages(self) -> Iterator[tuple[Report, dict[str, int]]]:
+        """Yield the newest report of each cluster, and the ages of its head's fixes of the UAVs that fly."""
+        for cluster, report in self._reports.items():
+            mates = (name for name, uav in self._uavs.items() if uav.entry.cluster == cluster and self._flies(name))
+            yield report, layers.ages(report.slot, self._heard_in, mates)
 
     @property
     def _landed(self) -> list[str]:
@@ -351,28 +356,28 @@ class Scenery:
         mission, fixes = self._mission, [uav.fix for uav in self._uavs.values() if uav.fix is not None]
         centres = {name: self._centre(uav, now_ns) for name, uav in self._uavs.items()}
         least_m = self._gaps(centres).least_m
-        plan_ms = report.plan_ms or self._plan_ms.get(report.slot, 0.0)
+        newest = [self._reports[cluster] for cluster in self._clusters if cluster in self._reports]
+        plan_ms = max(each.plan_ms for each in newest) or self._plan_ms.get(report.slot, 0.0)
         limit_ms = 1e3 * (mission.dt_s - mission.tau_s) / mission.time_scale
         charges = [pct for uav in self._uavs.values() if (pct := uav.battery_pct) is not None]
-        aged = layers.ages(report.slot, self._heard_in, filter(self._flies, self._uavs))
         return Status(
             slot=report.slot,
-            term=report.term,
-            head=report.head,
+            term=", ".join(str(each.term) for each in newest),
+            head=", ".join(each.head for each in newest),
             status=report.status,
             plan_ms=plan_ms or UNSET,
             plan_limit_ms=limit_ms,
             plan_limit_near_ms=limit_ms if plan_ms > NEAR_LIMIT * limit_ms else UNSET,
             gap_m=UNSET if least_m is None else least_m,
-            planned_gap_m=report.min_gap_m,
+            planned_gap_m=min(each.min_gap_m for each in newest),
             gap_limit_m=0.0,
-            heard=len(report.heard),
-            unheard=len(report.unheard),
+            heard=sum(len(each.heard) for each in newest),
+            unheard=sum(len(each.unheard) for each in newest),
             arrived=sum(fix.arrived for fix in fixes),
             least_energy_j=min((fix.energy_j for fix in fixes), default=UNSET),
             least_battery_pct=min(charges, default=UNSET),
             mean_battery_pct=sum(charges) / len(charges) if charges else UNSET,
-            oldest_fix_slots=max(aged.values(), default=UNSET),
+            oldest_fix_slots=max((age for _, aged in self._ages() for age in aged.values()), default=UNSET),
         )
 
 

@@ -20,7 +20,7 @@ from processes.uav.process import UavSettings
 from processes.uav.state import promise_path
 
 FORK_SOURCE = "fork-source"
-PLANNER_READY = "the planner, which the first run compiles (`python -m processes.uav.compile_ahead` compiles it before)"
+PLANNER_READY = "the planner (a first run compiles it; `python -m processes.uav.compile_ahead` does so before)"
 
 
 class UavPool:

@@ -288,6 +288,7 @@ def in_subset(schema: dict[str, Any]) -> bool:
     if schema["type"] == "array":
         assert schema["items"]["type"] != "array"
         return in_subset(schema["items"])
+    assert ("properties" in schema) == (schema["type"] == "object")
     return all(in_subset(field) for field in schema.get("properties", {}).values())
 
 

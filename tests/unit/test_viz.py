@@ -176,6 +176,7 @@ def test_each_cluster_has_its_colour_and_its_head(messages: list[Message]) -> No
         messages.remove(report)
         for head, mates, term in (("u0", ["u0"], 2), ("u1", ["u1", "u2"], 1)):
             fields = {"head": head, "heard": mates, "grants": mates, "unheard": [], "term": term}
+            fields |= {"plan_ms": 10.0 * term, "min_gap_m": float(term)}
             messages.append(msgspec.structs.replace(report, **fields, quorum=len(mates), standby=mates[1:]))
     entities = scene(messages, "uavs", 3)
     inner = {
@@ -193,6 +194,12 @@ def test_each_cluster_has_its_colour_and_its_head(messages: list[Message]) -> No
     assert [(line.points[0].x, line.points[1].x) for line in scene(messages, "links", 3)["links"].lines] == [
         (12.0, 24.0)
     ]
+    said = [each.payload for each in shown(messages) if each.topic == "/viz/status"]
+    statuses = [msgspec.json.decode(payload, type=Status) for payload in said]
+    told = statuses[-1]
+    assert (told.head, told.term, told.heard) == ("u0, u1", "2, 1", 3), "a row of the timeline says all heads"
+    assert (told.plan_ms, told.planned_gap_m) == (20.0, 1.0), "the longest plan and the least gap"
+    assert {each.oldest_fix_slots for each in statuses} == {0}, "a report of one slot later makes no fix of others old"
 
 
 def test_labels_are_legible_at_every_zoom_and_clear_their_disc(messages: list[Message]) -> None:
@@ -259,7 +266,7 @@ def test_the_status_is_that_of_the_last_plan(messages: list[Message]) -> None:
     assert (status.plan_limit_ms, status.gap_m) == (pytest.approx(300.0), pytest.approx(2.0, abs=0.1))
     assert status == Status(
         slot=8,
-        term=1,
+        term="1",
         head="u0",
         status="planned",
         plan_ms=10.0,
@@ -419,6 +426,14 @@ def test_a_dead_uav_looks_dead_and_the_log_tells_the_story(messages: list[Messag
     assert [text.text for text in discs["u1"].texts] == ["u1 dead"]
     assert (len(discs["u1"].cylinders), len(discs["u1"].lines)) == (0, 3)
     assert discs["u0"].cylinders
+
+
+def test_a_uav_that_landed_looks_so_before_its_head_frees_its_airspace(messages: list[Message]) -> None:
+    """Others still keep clear of its disc, which is grey and crossed out, and says why."""
+    fault = Event(source="u1", kind="landed", detail="", sent_ns=EPOCH_NS + 2_000_000_000, slot=4)
+    discs = scene([*messages, fault], "uavs", 8)
+    assert [text.text for text in discs["u1"].texts] == ["u1 landed"]
+    assert (len(discs["u1"].cylinders), len(discs["u1"].lines)) == (0, 3)
 
 
 def test_long_lists_in_the_log_can_be_broken_into_lines() -> None:
