@@ -149,9 +149,10 @@ def tracks_of(recording: Recording) -> Tracks:
     silent = list(_silent_steps(recording, truths, true_cells, centre_m, began_m, executed, change_m))
     for step in silent:
         executed[step.slot, step.uav] = True
+        began_m[step.slot, step.uav] = (step.command.start_x_m, step.command.start_y_m)
         centre_m[step.slot + 1, step.uav] = (step.command.target_x_m, step.command.target_y_m)
     unsaid = np.isnan(centre_m[1:, :, 0])
-    _fill_forward(centre_m, change_m)
+    _fill_forward(centre_m, began_m, change_m)
     lost = _bridged(voters, index, unsaid, centre_m, change_m)
     true_from_m, true_to_m = _true_motion(truths, true_cells, centre_m)
     untold = lost | inertia  # Of a vehicle with inertia, the disc does not tell the place.
@@ -215,11 +216,11 @@ def _points(messages: Sequence[Any], name: str) -> Floats:
     return np.stack([_column(messages, f"{name}_x_m"), _column(messages, f"{name}_y_m")], axis=-1)
 
 
-def _fill_forward(centre_m: Floats, change_m: Sequence[float]) -> None:
+def _fill_forward(centre_m: Floats, began_m: Floats, change_m: Sequence[float]) -> None:
     """Replace every NaN with the place of a UAV that holds, or that brakes by its step change (K,)."""
     for k in np.flatnonzero(np.isfinite(change_m) & np.isnan(centre_m[..., 0]).any(axis=0)).tolist():
         for first, after in _runs(np.isnan(centre_m[:, k, 0])):
-            step_m = _point(centre_m[max(first - 2, 0), k]), _point(centre_m[first - 1, k])
+            step_m = _newest_step(k, first - 1, centre_m, began_m)
             for t in range(first, after):
                 step_m = braked(*step_m, change_m[k])
                 centre_m[t, k] = step_m[1]
@@ -303,10 +304,6 @@ class _Sightings:
         """Return a step as the state from which the UAV brakes; a vehicle that stops at once has only a place."""
         return (end, end) if math.isinf(self.change_m) else (start, end)
 
-    def braked(self, motion: Motion) -> Motion:
-        """Return the next step of a UAV that brakes."""
-        return braked(*motion, self.change_m)
-
     def agrees(self, slot: int, end: Point) -> bool:
         """Return True if the slot has no truth, or one that agrees with a disc that ends at `end`."""
         return slot not in self.disc_m or math.dist(self.disc_m[slot], end) <= TRUTH_TOLERANCE_M
@@ -321,10 +318,7 @@ def _silent_steps(
     executed: Bools,
     change_m: Sequence[float],
 ) -> Iterator[Step]:
-    """Yield the steps in slots without a fix of a voter, for every UAV with such slots.
-
-    `began_m` (S, K, 2) has the place of the disc at the start of each slot with a fix.
-    """
+    """Yield the steps in slots without a fix of a voter. `began_m`: where the disc was as a slot with a fix began."""
     unsaid = np.isnan(centre_m[1:, :, 0])
     if not unsaid.any():
         return
@@ -362,8 +356,7 @@ def _explained(
     The search keeps the set of all points that the UAV can have reached, slot by slot. A recorded truth decides
     the place at the end of its slot; otherwise all points stay possible and holding is preferred.
     """
-    before = _point(began_m[first - 1, k] if first else centre_m[0, k])
-    paths: dict[Motion, tuple[Step, ...]] = {sightings.motion(before, _point(centre_m[first, k])): ()}
+    paths: dict[Motion, tuple[Step, ...]] = {sightings.motion(*_newest_step(k, first, centre_m, began_m)): ()}
     for slot in range(first, after):
         paths = _advanced(paths, k, slot, sightings)
     if after == len(executed):
@@ -372,7 +365,7 @@ def _explained(
     seen = _point(centre_m[after + 1, k])
     for motion, path in paths.items():
         flown = (c for c in sightings.commands.get(after, []) if (c.start_x_m, c.start_y_m) == motion[1])
-        braking = [sightings.braked(motion)[1]]
+        braking = [braked(*motion, sightings.change_m)[1]]
         ends = [(c.target_x_m, c.target_y_m) for c in flown] if executed[after, k] else braking
         if seen in ends:
             yield from path
@@ -383,7 +376,7 @@ def _advanced(
     paths: dict[Motion, tuple[Step, ...]], k: int, slot: int, sightings: _Sightings
 ) -> dict[Motion, tuple[Step, ...]]:
     """Return the motions that the UAV can make in a slot; without a command, if none explains the recorded truth."""
-    braking = {sightings.braked(motion): path for motion, path in paths.items()}
+    braking = {braked(*motion, sightings.change_m): path for motion, path in paths.items()}
     reached = {motion: path for motion, path in braking.items() if sightings.agrees(slot, motion[1])}
     ordered: dict[Motion, list[Command]] = {}
     for command in sightings.commands.get(slot, []):
@@ -394,6 +387,11 @@ def _advanced(
             if motion[1] == start and sightings.agrees(slot, end):
                 reached.setdefault(sightings.motion(start, end), (*path, Step(k, slot, tuple(commands))))
     return reached or braking
+
+
+def _newest_step(k: int, row: int, centre_m: Floats, began_m: Floats) -> Motion:
+    """Return the step that led UAV `k` to its place in `row` of `centre_m`, by its own word; at the start none."""
+    return _point(began_m[row - 1, k] if row else centre_m[0, k]), _point(centre_m[row, k])
 
 
 def _point(xy_m: Floats) -> Point:

@@ -30,6 +30,7 @@ def check_hold_on_silence(evidence: Evidence) -> GuaranteeResult:
     jump_m = _length_m(tracks.true_from_m[1:] - tracks.true_to_m[:-1])
     jump_m = np.concatenate([np.zeros((1, jump_m.shape[1])), jump_m])[: tracks.slots]
     held, exact = ~tracks.executed & ~tracks.lost, ~have_inertia(evidence.mission)
+    held[1:] &= exact | ~tracks.lost[:-1]  # Where a vehicle brakes to depends on its step before.
     found = [
         *_moves(evidence, disc_m, (disc_m > _rounding_m(braking_m)) & held, "moved-without-command"),
         *_moves(evidence, *_changes(evidence), "changes-too-fast"),

@@ -1,0 +1,54 @@
+"""What a recording lacks accuses nobody: no window of time that is missing breaks anything but G5."""
+
+from __future__ import annotations
+
+from functools import cache
+
+import pytest
+
+from edc_swarm.analysis.guarantees.check import check
+from edc_swarm.mission.roster import complete_mission
+from edc_swarm.mission.validation import mission_from_dict
+from edc_swarm.planner.registry import make_planner
+from edc_swarm.protocol.messages import Message, MissionMessage, mission_message
+from edc_swarm.recording.model import Recording
+from edc_swarm.simulation.simulator import Simulation
+
+FAULTS = ["freeze u002 mid-step @6s for 8s", "kill u003 @9s", "restart u003 @11s"]
+"""u002 brakes from slot 13 on, and u003 is dead in slots 18 to 21."""
+
+
+@cache
+def said() -> tuple[MissionMessage, list[Message]]:
+    """Return a mission of three vehicles with inertia, and its messages."""
+    fields = {"uavs": 3, "seed": 2, "area_m2": 3600.0, "max_slots": 60, "failsafe": "hold", "fault": FAULTS}
+    mission = mission_message(complete_mission(mission_from_dict({**fields, "vehicle": {"model": "multirotor"}})))
+    messages: list[Message] = []
+    planner = make_planner(mission.planner, mission)
+    Simulation(mission, lambda: planner, lambda _key, now, _ns: messages.append(now)).run()
+    return mission, messages
+
+
+def without(first: float, last: float) -> list[Message]:
+    """Return what was said outside of the slots first..last."""
+    mission, messages = said()
+    begin_ns, end_ns = (mission.epoch_ns + round(slot * mission.slot_ns) for slot in (first, last + 1))
+    return [m for m in messages if isinstance(m, MissionMessage) or not begin_ns <= m.sent_ns < end_ns]
+
+
+def statuses(messages: list[Message]) -> dict[str, str]:
+    """Return the verdicts of `check`."""
+    return {result.guarantee: result.status for result in check(Recording.from_messages(messages))}
+
+
+def test_the_whole_record_holds() -> None:
+    """The mission keeps every guarantee."""
+    assert set(statuses(said()[1]).values()) == {"held"}
+
+
+@pytest.mark.parametrize(("first", "last"), [(3, 11), (8, 11), (15, 23), (20, 22)])
+def test_a_window_that_is_missing_accuses_nobody(first: int, last: int) -> None:
+    """A UAV with inertia brakes from the step of its newest fix, not from where it was before the window."""
+    found = statuses(without(first, last))
+    assert found.pop("G5") == "broken"
+    assert set(found.values()) == {"not-judged"}
