@@ -209,7 +209,7 @@ def _misplaced(airspace: Airspace, points_m: Floats, lack_m: Floats, r_m: Floats
         wrong = f"{-clear_m:.3f} m {'outside' if side == 'inside' else 'inside'} it"
         where = wrong if clear_m < 0 else f"{abs(clear_m):.3f} m from its edge"
         kept = f"with its whole disc of {r_m[index]:g} m" if zone.keeps_disc else "with its centre"
-        yield index, f"{side} {zone.kind} zone {zone.name} {kept}, not {where}"
+        yield index, f"{side} {zone.kind} zone '{zone.name}' {kept}, not {where}"
 
 
 # --- ways ----------------------------------------------------------------------------------------

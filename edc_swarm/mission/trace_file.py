@@ -68,7 +68,8 @@ class _File:
         value = _number(cells[place])
         if value is None:
             allowed = "a table of finite numbers; lost probes are left out"
-            raise self.refusal(f"{shown(cells[place], 40)} in line {number}", allowed)
+            found = shown(cells[place], 40) or "nothing"
+            raise self.refusal(f"{found} in column {place + 1} of line {number}", allowed)
         return value
 
     def columns(self) -> tuple[str | int, str | int]:
@@ -87,6 +88,8 @@ class _File:
             return header.index(column)
         names = ", ".join(shown(name, 40) for name in header[:20])
         allowed = f"the name or number of one of the {len(header)} columns of {self.link.trace}: {names}"
+        if len(header) == 1:
+            allowed = f"columns of {self.link.trace}, separated by commas, semicolons, tabs or spaces, not {names}"
         raise MissionError(f"{self.where}.trace_columns", column, allowed)
 
 
@@ -143,7 +146,7 @@ def _delays(lines: Sequence[Line], file: _File) -> Rows:
             raise file.refusal(f"line {line[0]} was sent before the line above", "a table in the order of sending")
         if not 0 <= last_us <= limit_us or step_us > limit_us:
             found = f"line {line[0]}: {step_us / 1000:g} ms after the line above, delay {last_us / 1000:g} ms"
-            raise file.refusal(found, f"a table with steps and delays from 0 to {limit_us // 1000} ms")
+            raise file.refusal(found, f"a table with times between rows, and delays, from 0 to {limit_us // 1000} ms")
         sent_us.append(at_us)
         delay_us.append(last_us // 2 if link.round_trip else last_us)
     if len(sent_us) < 2:

@@ -50,9 +50,12 @@ def in_words(kind: Type) -> str:
 
 
 def type_at(kind: type, path: str) -> Type:
-    """Return the declared type at `path`, such as `roster[2].r_m`, inside the Struct `kind`."""
+    """Return the declared type at `path`, such as `roster[2].r_m`, inside the Struct `kind`.
+
+    `[...]` in a path is any value of a table.
+    """
     found = _described(kind)
-    for part in re.findall(r"[^.\[\]]+", path):
+    for part in re.findall(r"\.\.\.|[^.\[\]]+", path):
         options = found.types if isinstance(found, UnionType) else (found,)
         found = next(inner for each in options if (inner := _inside(each, part)) is not None)
     return found
@@ -76,6 +79,8 @@ def _inside(kind: Type, part: str) -> Type | None:
         return next((field.type for field in kind.fields if field.encode_name == part), None)
     if isinstance(kind, TupleType):
         return kind.item_types[min(int(part), len(kind.item_types) - 1)]
+    if isinstance(kind, DictType):
+        return kind.value_type
     return kind.item_type if isinstance(kind, ListType) else None
 
 

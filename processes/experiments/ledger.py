@@ -11,9 +11,11 @@ import fcntl
 import hashlib
 import importlib
 import importlib.util
+import inspect
 import multiprocessing
 import os
 import signal
+import sys
 import time
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from concurrent.futures import FIRST_COMPLETED, Future, ProcessPoolExecutor, wait
@@ -47,6 +49,10 @@ OWN = frozenset({"edc_swarm", "processes"})
 PACKAGES = ("numpy", "scipy", "numba", "osqp")
 RESULT_NEUTRAL_PACKAGES = ("experiments", "report_page", "viz")
 """Packages of the library that cannot change a result: they declare runs, judge results or display them."""
+WORKER_DIED = (
+    'a worker process died (out of memory? or a script that sweeps without `if __name__ == "__main__":`?); '
+    "run the command again to resume"
+)
 MEASURES = "processes.experiments.measures"
 """Module of the measurements whose names have no module."""
 MEASURING = ("measures.py", "timed_planner.py")
@@ -235,6 +241,16 @@ def make(run: Run, code: str) -> tuple[Any, float]:
     return result, time.process_time() - begun_s
 
 
+def end_if_imported_by_worker() -> None:
+    """End this process if it is a worker that imports the user's script, which would begin the same sweep again.
+
+    Workers import the script under the name `__mp_main__`, and one without `if __name__ == "__main__":` sweeps in each.
+    They end without a word; the process that started them raises `SweepError`.
+    """
+    if any(frame.frame.f_globals.get("__name__") == "__mp_main__" for frame in inspect.stack(0)):
+        sys.exit(1)
+
+
 class Local:
     """Scheduler with worker processes on this machine, or with this process itself for one job."""
 
@@ -247,13 +263,14 @@ class Local:
         if jobs <= 1:
             yield from ((run, *make(run, code_of(run))) for run in runs)
             return
+        end_if_imported_by_worker()
         spawn = multiprocessing.get_context("spawn")
         before = set(multiprocessing.active_children())
         with ProcessPoolExecutor(jobs, mp_context=spawn, initializer=begin_worker, initargs=(os.getpid(),)) as pool:
             try:
                 yield from _windowed(lambda run: _submitted(pool, run), runs, jobs * IN_FLIGHT)
             except BrokenProcessPool:
-                raise SweepError("a worker process died (out of memory?); run the command again to resume") from None
+                raise SweepError(WORKER_DIED) from None
             except BaseException:
                 _end(pool, set(multiprocessing.active_children()) - before)
                 raise

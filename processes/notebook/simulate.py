@@ -50,9 +50,16 @@ def new_mission(source: Mission | str | Path | None = None, /, **options: Any) -
 
 
 def _named(value: Any) -> Any:
-    """Return a value as a mission states it: a class as `package.module:Class`, a number of NumPy as one of Python."""
+    """Return a value as a mission states it: a class as `package.module:Class`, a number of NumPy as one of Python.
+
+    In lists and tables too, since the model of a link stands in `link`.
+    """
     if isinstance(value, np.generic):
         return value.item()
+    if isinstance(value, dict):
+        return {key: _named(each) for key, each in value.items()}
+    if isinstance(value, list | tuple):
+        return [_named(each) for each in value]
     return f"{value.__module__}:{value.__qualname__}" if inspect.isclass(value) else value
 
 

@@ -49,6 +49,11 @@ class Sweep:
     axes: dict[str, list[Any]]
     rows: list[dict[str, Any]]
 
+    def __repr__(self) -> str:
+        """Return the number of missions, and what was varied."""
+        varied = ", ".join(f"{name} ({len(values)} values)" for name, values in self.axes.items())
+        return f"<Sweep of {len(self.rows)} missions: {varied or 'seeds alone'}>"
+
     @property
     def runs(self) -> Any:
         """A pandas frame with a row for each mission."""
@@ -82,7 +87,8 @@ class Sweep:
         """
         x = x or next(iter(self.axes), "")
         if x not in self.axes:
-            raise InputError("x", x, f"one of {', '.join(self.axes)}")
+            allowed = f"one of {', '.join(self.axes)}" if self.axes else "an option that the sweep was given as a list"
+            raise InputError("x", x, allowed)
         ax = new_axes(ax)
         others = [name for name in self.axes if name != x]
         points = self._points(metric, None)

@@ -201,6 +201,16 @@ def test_a_worker_that_dies_ends_the_sweep_with_a_word() -> None:
         list(Local(2).results(runs))
 
 
+def test_a_script_that_sweeps_in_every_worker_ends_with_a_word(tmp_path: Path) -> None:
+    """Workers import the script again; they end without a traceback of their own."""
+    script = tmp_path / "unguarded.py"
+    script.write_text("import edc_swarm as es\nes.sweep(uavs=3, planner='straight', seeds=2, jobs=2)\n")
+    ended = subprocess.run([sys.executable, str(script)], capture_output=True, text=True, check=False)
+    assert ended.returncode == 1
+    assert ended.stderr.count("Traceback") == 1
+    assert '`if __name__ == "__main__":`' in ended.stderr.splitlines()[-1]
+
+
 def test_failed_run_is_named_and_others_are_kept(tmp_path: Path) -> None:
     """A run that fails ends the sweep with its command; finished results stay."""
     crowded = Run("fly", Mission(uavs=50, area_m2=100.0))

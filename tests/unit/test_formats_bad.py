@@ -232,12 +232,12 @@ BAD: list[tuple[str, str | bytes, str]] = [
     (
         "a.geojson",
         collection(feature("LineString", [[8.544, 47.398], [8.546, 47.398]]), feature("Polygon", [RING])),
-        "a.geojson: feature 1, point 2: target of u001: must be outside exclusion zone zone 1 with its whole disc",
+        "a.geojson: feature 1, point 2: target of u001: must be outside exclusion zone 'zone 1' with its whole disc",
     ),
     (
         "a.geojson",
         collection(feature("LineString", [[8.546, 47.398], [8.549, 47.398]]), feature("Polygon", [RING], name="fence")),
-        "a.geojson: feature 1, point 2: target of u001: must be inside inclusion zone fence with its centre, not 150.",
+        "a.geojson: feature 1, point 2: target of u001: must be inside inclusion zone 'fence' with its centre, not 15",
     ),
     # Discs that overlap.
     (
@@ -387,9 +387,7 @@ def test_no_mission_is_written_that_sim_refuses(capsys: pytest.CaptureFixture[st
     points = [[8.545, 47.398], [8.546, 47.398]]
     ring = feature("Polygon", [RING], kind="inclusion")
     line = refusal(capsys, ("a.json", collection(feature("LineString", points), ring)))
-    assert (
-        "a.json: feature 1, point 1: start of u001: must be inside inclusion zone zone 1 with its centre, not " in line
-    )
+    assert "a.json: feature 1, point 1: start of u001: must be inside inclusion zone 'zone 1' with its centre" in line
     wall = feature("Polygon", [[[8.5455, 47], [8.5456, 47], [8.5456, 48], [8.5455, 48], [8.5455, 47]]], kind="no-fly")
     points[0][0] += 0.0001
     line = refusal(capsys, ("a.json", collection(feature("LineString", points), ring, wall)))

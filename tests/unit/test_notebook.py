@@ -182,6 +182,27 @@ def test_numbers_of_numpy_are_numbers() -> None:
     assert [row["seed"] for row in swept.rows] == [0]
 
 
+class Late:
+    """A link that takes 100 ms."""
+
+    def __init__(self, *_: object) -> None: ...
+
+    def delay_ms(self, _: object) -> float:
+        """Return the delay of any message."""
+        return 100.0
+
+
+def test_a_link_model_may_be_a_class() -> None:
+    """As a planner may: in the table of its link, alone or as one of several to compare."""
+    links: list[list[dict[str, Any]]] = [[], [{"model": Late}]]
+    at_once, late = (es.simulate(**STRAIGHT, link=link).metrics.fix_to_command_ms.p50 for link in links)
+    assert at_once is not None
+    assert late is not None
+    assert late - at_once == pytest.approx(100.0, abs=1.0)
+    axis = es.sweep(**STRAIGHT, link=links, seeds=1, jobs=1)
+    assert repr(axis) == "<Sweep of 2 missions: link (2 values)>"
+
+
 def test_a_source_is_a_mission_or_a_path() -> None:
     """A table of options is neither."""
     with pytest.raises(es.MissionError, match="source"):

@@ -94,10 +94,11 @@ REFUSED: dict[str, tuple[str | bytes, str]] = {
     "two such columns": ("sent,delay,delay\n1,1,1\n2,1,1\n", "sent, delay, delay"),
     "negative": ("sent,delay\n1,1\n2,-3\n", "line 3: 1 ms after the line above, delay -3 ms"),
     "unsorted": ("sent,delay\n2,1\n1,1\n", "line 3 was sent before the line above"),
-    "nan": ("sent,delay\n1,1\n2,nan\n", "nan in line 3"),
-    "infinite": ("sent,delay\n1,1\n2,inf\n", "inf in line 3"),
-    "beyond all limits": ("sent,delay\n1,1\n2,1e300\n", "1e300 in line 3"),
-    "words": ("sent,delay\n1,1\n2,soon\n", "soon in line 3"),
+    "nan": ("sent,delay\n1,1\n2,nan\n", "nan in column 2 of line 3"),
+    "infinite": ("sent,delay\n1,1\n2,inf\n", "inf in column 2 of line 3"),
+    "beyond all limits": ("sent,delay\n1,1\n2,1e300\n", "1e300 in column 2 of line 3"),
+    "words": ("sent,delay\n1,1\n2,soon\n", "soon in column 2 of line 3"),
+    "no number": ("sent,delay\n1,1\n2,\n", "nothing in column 2 of line 3"),
     "short": ("sent,delay\n1,1\n2\n", "line 3"),
     "binary": (bytes(range(256)), "a binary file"),
     "odd UTF-16": (b"\xff\xfea", "a binary file"),
@@ -130,6 +131,10 @@ def test_a_table_needs_columns_and_known_ones(tmp_path: Path) -> None:
     for columns in ({}, {"sent": 1}, {"sent": 1, "delai": 2}, {"sent": 1, "delay": 3}):
         with pytest.raises(MissionError, match=r"trace_columns"):
             read(tmp_path, TABLE, trace_columns=columns)
+    with pytest.raises(MissionError, match="separated by commas, semicolons, tabs or spaces"):
+        read(tmp_path, TABLE.replace(",", "|"))
+    with pytest.raises(MissionError, match="a whole number from 1 to 1000"):
+        load_mission(written(tmp_path, '[[link]]\ntrace = "net.csv"\ntrace_columns = { sent = 0, delay = 2 }'))
     with pytest.raises(MissionError, match="left out without a trace"):
         complete_mission(load_mission(written(tmp_path, "[[link]]\ntrace_columns = { sent = 1, delay = 2 }")))
 

@@ -146,39 +146,39 @@ def gear(corners: int, x_m: float) -> list[tuple[float, float]]:
     [
         (
             [box("w", 14, 0, 20, 99)],
-            "(10.0, 50.0): must be outside exclusion zone w with its whole disc of 5 m, not 4.000 m from its edge",
+            "(10.0, 50.0): must be outside exclusion zone 'w' with its whole disc of 5 m, not 4.000 m from its edge",
         ),
         ([box("w", 14, 0, 20, 99, keep="centre")], ""),
         ([box("w", 15, 0, 20, 99)], ""),
         (
             [box("w", 80, 40, 99, 60)],
-            "(90.0, 50.0): must be outside exclusion zone w with its whole disc of 5 m, not 9.000 m inside it",
+            "(90.0, 50.0): must be outside exclusion zone 'w' with its whole disc of 5 m, not 9.000 m inside it",
         ),
         (
             [circle("t", 90, 53, 4, keep="centre")],
-            "must be outside exclusion zone t with its centre, not 1.000 m inside it",
+            "must be outside exclusion zone 't' with its centre, not 1.000 m inside it",
         ),
         (
             [circle("t", 90, 58, 4)],
-            "must be outside exclusion zone t with its whole disc of 5 m, not 4.000 m from its edge",
+            "must be outside exclusion zone 't' with its whole disc of 5 m, not 4.000 m from its edge",
         ),
         ([box("f", 0, 0, 100, 53) | {"kind": "inclusion"}], ""),
         (
             [box("f", 0, 0, 100, 53) | {"kind": "inclusion", "keep": "disc"}],
-            "must be inside inclusion zone f with its whole disc of 5 m, not 3.000 m from its edge",
+            "must be inside inclusion zone 'f' with its whole disc of 5 m, not 3.000 m from its edge",
         ),
         (
             [box("f", 0, 0, 89, 99) | {"kind": "inclusion"}],
-            "(90.0, 50.0): must be inside inclusion zone f with its centre, not 1.000 m outside it",
+            "(90.0, 50.0): must be inside inclusion zone 'f' with its centre, not 1.000 m outside it",
         ),
         (
             [box("f", 10, 0, 95, 99) | {"kind": "inclusion"}],
-            "(10.0, 50.0): must be inside inclusion zone f with its centre, not 0.000 m from its edge",
+            "(10.0, 50.0): must be inside inclusion zone 'f' with its centre, not 0.000 m from its edge",
         ),
-        ([FENCE, box("f", 20, 0, 95, 99) | {"kind": "inclusion"}], "must be inside inclusion zone f"),
+        ([FENCE, box("f", 20, 0, 95, 99) | {"kind": "inclusion"}], "must be inside inclusion zone 'f'"),
         (
             [{"name": "c", "kind": "inclusion", "centre": [50, 50], "radius_m": 39}],
-            "(10.0, 50.0): must be inside inclusion zone c with its centre, not 1.000 m outside it",
+            "(10.0, 50.0): must be inside inclusion zone 'c' with its centre, not 1.000 m outside it",
         ),
     ],
 )
@@ -243,7 +243,7 @@ def test_a_way_that_zones_close_is_refused_and_the_zones_are_named(
     """Walls, gates, touching zones, a concave fence, a ring of zones: None stands for a start outside."""
     said = refused(*zones)
     if closers is None:
-        assert "must be inside inclusion zone ring" in said
+        assert "must be inside inclusion zone 'ring'" in said
     elif closers:
         names = said.rpartition("closed by zones ")[2]
         assert set(names.split(", ")) == closers
@@ -301,7 +301,7 @@ def test_routes_are_checked_leg_by_leg() -> None:
         check_zones(flown, [[(10, 50), (20, 20), (50, 50), (90, 50)]])
     assert "roster[0].route[1] = (50.0, 50.0): must be reachable from point 1 of its route" in str(error.value)
     with pytest.raises(
-        MissionError, match=r"roster\[0\].route\[0\] = \(50.0, 42.0\): must be outside exclusion zone s"
+        MissionError, match=r"roster\[0\].route\[0\] = \(50.0, 42.0\): must be outside exclusion zone 's'"
     ):
         check_zones(flown, [[(10, 50), (50, 42), (90, 50)]])
     assert zones_refusal(flown.zone, 1.0, [(10, 50), (20, 20), (90, 50)]) == ""
