@@ -28,7 +28,7 @@ class Told:
         """Declare a subscriber; with a history it queries the router."""
         if options.get("history"):
             print(key, file=sys.stderr, flush=True)
-        return self._inner.declare_subscriber(key, take, **options)  # type: ignore[call-overload]
+        return self._inner.declare_subscriber(key, take, **options)
 
 
 if __name__ == "__main__":
