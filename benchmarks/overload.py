@@ -8,15 +8,20 @@ With a load of P %, one loop per core takes P % of it from slot 20 on, for 20 s,
 slots, those without commands (after the first command) and the late ticks; after the end of the load the slots until
 `NORMAL_SLOTS` in a row had a command for every UAV that flew; the processor time of the whole run per UAV and slot, and
 the memory of a UAV (PSS). "-" is unknown: nothing was recorded of it. Run it on a machine that does nothing else.
+
+Nobody need watch it: a run that has not ended long after its last slot is ended, the reason why a run has no recording
+goes to standard error, the other runs follow, and the plot is drawn anew after each. Then the status is 1.
 """
 
 from __future__ import annotations
 
 import argparse
+import itertools
 import json
 import multiprocessing
 import os
 import re
+import signal
 import statistics
 import subprocess
 import sys
@@ -25,6 +30,7 @@ import time
 from dataclasses import dataclass
 from pathlib import Path
 
+from edc_swarm.errors import SwarmError
 from edc_swarm.recording.model import Recording
 from edc_swarm.recording.reader import read_recording
 
@@ -37,6 +43,10 @@ TURN_S = 0.01
 NORMAL_SLOTS = 3
 AFTER_SLOTS = 30
 LOOK_S = 0.5
+SPARE_S = 300.0
+"""Time of a run beyond its slots, for start and end: hundreds of UAVs connect, and a recorder may be behind."""
+END_S = 60.0
+"""Time in which a run ends after Ctrl-C."""
 
 
 @dataclass(frozen=True)
@@ -91,7 +101,14 @@ class Row:
 
 
 def fly(uavs: int, load_pct: float, seed: int, slots: int, out: Path) -> Row:
-    """Fly one mission, with a load beside it."""
+    """Fly one mission, with a load beside it.
+
+    Raises
+    ------
+    SwarmError
+        The run has left no recording that can be read.
+    """
+    out.unlink(missing_ok=True)
     mission = out.with_suffix(".toml")
     fields = {"uavs": uavs, "area_m2": AREA_M2 * uavs, "dt_s": SLOT_S, "max_slots": slots, "seed": seed}
     mission.write_text("".join(f"{name} = {value}\n" for name, value in fields.items()) + 'goals = "lifelong"\n')
@@ -103,9 +120,11 @@ def fly(uavs: int, load_pct: float, seed: int, slots: int, out: Path) -> Row:
             time.sleep(0.05)
         time.sleep(LOAD_FROM_SLOT * SLOT_S)
         began_s, loops = time.time(), _loops(load_pct)
-        used_s, pss_mb = _watch(run)
+        used_s, pss_mb = _watch(run, time.monotonic() + slots * SLOT_S + SPARE_S)
         for loop in loops:
             loop.join()
+    if not out.exists():
+        raise SwarmError(f"no recording; run said: {_last_line(log)}")
     recording = read_recording(out)
     epoch_s = recording.mission.epoch_ns / 1e9
     first = round((began_s - epoch_s) / SLOT_S)
@@ -144,12 +163,26 @@ def _burn(share: float, for_s: float) -> None:
         time.sleep((1 - share) * TURN_S)
 
 
-def _watch(run: subprocess.Popen[bytes]) -> tuple[float, float | None]:
-    """Wait for the end; return the processor time of the run and all its processes, and the median PSS of a UAV."""
+def _last_line(log: Path) -> str:
+    return (log.read_text(errors="replace").strip().splitlines() or ["nothing"])[-1]
+
+
+def _watch(run: subprocess.Popen[bytes], until_s: float) -> tuple[float, float | None]:
+    """Wait for the end; return the processor time of the run and all its processes, and the median PSS of a UAV.
+
+    A run that is still there at `until_s` is ended as by Ctrl-C, then killed; its processes die with it.
+    """
     pss_mb = None
-    while run.poll() is None:
+    while run.poll() is None and time.monotonic() < until_s:
         pss_mb = _pss_mb(run.pid) or pss_mb
         time.sleep(LOOK_S)
+    if run.poll() is None:
+        run.send_signal(signal.SIGINT)
+        try:
+            run.wait(END_S)
+        except subprocess.TimeoutExpired:
+            run.kill()
+    run.wait()
     used = os.times()
     return used.children_user + used.children_system, pss_mb
 
@@ -198,7 +231,8 @@ def _text(value: float | None, form: str = ".0f") -> str:
     return "-" if value is None else format(value, form)
 
 
-def main() -> None:
+def main() -> int:
+    """Fly all cases, and print a row for each."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--uavs", type=int, nargs="+", default=[])
     parser.add_argument("--loads", type=float, nargs="+", default=[], help="per cent of every core")
@@ -209,31 +243,39 @@ def main() -> None:
     options = parser.parse_args()
     cases = [(uavs, load) for uavs in options.uavs or [50] for load in options.loads or [50, 90, 99]]
     cases += [(uavs, 0.0) for uavs in (150, 200, 300, 400) if not options.uavs and not options.loads]
-    rows = []
+    rows: list[Row] = []
+    failed = 0
     if not options.json:
         print("UAVs  load %  without commands  flown %  late ticks %  normal after  ms per UAV and slot  PSS MB")
     with tempfile.TemporaryDirectory() as folder:
-        for uavs, load in cases:
+        for (uavs, load), seed in itertools.product(cases, range(options.runs)):
             slots = options.slots or (LOAD_FROM_SLOT + round(LOAD_S / SLOT_S) * bool(load) + AFTER_SLOTS)
-            for seed in range(options.runs):
-                before = os.times()
+            before = os.times()
+            try:
                 row = fly(uavs, load, seed, slots, Path(folder) / "run.mcap")
-                used_s = row.cpu_s - before.children_user - before.children_system
-                rows.append(row)
-                each_ms = 1e3 * used_s / uavs / max(len(row.slots), 1)
-                if not options.json:
-                    print(
-                        f"{uavs:4}  {load:6g}  {_text(row.without):>9} of {len(row.slots):3}  {_text(row.flown_pct):>7}"
-                        f"  {_text(row.late_pct, '.2f'):>12}  {_text(row.back_slots):>12}  {each_ms:19.2f}"
-                        f"  {_text(row.pss_mb, '.1f'):>6}",
-                        flush=True,
-                    )
+            except SwarmError as error:
+                failed += 1
+                print(f"error: {uavs} UAVs, load {load:g} %: {error}", file=sys.stderr, flush=True)
+                continue
+            rows.append(row)
+            used_s = row.cpu_s - before.children_user - before.children_system
+            if not options.json:
+                print(_line(row, 1e3 * used_s / uavs / max(len(row.slots), 1)), flush=True)
+            if options.plot is not None:
+                plot(rows, options.plot)
     if options.json:
         fields = ("uavs", "load_pct", "without", "flown_pct", "late_pct", "back_slots", "pss_mb")
         print(json.dumps([{name: getattr(row, name) for name in fields} for row in rows]))
-    if options.plot is not None:
-        plot(rows, options.plot)
+    return 1 if failed else 0
+
+
+def _line(row: Row, each_ms: float) -> str:
+    pss_mb = _text(row.pss_mb, ".1f")
+    return (
+        f"{row.uavs:4}  {row.load_pct:6g}  {_text(row.without):>9} of {len(row.slots):3}  {_text(row.flown_pct):>7}"
+        f"  {_text(row.late_pct, '.2f'):>12}  {_text(row.back_slots):>12}  {each_ms:19.2f}  {pss_mb:>6}"
+    )
 
 
 if __name__ == "__main__":
-    main()
+    sys.exit(main())
