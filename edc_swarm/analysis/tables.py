@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
+from edc_swarm.analysis.head_terms import HeadTerm
 from edc_swarm.analysis.information_age import Age
 from edc_swarm.analysis.metrics import Deadline, Metrics, Quantiles
 from edc_swarm.analysis.outcome import NotHome
@@ -15,7 +16,6 @@ MAX_NAMED = 10
 
 def metric_rows(m: Metrics) -> list[tuple[str, str]]:
     """Return the rows (name, value) of a run's metrics."""
-    heads = ", ".join(f"{h.head} (term {h.term}, slots {h.first_slot}-{h.last_slot})" for h in m.heads[:MAX_HEADS])
     away = f"; beside their targets, which stay covered: {', '.join(m.beside)}" if m.beside else ""
     away += f"; not living: {', '.join(m.not_living)}" if m.not_living else ""
     away += f"; {len(m.unknown)} unknown" if m.unknown else ""
@@ -30,7 +30,7 @@ def metric_rows(m: Metrics) -> list[tuple[str, str]]:
         *_goals(m),
         *_deadlines(m),
         ("slots", f"{_slots(m)}, {_count(m.slots_missed)} without commands"),
-        ("heads", (heads + (", ..." if len(m.heads) > MAX_HEADS else "")) or _no_head(m)),
+        *([] if m.clusters else [("heads", _heads(m.heads) or _no_head(m))]),
         *_clusters(m),
         ("collisions", f"{_count(m.potential_collisions)} potential, {_count(m.true_collisions)} true"),
         (
@@ -49,6 +49,11 @@ def metric_rows(m: Metrics) -> list[tuple[str, str]]:
     ]
 
 
+def _heads(heads: Sequence[HeadTerm]) -> str:
+    named = [f"{h.head} (term {h.term}, slots {h.first_slot}-{h.last_slot})" for h in heads[:MAX_HEADS]]
+    return ", ".join([*named, *["..."] * (len(heads) > MAX_HEADS)])
+
+
 def _no_head(m: Metrics) -> str:
     return "none: control is local, every UAV plans for itself" if m.control == "local" else "none recorded"
 
@@ -63,16 +68,13 @@ def _of_heads(m: Metrics) -> list[tuple[str, str]]:
     ]
 
 
-def _heads(count: int) -> str:
-    return "1 head" if count == 1 else f"{count} heads"
-
-
 def _clusters(m: Metrics) -> list[tuple[str, str]]:
-    """Return a row for each cluster; none for a mission with one."""
+    """Return a row with the heads of each cluster; none for a mission with one."""
     return [
         (
             f"cluster {each.name}",
-            f"{_count(each.arrived)} of {each.uavs} arrived, {_heads(len(each.heads))}, {each.messages} messages",
+            f"{_count(each.arrived)} of {each.uavs} arrived; {each.messages} messages; heads: "
+            + (_heads(each.heads) or "none recorded"),
         )
         for each in m.clusters
     ]

@@ -60,7 +60,7 @@
   const drawMaps = () => { for (const map of maps) map.draw(timeS); };
   const show = () => {
     const leaders = maps[0].leaders(timeS), followed = Number(followList.value);
-    clock.textContent = `${timeS.toFixed(1)} s of ${END_S.toFixed(1)} s, slot ${Math.floor(timeS / page.slot_s + 1e-9)}, ${leaders.every((head) => head < 0) ? (page.terms.length ? "no head" : "head unknown") : (leaders.length > 1 ? "heads " : "head ") + leaders.map((head) => page.uavs[head] ?? "none").join(", ")}`;
+    clock.textContent = `${timeS.toFixed(1)} s of ${END_S.toFixed(1)} s, slot ${Math.floor(timeS / page.slot_s + 1e-9)}, ${leaders.every((head) => head < 0) ? (page.terms.length ? "no head" : "head unknown") : (leaders.length > 1 ? "heads " : "head ") + leaders.map((head, n) => (page.clusters.length ? `${page.clusters[n]}: ` : "") + (page.uavs[head] ?? "none")).join(", ")}`;
     const words = followed >= 0 ? maps[0].describe(followed, timeS) : "";
     if (detail.textContent !== words) detail.textContent = words;
     slider.value = timeS;

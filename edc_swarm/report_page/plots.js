@@ -114,8 +114,10 @@ const createPlots = (pages, host, span, seek) => {
     const names = [...new Set(page.terms.map((term) => term.head))], row = 16;
     const box = frame(BOX.top + BOX.bottom + row * Math.max(1, Math.min(names.length, 12)), `Head${pages.length > 1 ? " of A" : ""} over time (term in the bar)`), { svg, body, x } = box;
     const rowOf = (name) => Math.min(names.indexOf(name), 11);
+    const clusterOf = (name) => page.clusters[page.cluster[page.uavs.indexOf(name)]];
+    const ofCluster = (name) => page.clusters.length ? `${clusterOf(name)}: ${name}` : name;
     names.slice(0, 12).forEach((name, n) => {
-      const words = n === 11 && names.length > 12 ? "others" : name.length > 7 ? name.slice(0, 6) + "…" : name;
+      const words = n === 11 && names.length > 12 ? "others" : ofCluster(name).length > 7 ? ofCluster(name).slice(0, 6) + "…" : ofCluster(name);
       make("text", { x: BOX.left - 6, y: BOX.top + row * n + 12, "text-anchor": "end" }, svg, words);
     });
     page.terms.forEach((term, n) => {
@@ -123,7 +125,7 @@ const createPlots = (pages, host, span, seek) => {
       if (to <= from) return;
       const top = BOX.top + row * rowOf(term.head), left = x(from), right = x(to);
       const bar = make("rect", { x: left, y: top + 2, width: Math.max(2, right - left), height: row - 4, class: `term${n % 2}`, rx: 2 }, body);
-      make("title", {}, bar, `${term.head}, term ${term.term}, slots ${term.first_slot} to ${term.last_slot}`);
+      make("title", {}, bar, `${term.head}${page.clusters.length ? ` of cluster ${clusterOf(term.head)}` : ""}, term ${term.term}, slots ${term.first_slot} to ${term.last_slot}`);
       if (right - left > 9 * String(term.term).length + 6) {
         make("text", { x: (left + right) / 2, y: top + 12, "text-anchor": "middle", style: "fill: var(--paper); font-weight: 600" }, body, term.term);
       }

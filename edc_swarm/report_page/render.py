@@ -139,10 +139,12 @@ def _difference(name: str, ours: str, theirs: str) -> str:
 
 def _flights(page: Page, label: str) -> str:
     own = "flights" if label in {"", "A"} else "flights-b"
-    head = "".join(f"<th scope=col>{heading}</th>" for heading in HEADINGS)
+    first, *others = HEADINGS
+    head = "".join(f"<th scope=col>{each}</th>" for each in (first, *["cluster"] * bool(page.clusters), *others))
+    clusters = [[page.clusters[number]] for number in page.cluster] or [[]] * len(page.rows)
     body = "".join(
-        f"<tr><th scope=row>{escape(name)}</th>{''.join(f'<td>{escape(cell)}</td>' for cell in rest)}</tr>"
-        for name, *rest in map(cells, page.rows)
+        f"<tr><th scope=row>{escape(name)}</th>{''.join(f'<td>{escape(cell)}</td>' for cell in (*cluster, *rest))}</tr>"
+        for cluster, (name, *rest) in zip(clusters, map(cells, page.rows), strict=True)
     )
     title = f"<h3>{label}</h3>" if label else ""
     table = f'<table id="{own}"><thead><tr>{head}</tr></thead><tbody>{body}</tbody></table>'

@@ -25,6 +25,8 @@ ROOM = 12
 """Columns for the time and the spaces between columns."""
 MAX_LINES = 50
 """Most lines that one slot brings."""
+MAX_HEADS = 6
+"""Most clusters whose heads the state names."""
 GONE = frozenset({"dead", "silent", "frozen", "landed"})
 
 
@@ -99,14 +101,23 @@ class Display:
         parts += [f"dead or silent {gone}"] if gone else []
         alone = "local control" if self._mission.control == "local" else "no head"
         if len(monitor.clusters) > 1:
-            parts += [f"heads {', '.join(cluster.head or 'none' for cluster in monitor.clusters.values())}"]
-            return parts
+            return parts + heads_of({name: cluster.head for name, cluster in monitor.clusters.items()})
         parts += [f"head {report.head} term {report.term}" if report else alone]
         if report is not None:
             begun_ns = self._mission.epoch_ns + report.slot * self._mission.slot_ns
             share = (report.sent_ns - begun_ns) / self._mission.slot_ns
             parts += [f"gap {report.min_gap_m:.2f} m", f"slot used {100 * max(0.0, share):.0f} %"]
         return parts
+
+
+def heads_of(of_clusters: Mapping[str, str]) -> list[str]:
+    """Return who leads each cluster, those without a head first; of many clusters, how many have one."""
+    without = [name for name, head in of_clusters.items() if not head]
+    parts = [f"no head of {', '.join(without[:MAX_HEADS])}{', ...' * (len(without) > MAX_HEADS)}"] if without else []
+    led = {name: head for name, head in of_clusters.items() if head}
+    if len(led) > MAX_HEADS:
+        return [*parts, f"heads of {len(led)} clusters"]
+    return [*parts, *(f"head of {name} {head}" for name, head in led.items())]
 
 
 def fitting(parts: list[str], columns: int) -> str:

@@ -16,6 +16,8 @@ from edc_swarm.analysis.guarantees.clusters import of_each, parts_of
 from edc_swarm.analysis.guarantees.evidence import Evidence, gather
 from edc_swarm.analysis.guarantees.verdict import GuaranteeResult, Violation, verdict
 from edc_swarm.analysis.head_terms import failover_slots, heads_of
+from edc_swarm.analysis.metrics import compute_metrics
+from edc_swarm.analysis.tables import metric_rows
 from edc_swarm.errors import MissionError
 from edc_swarm.geometry import segment_distance_m
 from edc_swarm.mission.clusters import cluster_names, of_cluster
@@ -30,6 +32,9 @@ from edc_swarm.protocol.completion import MissionMonitor
 from edc_swarm.protocol.messages import Fix, Message, MissionMessage, Report
 from edc_swarm.recording.by_cluster import by_cluster
 from edc_swarm.recording.model import Recording
+from edc_swarm.report_page.assets import page_assets
+from edc_swarm.report_page.data import Page
+from edc_swarm.report_page.render import render
 from edc_swarm.simulation.simulator import Simulation
 from edc_swarm.story.teller import Storyteller
 from tests.builders import EPOCH_NS, at, entry, fix, mission_message
@@ -230,6 +235,21 @@ def test_both_clusters_elect_heads_and_every_guarantee_holds(flight: list[Messag
         **dict.fromkeys(("G1", "G2", "G3", "G4", "G5", "G7"), "held"),
         "G8": "not-applicable",
     }
+
+
+def test_tables_and_page_say_which_head_is_of_which_cluster(flight: list[Message]) -> None:
+    """Each cluster's row of the metrics has its heads; the table of the UAVs has a column with the cluster."""
+    recording = Recording.from_messages(flight)
+    metrics, heads = compute_metrics(recording), heads_of(recording)
+    rows = dict(metric_rows(metrics))
+    assert "heads" not in rows
+    for name, terms in heads.items():
+        said = rows[f"cluster {name}"].partition("; heads: ")[2]
+        assert [part.split(" ", 1)[0] for part in said.split("), ")] == [term.head for term in terms]
+    page = render(Page.of(recording, metrics.heads), metrics, [], {}, page_assets())
+    assert "<th scope=col>UAV</th><th scope=col>cluster</th><th scope=col>at the end</th>" in page
+    for each in TWO:
+        assert f"<tr><th scope=row>{each.uav}</th><td>{each.cluster}</td>" in page
 
 
 def test_two_heads_in_one_term_of_one_cluster_break_g1_and_in_two_clusters_do_not(flight: list[Message]) -> None:

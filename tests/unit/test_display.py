@@ -9,7 +9,7 @@ from edc_swarm.protocol.completion import MissionMonitor
 from edc_swarm.protocol.messages import Event, Message
 from edc_swarm.story.teller import Storyteller
 from processes.cli.main import main
-from processes.runtime.display import MAX_LINES, Display, fitting
+from processes.runtime.display import MAX_LINES, Display, fitting, heads_of
 from processes.runtime.voice import Voice
 from tests.builders import at, fix, mission_message, report, row
 
@@ -65,6 +65,13 @@ def test_a_narrow_terminal_shows_the_most_important_parts() -> None:
     assert fitting(parts, 80) == "slot 12  arrived 3/10  head u001 term 2"
     assert fitting(parts, 25) == "slot 12  arrived 3/10"
     assert fitting(parts, 3) == "slot 12"
+
+
+def test_the_state_names_the_head_of_each_cluster() -> None:
+    """A cluster without a head is named first; of many clusters only their number is told."""
+    assert heads_of({"a": "a1", "b": "", "c": "c2"}) == ["no head of b", "head of a a1", "head of c c2"]
+    many = {f"c{k}": "" if k < 8 else f"u{k}" for k in range(20)}
+    assert heads_of(many) == ["no head of c0, c1, c2, c3, c4, c5, ...", "heads of 12 clusters"]
 
 
 def test_faults_prints_the_vocabulary(capsys: pytest.CaptureFixture[str]) -> None:
