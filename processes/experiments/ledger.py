@@ -43,6 +43,10 @@ MAX_JOBS = 1024
 IN_FLIGHT = 4
 """Runs that are queued for each worker."""
 CONNECT_S = 5.0
+WORKER_DIED = (
+    "a worker process died: out of memory, or of a script whose sweep is not below `if __name__ == '__main__':`, which "
+    "workers run again; run the command again to resume"
+)
 OWN = frozenset({"edc_swarm", "processes"})
 PACKAGES = ("numpy", "scipy", "numba", "osqp")
 RESULT_NEUTRAL_PACKAGES = ("experiments", "report_page", "viz")
@@ -253,7 +257,7 @@ class Local:
             try:
                 yield from _windowed(lambda run: _submitted(pool, run), runs, jobs * IN_FLIGHT)
             except BrokenProcessPool:
-                raise SweepError("a worker process died (out of memory?); run the command again to resume") from None
+                raise SweepError(WORKER_DIED) from None
             except BaseException:
                 _end(pool, set(multiprocessing.active_children()) - before)
                 raise
