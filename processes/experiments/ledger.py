@@ -45,6 +45,10 @@ MAX_JOBS = 1024
 IN_FLIGHT = 4
 """Runs that are queued for each worker."""
 CONNECT_S = 5.0
+WORKER_DIED = (
+    "a worker process died: out of memory, or of a script whose sweep is not below `if __name__ == '__main__':`, which "
+    "workers run again; run the command again to resume"
+)
 OWN = frozenset({"edc_swarm", "processes"})
 PACKAGES = ("numpy", "scipy", "numba", "osqp")
 RESULT_NEUTRAL_PACKAGES = ("experiments", "report_page", "viz")
