@@ -25,7 +25,8 @@ from processes.runtime.streams import UnreadError, discard_unwritten_results, pr
 app = App(
     name="edc-swarm",
     help=(
-        "A swarm emulator for centrally planned UAVs: elected head, safe slot QP, Zenoh bus, MCAP record.\n\n"
+        "A swarm emulator: UAVs elect a head, which plans steps that keep all apart. They talk over Zenoh; MCAP files "
+        "record every message.\n\n"
         "Exit status 0: fine. 1: a guarantee is broken, a UAV is not at its target, or the mission failed. "
         "2: bad input. 3: nothing is broken, but a guarantee could not be judged."
     ),
