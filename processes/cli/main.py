@@ -58,7 +58,7 @@ app.command("processes.cli.commands.certs:certs", help="Make the certificates of
 app.command(
     "processes.cli.commands.import_files:import_files",
     name="import",
-    help="Make a mission file of plans, way points, fences, maps of other programs.",
+    help="Make one mission file from plans, way points, fences and maps of other programs.",
 )
 app.command("processes.cli.commands.export:export", help="Write the flown tracks as GeoJSON, KML or CSV.")
 app.command("processes.cli.commands.report:report", help="Make a self-contained page of a recording.")
