@@ -71,7 +71,7 @@ def run(
     secure
         TLS on every link, a certificate for every process, and a router that admits each only to its own keys.
     certs
-        Folder that `edc-swarm certs` made (new ones for this run alone); a must for --secure --remote or --operate.
+        Folder of `edc-swarm certs` (new certificates for this run alone). --secure with --remote or --operate needs it.
     mavlink
         Show every UAV to the ground station at this address, udp:HOST:PORT, which may only look on.
     mavlink_commands
