@@ -5,8 +5,8 @@ random generator. `processes` puts the same classes on a real bus. Every package
 `__init__` what it decides, what it may import and which file to open first. No `__init__` imports
 anything, so a UAV process starts without numpy.
 
-The public names, for notebooks and scripts (docs/python.md), are those of `processes.notebook.api`: the one place that
-this package takes anything from `processes`, which is the door of both. They are imported when one is first used.
+The public names, for notebooks and scripts (docs/python.md), are those of `processes.notebook.api`. Nothing else of
+this package takes anything from `processes`. The names are imported when one is first used.
 
 >>> import edc_swarm as es
 >>> run = es.simulate(uavs=20, loss=0.1)  # doctest: +SKIP

@@ -137,8 +137,8 @@ def _landed(m: Metrics) -> list[tuple[str, str]]:
 def _makespan(m: Metrics) -> str:
     if not m.makespan_s:
         return "-"
-    whose = "" if m.completed else "; of those that live"
-    return f"{m.makespan_s:.2f} s, {_number(m.makespan_ratio, '')} times the least{whose}"
+    whose = "" if m.completed else " of the living UAVs"
+    return f"{m.makespan_s:.2f} s{whose}, {_number(m.makespan_ratio, '')} times the least"
 
 
 def _extra(m: Metrics) -> str:
@@ -161,7 +161,7 @@ def _number(value: float | None, unit: str) -> str:
 
 
 def _quantiles(q: Quantiles) -> str:
-    return f"{_number(q.p50, 'ms')} median, {_number(q.p99, 'ms')} p99, {_number(q.max, 'ms')} most"
+    return f"{_number(q.p50, 'ms')} median, {_number(q.p99, 'ms')} p99, {_number(q.max, 'ms')} max"
 
 
 def _age(age: Age) -> str:
@@ -174,9 +174,9 @@ def _held(m: Metrics) -> list[tuple[str, str]]:
     if m.slots_held == 0:
         return []
     if m.slots_held is None or m.slots_held_by is None:
-        return [("held", f"{_count(m.slots_held)} UAV-slots, causes unknown" if m.slots_held else "-")]
+        return [("slots held", f"{_count(m.slots_held)} UAV-slots, causes unknown" if m.slots_held else "-")]
     shares = [f"{100 * count / m.slots_held:.0f} % {cause}" for cause, count in m.slots_held_by.items()]
-    return [("held", f"{m.slots_held} UAV-slots: {', '.join(shares)}")]
+    return [("slots held", f"{m.slots_held} UAV-slots: {', '.join(shares)}")]
 
 
 def _late_and_twice(m: Metrics) -> str:

@@ -1,4 +1,4 @@
-"""Missions of the LSC planner (JSON: quadrotors, world, agents), if all agents stay at one altitude."""
+"""Missions of lsc_planner (J. Park et al., ICRA 2022; JSON), if all agents stay at one altitude."""
 
 from __future__ import annotations
 

@@ -15,7 +15,7 @@ from edc_swarm.formats.content import ranges
 def mission_text(imported: Imported, files: Sequence[str]) -> str:
     """Return the TOML of an imported mission."""
     lines = [f"# Imported from {', '.join(shown(file) for file in files)}."]
-    lines += ["# The mission does not hold, or holds in another form:"] * any(imported.notes.values())
+    lines += ["# What a mission does not express, or expresses in another form:"] * any(imported.notes.values())
     lines += [f"# {line}" for line in note_lines(imported)]
     plain = {key: value for key, value in imported.mission.items() if key not in {"zone", "roster"}}
     lines += ["", *(f"{key} = {_toml(value)}" for key, value in plain.items())]
@@ -30,7 +30,8 @@ def note_lines(imported: Imported) -> Iterator[str]:
     """Yield a line for each kind of thing that the mission does not express, and for each remark."""
     for file, notes in imported.notes.items():
         for what, items in notes.items():
-            yield shown(f"{file}: {what}: {len(items)}: {ranges(items)}", 1000)
+            places = f"{len(items)} place{'s' * (len(items) != 1)}"
+            yield shown(f"{file}: {what}: in {places}: {ranges(items)}", 1000)
     for remark in imported.remarks:
         yield shown(remark, 1000)
 

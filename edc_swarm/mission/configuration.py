@@ -101,7 +101,7 @@ class Mission(Struct, frozen=True, kw_only=True):
     states.
     """
     r_m: Annotated[Positive, Option("gps-error")] = 5.0
-    """GPS error radius: of the disc around the reported position that holds the true one.
+    """GPS error radius: radius of the disc around the reported position in which the true position is.
 
     No two of these discs may overlap (eq. 16).
 
@@ -187,7 +187,7 @@ class Mission(Struct, frozen=True, kw_only=True):
     Source: the paper, section III-B, minimises the distance.
     """
     responses: Annotated[int, Meta(ge=1, le=8), Option("responses")] = 1
-    """Most rounds of best responses in a slot, in the guidance of planner `edc`.
+    """Largest number of rounds of best responses in a slot, in the guidance of planner `edc`.
 
     UAVs whose tracks conflict answer the tracks of the others in turn; a further round is made while conflicts are
     left. Crowds fly less far with 3, and a plan takes up to three times as long (docs/planner.md has both).
@@ -239,7 +239,7 @@ class Mission(Struct, frozen=True, kw_only=True):
     Fewer slots make a fail-over faster, and suspicion by mere loss of messages likelier.
     """
     resends: Annotated[int, Meta(ge=0, le=1000), Option("resends")] = 0
-    """Most messages in a slot that repeat others, per UAV: half of them fixes of the UAV, half commands to it.
+    """Largest number of messages of each UAV in a slot that repeat others: half its fixes, half commands to it.
 
     Fixes, commands, claims and, while UAVs are unheard, reports are repeated within their slot, so often that all
     copies are lost with a probability of 2 % by the loss that the UAVs measure. Without loss nothing is repeated, but

@@ -140,6 +140,8 @@ def _default(field: FieldInfo) -> str:
     match field.default:
         case str(text):
             return text
+        case bool(flag):
+            return str(flag).lower()
         case int(number) | float(number):
             return plain_number(number)
         case Struct():

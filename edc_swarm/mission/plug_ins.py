@@ -71,9 +71,12 @@ def called(field: str, name: str, function: Callable[[], T]) -> T:
         return function()
     except Exception as error:  # noqa: BLE001  (user code may raise anything)
         frames = traceback.extract_tb(error.__traceback__)
-        own = [f"{Path(f.filename).name}, line {f.lineno}" for f in frames if f.filename != __file__][-1:]
+        theirs = [f for f in frames if f.filename != __file__ and not f.filename.startswith("<frozen")]
+        own = [f"{Path(f.filename).name}, line {f.lineno}" for f in theirs][-1:]
         why = f"{type(error).__name__}: {error}"[:300].replace("\n", " ")
-        raise MissionError(field, name, f"a class that does its part ({', '.join([why, *own])})") from None
+        raise MissionError(
+            field, name, f"a class that can be imported, made and called ({', '.join([why, *own])})"
+        ) from None
 
 
 def number(field: str, name: str, value: object) -> float:

@@ -76,6 +76,9 @@ def with_stated(base: Mission, stated: Mapping[str, Any]) -> Mission:
             near = get_close_matches(name, known, 1)
             hint = f"{near[0]}?" if near else "docs/mission.md lists them"
             raise MissionError(name, stated[name], f"an option of edc-swarm sim or a field of the mission ({hint})")
+    for field, name in ((field, attribute_of(option)) for field, option in FIELDS.items()):
+        if name != field and name in stated and field in stated:
+            raise MissionError(name, stated[name], f"left out beside {field}, which is the same")
     # `vehicle` is a table, and an option for the model in it.
     given = {name: value for name, value in stated.items() if name in Mission.__struct_fields__}
     refuse_idle(given.get("vehicle"))

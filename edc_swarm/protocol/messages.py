@@ -169,7 +169,8 @@ class Report(Struct, frozen=True, kw_only=True, gc=False):
     `hull_*` are parallel lists over the unheard UAVs and, last, the head itself: each UAV stays within
     the radius of the segment a-b through slot + 1. `landed` has the unheard UAVs without a hull: the failsafe has
     taken them out of the airspace before slot + 1 begins. `strays` has the unheard UAVs that do not follow their
-    commands: their hulls grow. `min_gap_m` is the least planned centre distance minus R.
+    commands: their hulls grow. `min_gap_m` is the least planned centre distance minus R, or 0 if no two UAVs are near
+    each other.
     `status` "claim" is a standby's claim of a new term; `grants` then has the UAVs that suspect the old head.
     """
 

@@ -12,7 +12,7 @@ from typing import Any
 
 import msgspec
 
-from edc_swarm.analysis.guarantees.verdict import GuaranteeResult, headline
+from edc_swarm.analysis.guarantees.verdict import GuaranteeResult, headline, safety
 from edc_swarm.analysis.metrics import Metrics
 from edc_swarm.analysis.tables import metric_rows
 from edc_swarm.foreign_text import MAX_LINE, shown
@@ -86,7 +86,9 @@ def _labelled(recordings: Sequence[Shown]) -> Iterable[tuple[Shown, str]]:
 
 
 def _headline(each: Shown, label: str) -> str:
-    return f"{label + ': ' if label else ''}{_done(each.metrics)}; {headline(each.guarantees)}"
+    return (
+        f"{label + ': ' if label else ''}{_done(each.metrics)}; {safety(each.guarantees)}; {headline(each.guarantees)}"
+    )
 
 
 def _done(metrics: Metrics) -> str:

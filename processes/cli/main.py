@@ -25,7 +25,8 @@ from processes.runtime.streams import UnreadError, discard_unwritten_results, pr
 app = App(
     name="edc-swarm",
     help=(
-        "A swarm emulator for centrally planned UAVs: elected head, safe slot QP, Zenoh bus, MCAP record.\n\n"
+        "A swarm emulator: UAVs elect a head, which plans steps that keep all apart. They talk over Zenoh; MCAP files "
+        "record every message.\n\n"
         "Exit status 0: fine. 1: a guarantee is broken, a UAV is not at its target, or the mission failed. "
         "2: bad input. 3: nothing is broken, but a guarantee could not be judged."
     ),
@@ -57,7 +58,7 @@ app.command("processes.cli.commands.certs:certs", help="Make the certificates of
 app.command(
     "processes.cli.commands.import_files:import_files",
     name="import",
-    help="Make a mission file of plans, way points, fences, maps of other programs.",
+    help="Make one mission file from plans, way points, fences and maps of other programs.",
 )
 app.command("processes.cli.commands.export:export", help="Write the flown tracks as GeoJSON, KML or CSV.")
 app.command("processes.cli.commands.report:report", help="Make a self-contained page of a recording.")

@@ -8,7 +8,7 @@ from rich.console import Console
 from rich.table import Table
 from rich.text import Text
 
-from edc_swarm.analysis.guarantees.verdict import GuaranteeResult
+from edc_swarm.analysis.guarantees.verdict import GuaranteeResult, safety
 from edc_swarm.analysis.metrics import Metrics
 from edc_swarm.analysis.tables import metric_rows
 from edc_swarm.foreign_text import MAX_LINE, shown
@@ -29,7 +29,7 @@ def print_metrics(metrics: Metrics, console: Console) -> None:
 
 
 def print_guarantees(results: Sequence[GuaranteeResult], console: Console, limit: int = 1000) -> None:
-    """Print the verdict on every guarantee, with the first `limit` violations of each."""
+    """Print the verdict on every guarantee with its first `limit` violations, and whether the UAVs were safe."""
     for result in results:
         notes = f" ({_some(result.notes, limit)})" if result.notes else ""
         line = f"{result.guarantee} {result.title}: {result.words}{notes}"
@@ -38,6 +38,7 @@ def print_guarantees(results: Sequence[GuaranteeResult], console: Console, limit
             console.print(f"    {shown(where, MAX_LINE)}", markup=False)
         if len(result.where) > limit:
             console.print(f"    ... {len(result.where)} in all", markup=False)
+    console.print(shown(safety(results), MAX_LINE), markup=False)
 
 
 def guarantees_status(results: Sequence[GuaranteeResult]) -> int:

@@ -106,7 +106,9 @@ class Display:
         if report is not None:
             begun_ns = self._mission.epoch_ns + report.slot * self._mission.slot_ns
             share = (report.sent_ns - begun_ns) / self._mission.slot_ns
-            parts += [f"gap {report.min_gap_m:.2f} m", f"slot used {100 * max(0.0, share):.0f} %"]
+            # A planner leaves the gap at 0 where no two UAVs are near each other.
+            parts += [f"gap {report.min_gap_m:.2f} m"] if report.min_gap_m else []
+            parts += [f"plan sent at {100 * max(0.0, share):.0f} % of the slot"]
         return parts
 
 

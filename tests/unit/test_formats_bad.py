@@ -430,4 +430,4 @@ def test_what_users_may_allow(capsys: pytest.CaptureFixture[str]) -> None:
     """Unknown commands are listed, and mixed altitudes read, if the user says so."""
     Path("a.waypoints").write_text(wpl(row(1), row(2, command=31999), row(3, frame=0, lat=47.3901)))
     assert main(["import", "a.waypoints", "--list-unknown", "--mixed-altitudes"]) == 0
-    assert "unknown MAVLink command 31999: 1: item 2" in capsys.readouterr().out
+    assert "unknown MAVLink command 31999: in 1 place: item 2" in capsys.readouterr().out

@@ -57,7 +57,7 @@ def test_import_lists_and_comments_what_a_mission_does_not_express(capsys: pytes
     first, *lines, last = capsys.readouterr().out.splitlines()
     assert first == "a.waypoints: MAVLink way points: 1 route, 0 zones"
     assert last == "field.toml: 1 UAV, 0 zones"
-    assert "a.waypoints: altitude: the mission is flown in a plane: 4: item 1-2, item 4, item 0" in lines
+    assert "a.waypoints: altitude: the mission is flown in a plane: in 4 places: item 1-2, item 4, item 0" in lines
     text = Path("field.toml").read_text()
     assert all(f"\n# {line}\n" in text for line in lines)
     assert tomllib.loads(text)["name"] == "field"

@@ -98,7 +98,7 @@ def test_holds_have_the_causes_that_their_links_have() -> None:
     lost_commands = cases["command-missed"].slots_held_by or {}
     assert "command-missed" not in lost_fixes
     assert lost_commands["command-missed"] > 10 * lost_commands.get("fix-missed", 0)
-    assert any("fix-missed" in text for name, text in metric_rows(cases["fix-missed"]) if name == "held")
+    assert any("fix-missed" in text for name, text in metric_rows(cases["fix-missed"]) if name == "slots held")
 
 
 def test_distributions_are_plotted(tmp_path: Path) -> None:

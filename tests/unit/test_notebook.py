@@ -142,6 +142,7 @@ def test_a_sweep_resumes_and_takes_any_mission(tmp_path: Path) -> None:
         ({"planner": "nowhere:Nothing"}, "planner = 'nowhere:Nothing'"),
         ({"fault": "kill head @10"}, "fault = 'kill head @10': must be a list of texts"),
         ({"fault": 3}, "fault = 3: must be a list of texts"),
+        ({"area": 100, "area_m2": 200}, "area = 100: must be left out beside area_m2"),
     ],
 )
 def test_bad_options(options: dict[str, Any], text: str) -> None:

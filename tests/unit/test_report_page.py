@@ -12,7 +12,7 @@ import numpy as np
 import pytest
 
 from edc_swarm.analysis.guarantees.check import check
-from edc_swarm.analysis.guarantees.verdict import GuaranteeResult, Status, Violation, headline
+from edc_swarm.analysis.guarantees.verdict import GuaranteeResult, Status, Violation, headline, safety
 from edc_swarm.analysis.metrics import compute_metrics
 from edc_swarm.analysis.tables import metric_rows
 from edc_swarm.mission.routes import Course
@@ -203,6 +203,23 @@ def test_a_mission_without_faults_says_so(messages: list[Message]) -> None:
 def test_the_headline_says_of_every_guarantee_what_it_came_to(statuses: list[Status], said: str) -> None:
     """Every guarantee held only if each was judged and held."""
     assert headline([GuaranteeResult(f"G{i + 1}", "", status) for i, status in enumerate(statuses)]) == said
+
+
+@pytest.mark.parametrize(
+    ("statuses", "said"),
+    [
+        ({"G2": "broken", "G3": "held", "G8": "held"}, "safe: yes (G3 apart: held; G8 apart: held)"),
+        ({"G3": "held", "G8": "not-applicable"}, "safe: yes (G3 apart: held; G8 apart: not applicable)"),
+        ({"G3": "not-judged", "G8": "held"}, "safe: unknown (G3 apart: not judged; G8 apart: held)"),
+        ({"G3": "not-applicable", "G8": "held"}, "safe: unknown (G3 apart: not applicable; G8 apart: held)"),
+        ({"G3": "not-judged", "G8": "broken"}, "safe: no (G3 apart: not judged; G8 apart: broken)"),
+        ({"G3": "held"}, "safe: unknown (G3 apart: held)"),
+        ({}, "safe: unknown"),
+    ],
+)
+def test_safe_is_apart_and_in_the_zones(statuses: dict[str, Status], said: str) -> None:
+    """One broken verdict is enough for no; yes needs evidence for both."""
+    assert safety([GuaranteeResult(name, "Apart", status) for name, status in statuses.items()]) == said
 
 
 def test_so_many_violations_are_told(messages: list[Message]) -> None:

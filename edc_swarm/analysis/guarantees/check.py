@@ -1,6 +1,6 @@
 """Check of the guarantees on a recording of a real or simulated mission.
 
-G1 one head per term, G2 fencing, G3 separation, G4 hold on silence, G5 no loss in the record,
+G1 one head per term, G2 only valid commands, G3 separation, G4 hold on silence, G5 no loss in the record,
 G7 progress, G8 zones. (G6, same seed same bytes, takes a second simulation: `edc_swarm.experiments.resimulation`.) A
 table in `evidence` lists the evidence that each guarantee needs. Missing evidence never makes a guarantee hold; a
 violation that is certain stays one.

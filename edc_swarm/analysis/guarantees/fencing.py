@@ -30,8 +30,8 @@ def check_fencing(evidence: Evidence) -> GuaranteeResult:
         found += _silent_executions(evidence, uav, silent.get(evidence.index[uav], []))
     if not found and (absent := sum(map(len, _absent(evidence).values()))):
         why = f"{absent} executed steps name commands that may be missing from the record"
-        return not_judged("G2", "Fencing", why, evidence.gap_notes())
-    return verdict("G2", "Fencing", found, evidence.gap_notes())
+        return not_judged("G2", "Only valid commands", why, evidence.gap_notes())
+    return verdict("G2", "Only valid commands", found, evidence.gap_notes())
 
 
 def _risen(evidence: Evidence) -> Iterator[Violation]:

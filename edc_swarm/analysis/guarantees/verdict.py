@@ -131,6 +131,21 @@ def headline(results: Sequence[GuaranteeResult]) -> str:
     return "every guarantee held" + scopes if len(names["held"]) == len(results) else "; ".join(parts)
 
 
+def safety(results: Sequence[GuaranteeResult]) -> str:
+    """Return in one line whether the UAVs were safe: apart from each other (G3) and where zones allow them (G8).
+
+    "unknown" unless both were judged; a mission without zones needs G3 alone.
+    """
+    found = {result.guarantee: result for result in results}
+    status = {name: found[name].status if name in found else "not-judged" for name in ("G3", "G8")}
+    if "broken" in status.values():
+        answer = "no"
+    else:
+        answer = "yes" if status["G3"] == "held" and status["G8"] in {"held", "not-applicable"} else "unknown"
+    said = [f"{name} {found[name].title.lower()}: {found[name].words}" for name in status if name in found]
+    return f"safe: {answer}" + (f" ({'; '.join(said)})" if said else "")
+
+
 def _printable(notes: list[str]) -> list[str]:
     """Return notes with unprintable characters escaped, since keys and details may come from foreign publishers."""
 

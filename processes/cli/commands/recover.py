@@ -34,7 +34,7 @@ def recover(
     Parameters
     ----------
     part
-        The torn recording, such as FILE.mcap.part.
+        The recording that was cut off, such as FILE.mcap.part.
     out
         The recording to write (FILE.recovered.mcap beside it).
     force

@@ -57,8 +57,7 @@ class ReplayOptions:
     verify
         Publish nothing; plan every slot again from the recorded fixes and compare command by command.
     load_planner
-        With --verify: import and run the planner that the recording names, a user's too. Only for recordings that you
-        trust.
+        With --verify: run the planner that the recording names, a user's too; only for recordings that you trust.
     mavlink
         Publish nothing; show every UAV to the ground station at this address, udp:HOST:PORT.
     mavlink_commands

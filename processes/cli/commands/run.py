@@ -71,8 +71,7 @@ def run(
     secure
         TLS on every link, a certificate for every process, and a router that admits each only to its own keys.
     certs
-        Folder with the certificates, made by `edc-swarm certs` (new ones for this run alone). Needed with
-        --secure --remote and --secure --operate.
+        Folder of `edc-swarm certs` (new certificates for this run alone). --secure with --remote or --operate needs it.
     mavlink
         Show every UAV to the ground station at this address, udp:HOST:PORT, which may only look on.
     mavlink_commands
@@ -80,8 +79,7 @@ def run(
     arm
         Arm the vehicles of autopilots, after a check of each; without it nothing is armed (docs/autopilots.md).
     overload
-        What to do if a short measurement says that this machine carries fewer UAVs: refuse, fly all the same, or
-        stretch the slot (refuse).
+        What to do if a measurement says that this machine carries fewer UAVs: refuse, fly, stretch the slot (refuse).
     """
     options = options or MissionOptions()
     if options.fault_help:
