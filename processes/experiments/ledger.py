@@ -46,17 +46,13 @@ IN_FLIGHT = 4
 """Runs that are queued for each worker."""
 CONNECT_S = 5.0
 WORKER_DIED = (
-    "a worker process died: out of memory, or of a script whose sweep is not below `if __name__ == '__main__':`, which "
-    "workers run again; run the command again to resume"
+    'a worker process died: out of memory, or of a script whose sweep is not below `if __name__ == "__main__":`; '
+    "run the command again to resume"
 )
 OWN = frozenset({"edc_swarm", "processes"})
 PACKAGES = ("numpy", "scipy", "numba", "osqp")
 RESULT_NEUTRAL_PACKAGES = ("experiments", "report_page", "viz")
 """Packages of the library that cannot change a result: they declare runs, judge results or display them."""
-WORKER_DIED = (
-    'a worker process died (out of memory? or a script that sweeps without `if __name__ == "__main__":`?); '
-    "run the command again to resume"
-)
 MEASURES = "processes.experiments.measures"
 """Module of the measurements whose names have no module."""
 MEASURING = ("measures.py", "timed_planner.py")

@@ -46,16 +46,6 @@ def test_importing_costs_nothing() -> None:
     assert result.stdout.split() == ["edc_swarm"]
 
 
-def test_a_script_that_its_workers_run_again_is_told_what_it_lacks(tmp_path: Path) -> None:
-    """Workers import the script, which must not sweep in them."""
-    sweep = "import edc_swarm as es\nes.sweep(planner='straight', seeds=2, jobs=2)\n"
-    script = tmp_path / "script.py"
-    script.write_text(sweep)
-    ended = subprocess.run([sys.executable, script], capture_output=True, text=True, check=False)
-    assert ended.returncode == 1
-    assert "__name__ == '__main__'" in ended.stderr.splitlines()[-1]
-
-
 def test_the_reference_is_true(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """Every example of docs/python.md."""
     monkeypatch.chdir(tmp_path)
