@@ -15,6 +15,7 @@ from edc_swarm.formats.content import Route, Stop
 from edc_swarm.formats.plane_checks import widest_radius_m
 from edc_swarm.mission.airspace import check_zones
 from edc_swarm.mission.configuration import Mission
+from edc_swarm.mission.passing import tight_passing
 from edc_swarm.mission.roster import complete_mission
 from edc_swarm.mission.validation import mission_from_dict
 
@@ -67,7 +68,7 @@ def flyable(
     """
     try:
         whole = complete_mission(mission_from_dict(mission))
-        return whole, check_zones(whole)
+        return whole, [*check_zones(whole), *tight_passing(whole)]
     except MissionError as error:
         raise _refusal(error, mission, flights, zones) from None
 

@@ -7,6 +7,7 @@ from edc_swarm.foreign_text import listed
 from edc_swarm.mission.airspace import check_zones
 from edc_swarm.mission.configuration import Mission
 from edc_swarm.mission.faults import parse_faults
+from edc_swarm.mission.passing import tight_passing
 from edc_swarm.mission.roster import complete_mission
 from edc_swarm.planner.registry import check_planner
 from edc_swarm.simulation.plug_in_trial import try_plug_ins
@@ -34,4 +35,4 @@ def warnings_of(mission: Mission) -> list[str]:
     battery_j = {entry.uav: entry.energy_j for entry in mission.roster}
     named = [f"{uav} ({battery_j[uav]:.4g} of {needed_j[uav]:.4g} J)" for uav in needed_j]
     batteries = [f"no battery for the straight flight to the target at full speed: {listed(named)}"] if named else []
-    return [*batteries, *check_zones(mission)]
+    return [*batteries, *check_zones(mission), *tight_passing(mission)]

@@ -13,7 +13,7 @@ from shapely.ops import unary_union
 
 from edc_swarm.errors import MissionError
 from edc_swarm.mission.configuration import Mission
-from edc_swarm.mission.passing import check_passing
+from edc_swarm.mission.passing import check_passing, tight_passing
 from edc_swarm.mission.roster import complete_mission
 from edc_swarm.mission.roster_entry import RosterEntry
 from edc_swarm.mission.zone import Zone
@@ -104,6 +104,29 @@ def test_a_bend_is_a_place_to_pass_if_it_is_wide_enough(turn_deg: float) -> None
     for width_m, is_refused in ((widest_m - 0.4, True), (widest_m + 0.05, False)):
         lane, roster = bend(turn_deg, width_m)
         assert ("without passing a" in refusal(roster, lane)) is is_refused, width_m
+
+
+def warnings(roster: list[RosterEntry], *zones: Zone) -> list[str]:
+    """What a user is told of a mission that is not refused."""
+    return tight_passing(complete_mission(mission(roster, zone=list(zones), dt_s=0.5, v_max_mps=5.0)))
+
+
+def test_a_bend_that_is_hardly_wide_enough_is_named_before_take_off() -> None:
+    """At 45 degrees 3.77 radii suffice: the planner does not fly 3.84 of them, and flies 3.92."""
+    (said,) = warnings(bend(45, 19.2)[1], bend(45, 19.2)[0])
+    assert said.startswith("b may not arrive: to pass a, zones leave hardly more room than discs of 5 m need")
+    assert warnings(bend(45, 19.6)[1], bend(45, 19.6)[0]) == []
+    side_by_side = fence([(x, 2 * y) for x, y in ALLEY])
+    assert warnings(HEAD_ON, side_by_side) == []
+
+
+def test_a_lane_that_larger_discs_cannot_enter_is_no_place_to_pass() -> None:
+    """UAVs in a row through a gate just as wide as a disc, which larger discs would not leave at all."""
+    half = [(0, 0), (44, 0), (44, 0.45), (46, 0.45), (46, 0), (90, 0)]
+    gate = fence([*half, *((x, 11 - y) for x, y in reversed(half))])
+    assert warnings([entry("a", (30, 5.5), (84, 5.5)), entry("b", (10, 5.5), (64, 5.5))], gate) == []
+    narrow = fence([(x, min(y, 10.1)) for x, y in ALLEY])
+    assert warnings([entry("a", (30, 5.05), (84, 5.05)), entry("b", (10, 5.05), (64, 5.05))], narrow) == []
 
 
 def test_three_uavs_in_too_short_a_lane() -> None:
