@@ -2,17 +2,22 @@
 
 from __future__ import annotations
 
+import math
+from collections import Counter
 from dataclasses import dataclass
-from operator import attrgetter
+from operator import attrgetter, itemgetter
 
+from edc_swarm.mission.configuration import NS_PER_S
 from edc_swarm.mission.faults import Freeze, Kill, Restart, read_fault
-from edc_swarm.mission.roles import OPERATOR, RECORDER
+from edc_swarm.mission.roles import OPERATOR, RECORDER, ROUTER
 from edc_swarm.protocol.events import EventKind
 from edc_swarm.protocol.keys import KEY_FORMS
 from edc_swarm.recording.model import DROPPED, Recording
 
 BEGUN_SLOTS = 2
 """Slots after which every UAV that lives has published a message."""
+STARTED_NS = 5 * NS_PER_S
+"""Time after which a process that a fault has started again has published a message."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -21,15 +26,19 @@ class Ends:
 
     Attributes
     ----------
+    cut
+        Processes, as (id, instance), that published no `closed` event; (id, "") of a process without any message.
     without_last_word
         Ids with at least one process that published no `closed` event, including killed processes.
     ended_by_fault
         Ids whose newest process was ended by a recorded fault, or was reported dead by the operator.
     unended
-        Ids whose newest process published no `closed` event although no recorded fault or death ended it, and
-        UAVs of the mission without any recorded message.
+        Ids whose newest process published no `closed` event although no recorded fault or death ended it,
+        UAVs of the mission without any recorded message, and UAVs of which the file lacks every message of a process
+        that has spoken.
     """
 
+    cut: frozenset[tuple[str, str]]
     without_last_word: frozenset[str]
     ended_by_fault: frozenset[str]
     unended: frozenset[str]
@@ -57,13 +66,38 @@ def ends_of(recording: Recording) -> Ends:
     closed = {(event.source, event.instance) for event in recording.events if event.kind == EventKind.CLOSED}
     deaths = _deaths(recording)
     killed = {source for source, at_ns in deaths.items() if at_ns >= newest.get(source, (0, ""))[0]}
-    silent = {source for source, instance in first_ns.keys() - closed}
     open_now = {source for source, (_, instance) in newest.items() if (source, instance) not in closed}
     unheard = {entry.uav for entry in recording.mission.roster} - newest.keys()
-    # Who lived on into the mission has said something, which the file then lacks.
-    begun_ns = recording.mission.epoch_ns + BEGUN_SLOTS * recording.mission.slot_ns
-    killed -= {uav for uav in unheard if deaths.get(uav, 0) >= begun_ns}
-    return Ends(frozenset(silent | unheard), frozenset(killed), frozenset((open_now | unheard) - killed))
+    heard = Counter(source for source, _ in first_ns)
+    missed = {uav for uav, lives in _lives_that_spoke(recording).items() if lives > heard[uav]}
+    cut = (first_ns.keys() - closed) | {(uav, "") for uav in unheard | missed}
+    ids = frozenset(source for source, _ in cut)
+    return Ends(frozenset(cut), ids, frozenset(killed), frozenset(missed | (open_now | unheard) - killed))
+
+
+def _lives_that_spoke(recording: Recording) -> Counter[str]:
+    """Return, by UAV, how many of its processes lived for so long that they have spoken, by the operator's events.
+
+    Without a router nobody is heard, so a mission whose router fails promises nothing of processes started again.
+    """
+    mission, operator = recording.mission, [event for event in recording.events if event.source == OPERATOR]
+    uavs = {entry.uav for entry in mission.roster}
+    speaks_ns: dict[str, float] = dict.fromkeys(uavs, mission.epoch_ns + BEGUN_SLOTS * mission.slot_ns)
+    faults = [(e.sent_ns, read_fault(e.detail, mission.dt_s)) for e in operator if e.kind == EventKind.FAULT]
+    strikes = [(at_ns, fault) for at_ns, fault in faults if isinstance(fault, Kill | Freeze | Restart)]
+    routed = all(fault.target != ROUTER for _, fault in strikes)
+    exits = [(e.sent_ns, e.detail.split(" ", 1)[0]) for e in operator if e.kind == EventKind.EXITED]
+    spoke: Counter[str] = Counter()
+    for at_ns, end in sorted([*strikes, *exits], key=itemgetter(0)):
+        if (uav := end if isinstance(end, str) else end.target) not in uavs:
+            continue
+        spoke[uav] += speaks_ns.pop(uav, math.inf) <= at_ns
+        if isinstance(end, Restart | Kill) and routed:
+            down_s = end.for_s if isinstance(end, Kill) else 0.0
+            speaks_ns[uav] = at_ns + down_s * NS_PER_S / mission.time_scale + STARTED_NS
+    last_ns = max((event.sent_ns for event in operator), default=0)
+    spoke.update(uav for uav, at_ns in speaks_ns.items() if at_ns <= last_ns)
+    return spoke
 
 
 def _deaths(recording: Recording) -> dict[str, int]:

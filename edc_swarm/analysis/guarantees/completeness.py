@@ -8,6 +8,8 @@ from collections.abc import Iterator
 from msgspec.structs import replace
 
 from edc_swarm.analysis.guarantees.evidence import Evidence
+from edc_swarm.analysis.guarantees.fencing import absent_commands
+from edc_swarm.analysis.guarantees.heads import absent_grants
 from edc_swarm.analysis.guarantees.verdict import GuaranteeResult, Violation, not_judged, verdict
 from edc_swarm.foreign_text import shown
 from edc_swarm.mission.roles import OPERATOR
@@ -40,6 +42,7 @@ def check_no_loss(evidence: Evidence) -> GuaranteeResult:
     Recorder dropped messages                       broken, unless the numbers prove that it fetched them all
     No `closed` event, a fault ended the publisher  held, up to its last recorded message
     No message of a UAV killed after its start      not judged
+    Others name what a killed UAV may have said     not judged
     No `closed` event, for any other reason         not judged
     ==============================================  =======================================================
     """
@@ -85,6 +88,9 @@ def unproved(evidence: Evidence) -> str:
     if speaking:
         more = f" and {len(speaking) - 1} more" if len(speaking) > 1 else ""
         return f"no `closed` event of {speaking[0]}{more}, and no recorded fault that ended it"
+    commands, grants = absent_commands(evidence), absent_grants(evidence)
+    if commands or grants:
+        return f"fixes name {commands} commands and reports name {grants} grants that are not recorded"
     return ""
 
 
