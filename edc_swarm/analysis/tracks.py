@@ -10,7 +10,7 @@ and no command explains the waypoint of the next fix, the slots between are `los
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator, Sequence
+from collections.abc import Collection, Iterable, Iterator, Sequence
 from dataclasses import dataclass
 from operator import attrgetter
 from typing import Any
@@ -114,8 +114,10 @@ class Tracks:
         return np.where(known[..., None], from_m, np.nan), np.where(known[..., None], to_m, np.nan)
 
 
-def tracks_of(recording: Recording) -> Tracks:
+def tracks_of(recording: Recording, unrecorded: Collection[str] = ()) -> Tracks:
     """Return the tracks of all UAVs of the mission, from slot 0 to the last slot with a fix or a truth.
+
+    The recording may lack commands of the UAVs in `unrecorded`, and so explain no step before a process starts again.
 
     Raises
     ------
@@ -153,7 +155,7 @@ def tracks_of(recording: Recording) -> Tracks:
         centre_m[step.slot + 1, step.uav] = (step.command.target_x_m, step.command.target_y_m)
     unsaid = np.isnan(centre_m[1:, :, 0])
     _fill_forward(centre_m, began_m, change_m)
-    lost = _bridged(voters, index, unsaid, centre_m, change_m)
+    lost = _bridged(_after_holes(voters, unrecorded), index, unsaid, centre_m, change_m)
     true_from_m, true_to_m = _true_motion(truths, true_cells, centre_m)
     untold = lost | inertia  # Of a vehicle with inertia, the disc does not tell the place.
     untold[true_cells] = False
@@ -232,11 +234,11 @@ def _fill_forward(centre_m: Floats, began_m: Floats, change_m: Sequence[float]) 
 
 
 def _bridged(
-    fixes: Sequence[Fix], index: dict[str, int], unsaid: Bools, centre_m: Floats, change_m: Sequence[float]
+    fixes: Iterable[Fix], index: dict[str, int], unsaid: Bools, centre_m: Floats, change_m: Sequence[float]
 ) -> Bools:
     """Return (S, K) lost slots, and interpolate `centre_m` over each run of them up to the next fix."""
     lost = np.zeros_like(unsaid)
-    for fix in _after_holes(fixes) if unsaid.any() else ():
+    for fix in fixes if unsaid.any() else ():
         k, after = index[fix.uav], fix.slot
         first = after
         while first > 0 and unsaid[first - 1, k]:
@@ -249,12 +251,12 @@ def _bridged(
     return lost
 
 
-def _after_holes(fixes: Sequence[Fix]) -> Iterator[Fix]:
-    """Yield the fixes that follow a sequence gap of their process."""
+def _after_holes(fixes: Sequence[Fix], unrecorded: Collection[str]) -> Iterator[Fix]:
+    """Yield the fixes that follow a sequence gap of their process, or a former process of a UAV in `unrecorded`."""
     expected: dict[tuple[str, str], int] = {}
     for fix in fixes:
         stream = fix.uav, fix.instance
-        if fix.seq > expected.get(stream, 0):
+        if fix.seq > expected.get(stream, 0) or (fix.uav in unrecorded and stream not in expected):
             yield fix
         expected[stream] = max(fix.seq + 1, expected.get(stream, 0))
 

@@ -2,17 +2,22 @@
 
 from __future__ import annotations
 
+import math
+from collections import Counter
 from dataclasses import dataclass
-from operator import attrgetter
+from operator import attrgetter, itemgetter
 
+from edc_swarm.mission.configuration import NS_PER_S
 from edc_swarm.mission.faults import Freeze, Kill, Restart, read_fault
-from edc_swarm.mission.roles import OPERATOR, RECORDER
+from edc_swarm.mission.roles import OPERATOR, RECORDER, ROUTER
 from edc_swarm.protocol.events import EventKind
 from edc_swarm.protocol.keys import KEY_FORMS
 from edc_swarm.recording.model import DROPPED, Recording
 
 BEGUN_SLOTS = 2
 """Slots after which every UAV that lives has published a message."""
+STARTED_NS = 5 * NS_PER_S
+"""Time after which a process that a fault has started again has published a message."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -21,20 +26,23 @@ class Ends:
 
     Attributes
     ----------
+    cut
+        Processes, as (id, instance), that published no `closed` event; (id, "") of a process without any message.
     without_last_word
         Ids with at least one process that published no `closed` event, including killed processes.
     ended_by_fault
         Ids whose newest process was ended by a recorded fault, or was reported dead by the operator.
     unended
-        Ids whose newest process published no `closed` event although no recorded fault or death ended it, and
-        UAVs of the mission without any recorded message.
+        Ids whose newest process published no `closed` event although no recorded fault or death ended it,
+        UAVs of the mission without any recorded message, and UAVs of which the file lacks every message of a process
+        that has spoken.
     replaced
         Ids of `without_last_word` that a later process has had too.
     unheard
-        Ids of `unended` without any recorded message although a recorded fault or death ended them: it came so late
-        that they must have said something.
+        UAVs of which the file lacks every message of a process that has spoken.
     """
 
+    cut: frozenset[tuple[str, str]]
     without_last_word: frozenset[str]
     ended_by_fault: frozenset[str]
     unended: frozenset[str]
@@ -64,21 +72,44 @@ def ends_of(recording: Recording) -> Ends:
     closed = {(event.source, event.instance) for event in recording.events if event.kind == EventKind.CLOSED}
     deaths = _deaths(recording)
     killed = {source for source, at_ns in deaths.items() if at_ns >= newest.get(source, (0, ""))[0]}
-    silent = {source for source, instance in first_ns.keys() - closed}
-    replaced = {source for source, instance in first_ns.keys() - closed if newest[source][1] != instance}
     open_now = {source for source, (_, instance) in newest.items() if (source, instance) not in closed}
     unheard = {entry.uav for entry in recording.mission.roster} - newest.keys()
-    # Who lived on into the mission has said something, which the file then lacks.
-    begun_ns = recording.mission.epoch_ns + BEGUN_SLOTS * recording.mission.slot_ns
-    lost = {uav for uav in unheard if deaths.get(uav, 0) >= begun_ns}
-    killed -= lost
+    heard = Counter(source for source, _ in first_ns)
+    missed = {uav for uav, lives in _lives_that_spoke(recording).items() if lives > heard[uav]}
+    cut = (first_ns.keys() - closed) | {(uav, "") for uav in unheard | missed}
     return Ends(
-        without_last_word=frozenset(silent | unheard),
+        cut=frozenset(cut),
+        without_last_word=frozenset(source for source, _ in cut),
         ended_by_fault=frozenset(killed),
-        unended=frozenset((open_now | unheard) - killed),
-        replaced=frozenset(replaced),
-        unheard=frozenset(lost),
+        unended=frozenset(missed | (open_now | unheard) - killed),
+        replaced=frozenset(source for source, instance in first_ns.keys() - closed if newest[source][1] != instance),
+        unheard=frozenset(missed),
     )
+
+
+def _lives_that_spoke(recording: Recording) -> Counter[str]:
+    """Return, by UAV, how many of its processes lived for so long that they have spoken, by the operator's events.
+
+    Without a router nobody is heard, so a mission whose router fails promises nothing of processes started again.
+    """
+    mission, operator = recording.mission, [event for event in recording.events if event.source == OPERATOR]
+    uavs = {entry.uav for entry in mission.roster}
+    speaks_ns: dict[str, float] = dict.fromkeys(uavs, mission.epoch_ns + BEGUN_SLOTS * mission.slot_ns)
+    faults = [(e.sent_ns, read_fault(e.detail, mission.dt_s)) for e in operator if e.kind == EventKind.FAULT]
+    strikes = [(at_ns, fault) for at_ns, fault in faults if isinstance(fault, Kill | Freeze | Restart)]
+    routed = all(fault.target != ROUTER for _, fault in strikes)
+    exits = [(e.sent_ns, e.detail.split(" ", 1)[0]) for e in operator if e.kind == EventKind.EXITED]
+    spoke: Counter[str] = Counter()
+    for at_ns, end in sorted([*strikes, *exits], key=itemgetter(0)):
+        if (uav := end if isinstance(end, str) else end.target) not in uavs:
+            continue
+        spoke[uav] += speaks_ns.pop(uav, math.inf) <= at_ns
+        if isinstance(end, Restart | Kill) and routed:
+            down_s = end.for_s if isinstance(end, Kill) else 0.0
+            speaks_ns[uav] = at_ns + down_s * NS_PER_S / mission.time_scale + STARTED_NS
+    last_ns = max((event.sent_ns for event in operator), default=0)
+    spoke.update(uav for uav, at_ns in speaks_ns.items() if at_ns <= last_ns)
+    return spoke
 
 
 def _deaths(recording: Recording) -> dict[str, int]:

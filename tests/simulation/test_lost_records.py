@@ -10,7 +10,7 @@ from edc_swarm.analysis.guarantees.check import check
 from edc_swarm.mission.roster import complete_mission
 from edc_swarm.mission.validation import mission_from_dict
 from edc_swarm.planner.registry import make_planner
-from edc_swarm.protocol.messages import Message, MissionMessage, mission_message
+from edc_swarm.protocol.messages import Fix, Message, MissionMessage, mission_message
 from edc_swarm.recording.model import Recording
 from edc_swarm.simulation.simulator import Simulation
 
@@ -46,9 +46,22 @@ def test_the_whole_record_holds() -> None:
     assert set(statuses(said()[1]).values()) == {"held"}
 
 
-@pytest.mark.parametrize(("first", "last"), [(3, 11), (8, 11), (15, 23), (20, 22)])
+@pytest.mark.parametrize(("first", "last"), [(3, 11), (8, 11), (5, 19), (20, 22)])
 def test_a_window_that_is_missing_accuses_nobody(first: int, last: int) -> None:
-    """A UAV with inertia brakes from the step of its newest fix, not from where it was before the window."""
+    """A UAV brakes from the step of its newest fix, and u003 may have flown before it died in the window."""
     found = statuses(without(first, last))
     assert found.pop("G5") == "broken"
     assert set(found.values()) == {"not-judged"}
+
+
+@pytest.mark.parametrize("instance", ["u003-1", "u003-2"])
+def test_a_process_that_nobody_heard_is_missed(instance: str) -> None:
+    """By the faults u003 was killed and started again, so it has spoken as two processes."""
+    found = statuses([m for m in said()[1] if m.instance != instance])
+    assert set(found.values()) == {"not-judged"}
+
+
+def test_the_last_fixes_of_a_killed_process_are_missed() -> None:
+    """Plans count on grants that no recorded fix gives: u003 was killed, so its last fixes may be missing."""
+    found = statuses([m for m in said()[1] if not (isinstance(m, Fix) and m.uav == "u003" and 15 <= m.slot <= 17)])
+    assert (found["G1"], found["G5"]) == ("not-judged", "not-judged")

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 
+import msgspec
 import pytest
 
 from edc_swarm.analysis.guarantees.check import check
@@ -80,6 +81,23 @@ def test_a_command_of_a_killed_head_may_be_missing() -> None:
     assert statuses(absent)["G2"] == "not-judged"
     change(messages, {"uav": "u1", "slot": 5}, Fix, command_seq=2)
     assert statuses(messages)["G2"] == "broken"
+
+
+def test_the_numbers_of_a_later_process_say_nothing_about_a_killed_head() -> None:
+    """u0 is killed, comes back and leads again: its commands of the first life may be missing all the same."""
+    messages = flight(parallel())
+    later = [
+        msgspec.structs.replace(m, instance="again", term=2, slot=m.slot + 20)
+        for m in messages
+        if isinstance(m, Command)
+    ]
+    killed = Event(source="operator", sent_ns=messages[-1].sent_ns, slot=9, kind="fault", detail="kill u0 @4.4", seq=1)
+    said = [*(m for m in messages if not isinstance(m, Event)), killed, *later]
+    close(said)
+    said = [m for m in said if not (isinstance(m, Event) and m.source == "u0" and m.instance != "again")]
+    assert statuses(said)["G2"] == "held"
+    found = statuses([m for m in said if not (isinstance(m, Command) and m.slot >= 8 and m.instance != "again")])
+    assert (found["G2"], found["G5"]) == ("not-judged", "not-judged")
 
 
 def test_g5_counts_what_the_recorder_counted() -> None:

@@ -22,7 +22,19 @@ from edc_swarm.mission.link import Link
 from edc_swarm.mission.zone import Zone
 from edc_swarm.protocol.messages import Command, Event, Fix, Message, MissionMessage, Report, Truth
 from edc_swarm.recording.model import Garbage
-from tests.unit.synthetic import EPOCH_NS, OFFSET_M, SLOT_NS, at, change, close, flight, parallel, recorded, straight
+from tests.unit.synthetic import (
+    EPOCH_NS,
+    OFFSET_M,
+    SLOT_NS,
+    at,
+    change,
+    close,
+    flight,
+    parallel,
+    recorded,
+    straight,
+    whole,
+)
 
 NOTHING_FLOWN = {"executing": False, "command_term": -1, "command_seq": -1}
 ALL = ("G1", "G2", "G3", "G4", "G5", "G7")
@@ -356,10 +368,11 @@ def test_a_step_accepted_in_silence_is_found_in_the_commands() -> None:
 
 
 def test_a_step_accepted_in_silence_needs_a_command() -> None:
-    """A move without any recorded command is a violation."""
+    """A move without any command is a violation; where the numbers show that a command is missing it is none."""
     messages = died_in_slot_4()
     drop(messages, Command, uav="u2", slot=4)
-    violation = found(messages, "G4", "moved-without-command")
+    assert broken(messages) == {"G5"}
+    violation = found(whole(messages), "G4", "moved-without-command")
     assert (violation.slot, violation.uavs, violation.value_m) == (6, ["u2"], pytest.approx(2.0))
 
 
@@ -666,6 +679,7 @@ def test_g5_does_not_hold_up_to_a_message_that_nobody_has(messages: list[Message
     drop(messages, Event, instance="i2")
     drop(messages, Event, instance="")
     messages = [m for m in messages if not isinstance(m, (Fix, Truth)) or m.uav != "u2"]
+    change(messages, {}, Report, grants=["u0", "u1"])
     at_ns = EPOCH_NS + slot * SLOT_NS
     killed = Event(source="operator", sent_ns=at_ns, slot=slot, kind="fault", detail=f"kill u2 @{slot}", seq=0)
     closed = msgspec.structs.replace(killed, kind="closed", detail='{"mission":0}', seq=1)

@@ -8,6 +8,8 @@ from collections.abc import Iterator, Sequence
 from msgspec.structs import replace
 
 from edc_swarm.analysis.guarantees.evidence import Evidence
+from edc_swarm.analysis.guarantees.fencing import absent_commands
+from edc_swarm.analysis.guarantees.heads import absent_grants
 from edc_swarm.analysis.guarantees.verdict import GuaranteeResult, Violation, not_judged, verdict
 from edc_swarm.foreign_text import shown
 from edc_swarm.mission.roles import OPERATOR
@@ -41,6 +43,7 @@ def check_no_loss(evidence: Evidence) -> GuaranteeResult:
     Recorder dropped messages                       broken, unless the numbers prove that it fetched them all
     No `closed` event, a fault ended the publisher  held, up to its last recorded message
     No message of a UAV killed after its start      not judged
+    Others name what a killed UAV may have said     not judged
     No `closed` event, for any other reason         not judged
     ==============================================  =======================================================
     """
@@ -96,8 +99,11 @@ def unproved(evidence: Evidence) -> str:
     if speaking:
         more = f" and {len(speaking) - 1} more" if len(speaking) > 1 else ""
         if speaking[0] in evidence.ends.unheard:
-            return f"no message of {speaking[0]}{more}, although a recorded fault ended it only after its first slots"
+            return f"no message of a process of {speaking[0]}{more} that lived for so long that it has spoken"
         return f"no `closed` event of {speaking[0]}{more}, and no recorded fault that ended it"
+    commands, grants = absent_commands(evidence), absent_grants(evidence)
+    if commands or grants:
+        return f"fixes name {commands} commands and reports name {grants} grants that are not recorded"
     return ""
 
 

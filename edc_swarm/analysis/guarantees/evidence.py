@@ -19,12 +19,13 @@ G8        fixes                  where the discs are is unknown
 
 from __future__ import annotations
 
+import math
 import re
 from collections import defaultdict
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
-from itertools import pairwise
+from itertools import pairwise, zip_longest
 from operator import attrgetter
 
 import numpy as np
@@ -57,6 +58,7 @@ _KEY = {
     "truth": re.compile(r"uav/([^/]+)/truth").fullmatch,
     "command": re.compile(r"head/([^/]+)/command/[^/]+").fullmatch,
     "report": re.compile(r"head/([^/]+)/report").fullmatch,
+    "command_to": re.compile(r"head/[^/]+/command/([^/]+)").fullmatch,
 }
 
 
@@ -120,23 +122,31 @@ class Evidence:
 
     def fix_lost(self, uav: str, slot: int) -> bool:
         """Return True if the fix of `uav` in `slot` may be missing from the recording."""
-        if uav in self._fixes_lost:
-            return True
-        if uav not in self.ends.without_last_word:
-            return False
-        return all(fix.slot < slot for fix in self.fixes.get(uav, []))
+        return uav in self._fixes_lost or any(before < slot < after for before, after in self._last_words.get(uav, ()))
+
+    @cached_property
+    def _last_words(self) -> dict[str, list[tuple[int, float]]]:
+        """By UAV, the slots of the last fix of each process that was cut off, and of the first one of its successor."""
+        spans: dict[str, list[tuple[int, float]]] = {
+            uav: [(-1, math.inf)] for uav in self.ends.without_last_word if not self.fixes.get(uav)
+        }
+        for uav, fixes in self.fixes.items():
+            for fix, following in zip_longest(fixes, fixes[1:]):
+                if (uav, fix.instance) in self.ends.cut and (following is None or following.instance != fix.instance):
+                    spans.setdefault(uav, []).append((fix.slot, following.slot if following else math.inf))
+        return spans
 
     def start_lost(self, uav: str, slot: int) -> bool:
         """Return True if the place of `uav` at the start of `slot` is unknown, since the fix before may be missing."""
         return slot > 0 and uav in self._fixes_lost and not self.tracks.heard[slot - 1, self.index[uav]]
 
     @cached_property
-    def _newest_command(self) -> dict[tuple[str, str], int]:
-        """Greatest recorded sequence number of the commands of each head to each UAV."""
-        newest: dict[tuple[str, str], int] = {}
+    def _newest_command(self) -> dict[tuple[str, str, str], int]:
+        """Greatest recorded sequence number of the commands of each head's process to each UAV."""
+        newest: dict[tuple[str, str, str], int] = {}
         for command in self.recording.commands:
-            pair = command.head, command.uav
-            newest[pair] = max(command.seq, newest.get(pair, -1))
+            key = command.head, command.instance, command.uav
+            newest[key] = max(command.seq, newest.get(key, -1))
         return newest
 
     def command_lost(self, fix: Fix) -> bool:
@@ -147,8 +157,8 @@ class Evidence:
             if not gap.duplicate
         ):
             return True
-        heads = self.ends.without_last_word & self.index.keys()
-        return any(self._newest_command.get((head, fix.uav), -1) < fix.command_seq for head in heads)
+        cut = [process for process in self.ends.cut if process[0] in self.index]
+        return any(self._newest_command.get((*process, fix.uav), -1) < fix.command_seq for process in cut)
 
     def gap_notes(self) -> list[str]:
         """Return a warning if messages are missing, so that a violation may be one of the recording only."""
@@ -158,7 +168,11 @@ class Evidence:
         """Return one reason for each part of the evidence for `guarantee` that is missing."""
         if guarantee == "G8" and not self.mission.zone:
             return []  # Whatever is missing, nothing was promised.
-        return [reason for kind in NEEDS.get(guarantee, ()) for reason in self.missing(kind)]
+        reasons = [reason for kind in NEEDS.get(guarantee, ()) for reason in self.missing(kind)]
+        lost = [self.tracks.uavs[k] for k in np.flatnonzero(self.tracks.lost.any(axis=0)).tolist()]
+        if lost and not reasons and "fix" in NEEDS.get(guarantee, ()):
+            reasons = [f"the record does not tell how {listed(lost)} moved in every slot"]
+        return reasons
 
     def missing(self, kind: str) -> Iterator[str]:
         """Yield the reasons why the record may lack messages of `kind` (a key of `_PLURAL`)."""
@@ -244,12 +258,19 @@ def _lacking(gaps: list[Gap], ends: Ends, kind: str) -> set[str]:
     return holed | ends.unended
 
 
+def _with_unknown_commands(recording: Recording) -> set[str]:
+    """Return the UAVs whose fixes name executed commands that are not recorded."""
+    said = {(command.uav, command.slot, command.term, command.seq) for command in recording.commands}
+    executed = (fix for fix in recording.fixes if fix.executing)
+    return {fix.uav for fix in executed if (fix.uav, fix.slot, fix.command_term, fix.command_seq) not in said}
+
+
 def _judgeable(recording: Recording, index: dict[str, int], gaps: list[Gap], ends: Ends) -> Tracks:
     """Return tracks in which every motion that is uncertain, since fixes or truths may be missing, is lost or NaN.
 
     In a slot without a fix, a UAV with complete fixes held, and the place of one with incomplete fixes is unknown.
     """
-    tracks = tracks_of(recording)
+    tracks = tracks_of(recording, _lacking(gaps, ends, "command_to") | _with_unknown_commands(recording))
     no_fix = _holes(recording.fixes, "fix", index, gaps, ends, tracks.heard.shape)
     no_truth = _holes(recording.truths, "truth", index, gaps, ends, tracks.heard.shape)
     lost = tracks.lost | (~tracks.heard & no_fix)

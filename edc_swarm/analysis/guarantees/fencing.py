@@ -28,7 +28,7 @@ def check_fencing(evidence: Evidence) -> GuaranteeResult:
     for uav, fixes in evidence.fixes.items():
         found += _executions(evidence, uav, fixes)
         found += _silent_executions(evidence, uav, silent.get(evidence.index[uav], []))
-    if not found and (absent := sum(map(len, _absent(evidence).values()))):
+    if not found and (absent := absent_commands(evidence)):
         why = f"{absent} executed steps name commands that may be missing from the record"
         return not_judged("G2", "Only valid commands", why, evidence.gap_notes())
     return verdict("G2", "Only valid commands", found, evidence.gap_notes())
@@ -70,16 +70,16 @@ def _first_slots(fixes: Iterable[Fix]) -> set[int]:
     return set(first.values())
 
 
-def _absent(evidence: Evidence) -> dict[str, set[int]]:
-    """Return, by UAV, the slots whose executed command is not recorded although it may have been published."""
-    return {
-        uav: {
-            fix.slot
+def absent_commands(evidence: Evidence) -> int:
+    """Return how many executed commands are not recorded although they may have been published."""
+    return len(
+        {
+            (fix.uav, fix.slot)
+            for fixes in evidence.fixes.values()
             for fix in fixes
             if fix.executing and fix.voter and not _named(evidence, fix) and evidence.command_lost(fix)
         }
-        for uav, fixes in evidence.fixes.items()
-    }
+    )
 
 
 def _executions(evidence: Evidence, uav: str, fixes: list[Fix]) -> Iterator[Violation]:
@@ -140,7 +140,7 @@ def _silently_explained(
     evidence: Evidence, uav: str, command: Command, granted: tuple[int, str] | None
 ) -> Iterator[Violation]:
     """Yield the violations of a step that no fix reports if the UAV executed `command`."""
-    if (command.term, command.head) != granted and uav not in evidence.fixes_lost():
+    if (command.term, command.head) != granted and not evidence.fix_lost(uav, command.slot - 1):
         text = f"{uav} executed term {command.term} of {command.head}, which it did not grant"
         yield Violation("not-granted", text, command.slot, [uav])
     yield from _invalid(evidence, uav, command)

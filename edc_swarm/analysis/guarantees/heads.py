@@ -6,7 +6,7 @@ from collections import Counter
 from collections.abc import Iterator
 
 from edc_swarm.analysis.guarantees.evidence import Evidence
-from edc_swarm.analysis.guarantees.verdict import GuaranteeResult, Violation, verdict
+from edc_swarm.analysis.guarantees.verdict import GuaranteeResult, Violation, not_judged, verdict
 from edc_swarm.protocol.messages import Report
 from edc_swarm.recording.repeats import said_once
 
@@ -16,7 +16,7 @@ Granted = set[tuple[str, int, int, str]]
 
 def check_one_head(evidence: Evidence) -> GuaranteeResult:
     """Return the verdict on G1. The fixes of UAVs that lost their memory count as no grant."""
-    granted: Granted = {(f.uav, f.slot, f.term, f.head) for f in evidence.recording.fixes if f.voter}
+    granted = _granted(evidence)
     found = [
         *_rivals(evidence),
         *_unbacked_plans(evidence, granted),
@@ -24,7 +24,27 @@ def check_one_head(evidence: Evidence) -> GuaranteeResult:
         *_second_plans(evidence),
         *_broken_promises(evidence),
     ]
+    if not found and (absent := absent_grants(evidence)):
+        why = f"{absent} grants of plans are in fixes that may be missing from the record"
+        return not_judged("G1", "One head per term", why, evidence.gap_notes())
     return verdict("G1", "One head per term", found, evidence.gap_notes())
+
+
+def absent_grants(evidence: Evidence) -> int:
+    """Return how many grants of plans no recorded fix gives although one may have been published."""
+    granted = _granted(evidence)
+    ungiven = [(uav, report.slot) for report in evidence.plans for uav in _ungiven(report, granted)]
+    return sum(evidence.fix_lost(uav, slot) for uav, slot in ungiven)
+
+
+def _granted(evidence: Evidence) -> Granted:
+    """Return the recorded grants, without those of UAVs that lost their memory."""
+    return {(f.uav, f.slot, f.term, f.head) for f in evidence.recording.fixes if f.voter}
+
+
+def _ungiven(report: Report, granted: Granted) -> list[str]:
+    """Return the UAVs whose grant stands behind a plan, and in no recorded fix."""
+    return [uav for uav in report.grants if (uav, report.slot, report.term, report.head) not in granted]
 
 
 def _rivals(evidence: Evidence) -> Iterator[Violation]:
@@ -48,11 +68,7 @@ def _unbacked_plans(evidence: Evidence, granted: Granted) -> Iterator[Violation]
         if len(grants) < evidence.mission.quorum:
             counted = f"{len(grants)} grants where {evidence.mission.quorum} are needed"
             yield _of(report, "no-quorum", f"a plan of term {report.term} on {counted}", [report.head])
-        missing = [
-            uav
-            for uav in report.grants
-            if not evidence.fix_lost(uav, report.slot) and (uav, report.slot, report.term, report.head) not in granted
-        ]
+        missing = [uav for uav in _ungiven(report, granted) if not evidence.fix_lost(uav, report.slot)]
         if missing:
             text = f"grants of term {report.term} that no recorded fix gives: {', '.join(missing)}"
             yield _of(report, "grant-without-fix", text, missing)
