@@ -85,8 +85,9 @@ class Bench:
         return [message for message in self.heard if isinstance(message, kind)]
 
     def begin(self) -> None:
-        """Start the mission."""
+        """Start the mission now: a UAV that took seconds to start would have to land at once in one begun before."""
         await_true(lambda: bool(self.inbox.wait(0.05)))
+        self.mission = msgspec.structs.replace(self.mission, epoch_ns=MissionClock().now_ns())
         self.session.put(self.keys.mission, encode(self.mission))
         self.await_heard(Fix)
 
