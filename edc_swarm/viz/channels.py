@@ -35,10 +35,10 @@ class Status(Struct, frozen=True, kw_only=True):
     Of several clusters, `slot` and `status` are those of the report. The others are those of the newest reports of all:
     heads and terms in the order of the clusters, the longest plan, the least gap, all that are heard and unheard.
 
-    An unknown value (the plan time in a simulation, the gap of a lone UAV) is absent. `plan_limit_near_ms` is the limit
-    of the plan time, in slots in which the plan takes a large share of it: a plot of both stays readable. The batteries
-    are those of all UAVs heard of, in per cent of the first charge. `oldest_fix_slots` is the age of the oldest fix
-    that the head has of a UAV that is not out of action.
+    An unknown value (the plan time in a simulation, the gap where no two UAVs are near) is absent. `plan_limit_near_ms`
+    is the limit of the plan time, in slots in which the plan takes a large share of it: a plot of both stays readable.
+    The batteries are those of all UAVs heard of, in per cent of the first charge. `oldest_fix_slots` is the age of the
+    oldest fix that the head has of a UAV that is not out of action.
     """
 
     slot: int
@@ -49,7 +49,7 @@ class Status(Struct, frozen=True, kw_only=True):
     plan_limit_ms: float
     plan_limit_near_ms: float | UnsetType = UNSET
     gap_m: float | UnsetType = UNSET
-    planned_gap_m: float
+    planned_gap_m: float | UnsetType = UNSET
     gap_limit_m: float
     heard: int
     unheard: int

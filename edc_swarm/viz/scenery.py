@@ -265,19 +265,10 @@ class Scenery:
         report = self._reports.get(entry.cluster)
         if report is not None and entry.uav == report.head:
             made.lines.append(ring(centre, entry.r_m * 1.06, WHITE, 4.0))
-        if role := self._role(entry.uav, report):
+        if role := _role(entry.uav, report):
             role_y_m = min(centre[1] - 0.3 * entry.r_m, self._label_at(uav, centre)[1] - self._label_m)
             made.texts.append(text((centre[0], role_y_m), role, WHITE))
         return made
-
-    @staticmethod
-    def _role(uav: str, report: Report | None) -> str:
-        """Return the label of a UAV's role (head, or rank of the standby), which stands inside the disc."""
-        if report is None:
-            return ""
-        if uav == report.head:
-            return "H"
-        return f"s{report.standby.index(uav) + 1}" if uav in report.standby else ""
 
     def _commands(self, now_ns: int) -> list[SceneEntity]:
         """Return the steps that UAVs fly in this slot or the next one."""
@@ -369,7 +360,7 @@ class Scenery:
             plan_limit_ms=limit_ms,
             plan_limit_near_ms=limit_ms if plan_ms > NEAR_LIMIT * limit_ms else UNSET,
             gap_m=UNSET if least_m is None else least_m,
-            planned_gap_m=min(each.min_gap_m for each in newest),
+            planned_gap_m=min((each.min_gap_m for each in newest if each.min_gap_m), default=UNSET),
             gap_limit_m=0.0,
             heard=sum(len(each.heard) for each in newest),
             unheard=sum(len(each.unheard) for each in newest),
@@ -379,6 +370,15 @@ class Scenery:
             mean_battery_pct=sum(charges) / len(charges) if charges else UNSET,
             oldest_fix_slots=max((age for _, aged in self._ages() for age in aged.values()), default=UNSET),
         )
+
+
+def _role(uav: str, report: Report | None) -> str:
+    """Return the label of a UAV's role (head, or rank of the standby), which stands inside the disc."""
+    if report is None:
+        return ""
+    if uav == report.head:
+        return "H"
+    return f"s{report.standby.index(uav) + 1}" if uav in report.standby else ""
 
 
 def extent_m(mission: MissionMessage) -> tuple[Point, Point]:

@@ -377,8 +377,8 @@ def guidance_that_ignores_one_uav(patch: Patch) -> None:
     """The first UAV of the roster never moves."""
     wishes = Guidance.wishes
 
-    def mutant(self: Guidance, scene: Scene) -> Floats:
-        return np.where((scene.uav == 0)[:, None], scene.position_m, wishes(self, scene))
+    def mutant(self: Guidance, scene: Scene, *, in_flight: bool = False) -> Floats:
+        return np.where((scene.uav == 0)[:, None], scene.position_m, wishes(self, scene, in_flight=in_flight))
 
     patch.setattr(Guidance, "wishes", mutant)
 

@@ -438,7 +438,7 @@ BAD_VALUES: dict[str, dict[str, str | None]] = {
         "uavs": "0", "state": "/proc/x", "certs": ANY, "arm": ANY, "cluster": "a b", "router": ANY, "record": "x",
         "force": ANY,
     },
-    "certs": {"uavs": "0", "out": "/proc/x", "host": "a b", "days": "0", "force": ANY, "json": ANY},
+    "certs": {"uavs": "0", "out": "/proc/x", "host": "a b", "joined": "x", "days": "0", "force": ANY, "json": ANY},
     "fuzz": {"runs": "0", "seed": "-1", "jobs": "0", "keep": "x", "clusters": ANY, "json": ANY},
     "figures": {"runs": "0", "only": "x", "jobs": "0", "out": "/proc/x", "scheduler": "x", "json": ANY},
     "latency": {

@@ -272,7 +272,6 @@ def test_the_status_is_that_of_the_last_plan(messages: list[Message]) -> None:
         plan_ms=10.0,
         plan_limit_ms=status.plan_limit_ms,
         gap_m=status.gap_m,
-        planned_gap_m=0.0,
         gap_limit_m=0.0,
         heard=3,
         unheard=0,
