@@ -9,9 +9,10 @@ Runs are kept in `--out`, so an interrupted one goes on where it stopped. Missio
 side by side, in which 100 random UAVs have their starts and targets, so that every cluster has up to eight neighbours.
 
 *overlaps*: pairs of discs that can overlap in continuous time, whatever pace each UAV keeps within a slot. *plan*: time
-of the planner's thread, of all heads and slots. *heard*: messages that reach a head in a slot, its own left out; of
-them *fixes*. *slot*: processor time of the whole simulation for a slot, mean of those after slot 2; below 1 s the
-simulation is faster than the mission. *head*: the most of it that one head took in a slot; real ones are processes.
+of the planner's thread, of all heads and slots. *fix to command*: on the virtual clock, so without plan times. *heard*:
+messages that reach a head in a slot, its own left out; of them *fixes*. *slot*: processor time of the whole simulation
+for a slot, mean of those after slot 2; below 1 s the simulation is faster than the mission. *head*: the most of it that
+one head took in a slot; real ones are processes.
 """
 
 from __future__ import annotations
@@ -211,11 +212,14 @@ def fly(runs: Sequence[tuple[str, int, int]], path: Path, slots: int) -> None:
 
 
 def compared(measured: dict[tuple[str, int, int], dict[str, Any]]) -> Iterator[str]:
-    """Yield the table of the first kind of mission."""
+    """Yield the table of the first kind of mission, of the seeds that were flown in both ways."""
+    seeds = set.intersection(
+        *({seed for kind, size, seed in measured if (kind, size) == ("compare", each)} for each in CLUSTERS)
+    )
     yield f"| K = {UAVS} | runs | " + " | ".join(title for _, title, _ in COMPARED) + " |"
     yield "|---" * (2 + len(COMPARED)) + "|"
     for clusters in CLUSTERS:
-        runs = [row for (kind, size, _), row in measured.items() if (kind, size) == ("compare", clusters)]
+        runs = [measured["compare", clusters, seed] for seed in sorted(seeds)]
         cells = []
         for name, _, kind in COMPARED:
             values = [row[name] for row in runs if row[name] is not None]

@@ -182,7 +182,7 @@ def test_a_port_in_use(capsys: pytest.CaptureFixture[str]) -> None:
         ("join tcp/a:1 --state file", "--state = 'file'"),
         ("join tcp/a:1 --cluster 'a b'", "--cluster = 'a b'"),
         ("join tcp/a:1 --record file", "--record = 'file'"),
-        ("join tls/a:1 --router --certs file", "--certs = 'file': must be a folder"),
+        ("join tls/a:1 --router --certs file", "--certs = 'file': must be a folder made by `edc-swarm certs`"),
         ("join", "ADDRESS = ''"),
     ],
 )
