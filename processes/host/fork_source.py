@@ -211,9 +211,9 @@ def _warm(source: ForkSource) -> bool:
 
 
 def _rehearse(mission: Mission) -> None:
-    """Begin slots as a UAV does: what Python and msgspec make at the first calls, all UAVs then share."""
-    message = mission_message(mission)
-    for entry in mission.roster[:REHEARSALS]:
+    """Begin slots as an emulated UAV does: what Python and msgspec make at the first calls, all UAVs then share."""
+    message, real = mission_message(mission), autopilots(mission)
+    for entry in [entry for entry in mission.roster if entry.uav not in real][:REHEARSALS]:
         rehearse(message, entry)
 
 
