@@ -8,6 +8,7 @@ from dataclasses import dataclass
 from operator import attrgetter, itemgetter
 
 from edc_swarm.mission.configuration import NS_PER_S
+from edc_swarm.mission.failsafe import failsafe_of
 from edc_swarm.mission.faults import Freeze, Kill, Restart, read_fault
 from edc_swarm.mission.roles import OPERATOR, RECORDER, ROUTER
 from edc_swarm.protocol.events import EventKind
@@ -90,7 +91,8 @@ def ends_of(recording: Recording) -> Ends:
 def _lives_that_spoke(recording: Recording) -> Counter[str]:
     """Return, by UAV, how many of its processes lived for so long that they have spoken, by the operator's events.
 
-    Without a router nobody is heard, so a mission whose router fails promises nothing of processes started again.
+    Without a router nobody is heard, so a mission whose router fails promises nothing of processes started again. Nor
+    does the restart of a UAV that has landed, or may have.
     """
     mission, operator = recording.mission, [event for event in recording.events if event.source == OPERATOR]
     uavs = {entry.uav for entry in mission.roster}
@@ -106,10 +108,24 @@ def _lives_that_spoke(recording: Recording) -> Counter[str]:
         spoke[uav] += speaks_ns.pop(uav, math.inf) <= at_ns
         if isinstance(end, Restart | Kill) and routed:
             down_s = end.for_s if isinstance(end, Kill) else 0.0
-            speaks_ns[uav] = at_ns + down_s * NS_PER_S / mission.time_scale + STARTED_NS
+            spoken_ns = at_ns + down_s * NS_PER_S / mission.time_scale + STARTED_NS
+            if spoken_ns < _lands_ns(recording, uav, at_ns):
+                speaks_ns[uav] = spoken_ns
     last_ns = max((event.sent_ns for event in operator), default=0)
     spoke.update(uav for uav, at_ns in speaks_ns.items() if at_ns <= last_ns)
     return spoke
+
+
+def _lands_ns(recording: Recording, uav: str, at_ns: int) -> float:
+    """Return when a UAV lands, by the steps and events that it told before `at_ns`; infinite if nothing tells it."""
+    mission, failsafe = recording.mission, failsafe_of(recording.mission)
+    told = (e for e in recording.events if e.source == uav and e.kind in {EventKind.LANDED, EventKind.BATTERY_EMPTY})
+    if any(event.sent_ns <= at_ns for event in told):
+        return at_ns
+    if failsafe is None:
+        return math.inf
+    steps = (fix.slot for fix in recording.fixes if fix.uav == uav and fix.executing and fix.sent_ns <= at_ns)
+    return mission.epoch_ns + failsafe.landing_slot(max(steps, default=-1)) * mission.slot_ns
 
 
 def _deaths(recording: Recording) -> dict[str, int]:

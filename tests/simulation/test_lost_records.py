@@ -21,8 +21,13 @@ FAULTS = ["freeze u002 mid-step @6s for 8s", "kill u003 @9s", "restart u003 @11s
 @cache
 def said() -> tuple[MissionMessage, list[Message]]:
     """Return a mission of three vehicles with inertia, and its messages."""
-    fields = {"uavs": 3, "seed": 2, "area_m2": 3600.0, "max_slots": 60, "failsafe": "hold", "fault": FAULTS}
-    mission = mission_message(complete_mission(mission_from_dict({**fields, "vehicle": {"model": "multirotor"}})))
+    return flown(failsafe="hold", fault=FAULTS, vehicle={"model": "multirotor"})
+
+
+def flown(**fields: object) -> tuple[MissionMessage, list[Message]]:
+    """Simulate a mission of three UAVs, and return it and its messages."""
+    common = {"uavs": 3, "seed": 2, "area_m2": 3600.0, "max_slots": 60}
+    mission = mission_message(complete_mission(mission_from_dict({**common, **fields})))
     messages: list[Message] = []
     planner = make_planner(mission.planner, mission)
     Simulation(mission, lambda: planner, lambda _key, now, _ns: messages.append(now)).run()
@@ -65,3 +70,10 @@ def test_the_last_fixes_of_a_killed_process_are_missed() -> None:
     """Plans count on grants that no recorded fix gives: u003 was killed, so its last fixes may be missing."""
     found = statuses([m for m in said()[1] if not (isinstance(m, Fix) and m.uav == "u003" and 15 <= m.slot <= 17)])
     assert (found["G1"], found["G5"]) == ("not-judged", "not-judged")
+
+
+def test_who_is_restarted_on_the_ground_is_not_missed() -> None:
+    """u003 hears nothing and lands after 10 s; a process that comes later says nothing."""
+    _, messages = flown(v_max_mps=2.0, fault=["partition u001,u002>u003 @0s", "restart u003 @14s"])
+    assert not any(isinstance(m, Fix) and m.instance == "u003-2" for m in messages)
+    assert "not-judged" not in statuses(messages).values()
