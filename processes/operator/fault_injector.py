@@ -79,7 +79,9 @@ class Injector:
             self._at(fault.at_s, partial(self.inject if fault.end_s > self.now_s else self._leave_out, fault))
         for event in told or ():
             before = read_fault(event.detail, mission.dt_s) if event.kind == EventKind.FAULT else None
-            if isinstance(before, Kill | Freeze) and until_s < before.end_s < math.inf:
+            if isinstance(before, Kill | Restart | Resume):
+                self._frozen_until_s.pop(before.target, None)
+            if isinstance(before, Kill | Freeze) and before.end_s > until_s:
                 self._end_later(before)
 
     def next_in_s(self) -> float:

@@ -110,3 +110,16 @@ def test_the_first_operator_injects_all() -> None:
     """Without an operator before, every fault comes at its time."""
     done = takes_over([], 0.0, 4.1, 5.1, 8.1, 9.1, 14.1, 25.1)
     assert [len(deeds) for deeds in done] == [0, 2, 2, 2, 1, 1, 1]
+
+
+def test_a_freeze_for_good_outlasts_one_that_overlaps() -> None:
+    """The longest freeze counts also for an operator that takes over."""
+    for_good = told(EventKind.FAULT, "freeze u002 @4.5s", 4.5)
+    assert takes_over([for_good, FROZEN, STARTED], 30.0) == [[]]
+
+
+def test_a_freeze_after_a_resume_ends() -> None:
+    """A freeze for good that was ended outlasts nothing."""
+    for_good = told(EventKind.FAULT, "freeze u002 @2s", 2.0)
+    resumed = told(EventKind.FAULT, "resume u002 @3s", 3.0)
+    assert takes_over([for_good, resumed, FROZEN, STARTED], 30.0) == [[("SIGCONT", "u002")]]
