@@ -3,6 +3,8 @@
     python benchmarks/overload.py                                   busy loops beside 50 UAVs, then 150 ... 400 UAVs
     python benchmarks/overload.py --uavs 50 --loads 90 --plot docs/figures/overload.svg
     python benchmarks/overload.py --uavs 150 200 300 400 --loads 0
+    python benchmarks/overload.py --checkout FOLDER                 the same with the code of another checkout, from
+                                                                    `git worktree add FOLDER COMMIT`
 
 With a load of P %, one loop per core takes P % of it from slot 20 on, for 20 s, in turns of 10 ms. A row has, of all
 slots, those without commands (after the first command) and the late ticks; after the end of the load the slots until
@@ -100,7 +102,23 @@ class Row:
         return None
 
 
-def fly(uavs: int, load_pct: float, seed: int, slots: int, out: Path) -> Row:
+def swarm_command(checkout: Path) -> list[str]:
+    """Return the command that flies a mission with the code of a checkout, whatever its machine carries.
+
+    Raises
+    ------
+    SwarmError
+        The checkout has no command `run`.
+    """
+    command = [sys.executable, "-m", "processes.cli.main", "run"]
+    told = subprocess.run([*command, "--help"], cwd=checkout, capture_output=True, text=True, check=False)
+    if told.returncode:
+        raise SwarmError(f"{checkout}: `run --help` ended with status {told.returncode}")
+    # Versions before this option flew without asking.
+    return [*command, "--no-viz", "--force", *(["--overload", "fly"] if "--overload" in told.stdout else [])]
+
+
+def fly(swarm: list[str], checkout: Path, uavs: int, load_pct: float, seed: int, slots: int, out: Path) -> Row:
     """Fly one mission, with a load beside it.
 
     Raises
@@ -112,10 +130,9 @@ def fly(uavs: int, load_pct: float, seed: int, slots: int, out: Path) -> Row:
     mission = out.with_suffix(".toml")
     fields = {"uavs": uavs, "area_m2": AREA_M2 * uavs, "dt_s": SLOT_S, "max_slots": slots, "seed": seed}
     mission.write_text("".join(f"{name} = {value}\n" for name, value in fields.items()) + 'goals = "lifelong"\n')
-    command = [sys.executable, "-m", "processes.cli.main", "run", str(mission), "--no-viz", "--overload", "fly"]
-    command += ["--force", "--out", str(out)]
+    command = [*swarm, str(mission), "--out", str(out)]
     log = out.with_suffix(".log")
-    with log.open("w") as said, subprocess.Popen(command, stdout=subprocess.DEVNULL, stderr=said) as run:
+    with log.open("w") as said, subprocess.Popen(command, cwd=checkout, stdout=subprocess.DEVNULL, stderr=said) as run:
         while run.poll() is None and "connected" not in log.read_text():
             time.sleep(0.05)
         time.sleep(LOAD_FROM_SLOT * SLOT_S)
@@ -240,9 +257,11 @@ def main() -> int:
     parser.add_argument("--slots", type=int, default=0, help="of a run; by default as many as the load needs")
     parser.add_argument("--json", action="store_true")
     parser.add_argument("--plot", type=Path)
+    parser.add_argument("--checkout", type=Path, default=Path(__file__).parents[1], metavar="FOLDER")
     options = parser.parse_args()
     cases = [(uavs, load) for uavs in options.uavs or [50] for load in options.loads or [50, 90, 99]]
     cases += [(uavs, 0.0) for uavs in (150, 200, 300, 400) if not options.uavs and not options.loads]
+    swarm = swarm_command(options.checkout)
     rows: list[Row] = []
     failed = 0
     if not options.json:
@@ -252,7 +271,7 @@ def main() -> int:
             slots = options.slots or (LOAD_FROM_SLOT + round(LOAD_S / SLOT_S) * bool(load) + AFTER_SLOTS)
             before = os.times()
             try:
-                row = fly(uavs, load, seed, slots, Path(folder) / "run.mcap")
+                row = fly(swarm, options.checkout, uavs, load, seed, slots, Path(folder) / "run.mcap")
             except SwarmError as error:
                 failed += 1
                 print(f"error: {uavs} UAVs, load {load:g} %: {error}", file=sys.stderr, flush=True)
