@@ -78,6 +78,11 @@ class Row:
         return None if first is None else sum(slot.flew == 0 for slot in self.slots[first:])
 
     @property
+    def cost_ms(self) -> float | None:
+        """Processor time of the whole run per UAV and slot."""
+        return 1e3 * self.cpu_s / self.uavs / len(self.slots) if self.slots else None
+
+    @property
     def late_pct(self) -> float | None:
         """Late ticks per hundred."""
         fixes = sum(slot.fixes for slot in self.slots)
@@ -132,12 +137,14 @@ def fly(swarm: list[str], checkout: Path, uavs: int, load_pct: float, seed: int,
     mission.write_text("".join(f"{name} = {value}\n" for name, value in fields.items()) + 'goals = "lifelong"\n')
     command = [*swarm, str(mission), "--out", str(out)]
     log = out.with_suffix(".log")
+    before_s = _children_s()
     with log.open("w") as said, subprocess.Popen(command, cwd=checkout, stdout=subprocess.DEVNULL, stderr=said) as run:
         while run.poll() is None and "connected" not in log.read_text():
             time.sleep(0.05)
         time.sleep(LOAD_FROM_SLOT * SLOT_S)
         began_s, loops = time.time(), _loops(load_pct)
-        used_s, pss_mb = _watch(run, time.monotonic() + slots * SLOT_S + SPARE_S)
+        pss_mb = _watch(run, uavs, time.monotonic() + slots * SLOT_S + SPARE_S)
+        used_s = _children_s() - before_s
         for loop in loops:
             loop.join()
     if not out.exists():
@@ -184,14 +191,14 @@ def _last_line(log: Path) -> str:
     return (log.read_text(errors="replace").strip().splitlines() or ["nothing"])[-1]
 
 
-def _watch(run: subprocess.Popen[bytes], until_s: float) -> tuple[float, float | None]:
-    """Wait for the end; return the processor time of the run and all its processes, and the median PSS of a UAV.
+def _watch(run: subprocess.Popen[bytes], uavs: int, until_s: float) -> float | None:
+    """Wait for the end; return the median PSS of a UAV, when all were last there.
 
     A run that is still there at `until_s` is ended as by Ctrl-C, then killed; its processes die with it.
     """
     pss_mb = None
     while run.poll() is None and time.monotonic() < until_s:
-        pss_mb = _pss_mb(run.pid) or pss_mb
+        pss_mb = _pss_mb(run.pid, uavs) or pss_mb
         time.sleep(LOOK_S)
     if run.poll() is None:
         run.send_signal(signal.SIGINT)
@@ -200,12 +207,20 @@ def _watch(run: subprocess.Popen[bytes], until_s: float) -> tuple[float, float |
         except subprocess.TimeoutExpired:
             run.kill()
     run.wait()
+    return pss_mb
+
+
+def _children_s() -> float:
+    """Return the processor time of all children that have ended, and of theirs."""
     used = os.times()
-    return used.children_user + used.children_system, pss_mb
+    return used.children_user + used.children_system
 
 
-def _pss_mb(command: int) -> float | None:
-    """Return the median memory of the UAV processes, the grandchildren of the command; shared memory counts once."""
+def _pss_mb(command: int, uavs: int) -> float | None:
+    """Return the median memory of the UAV processes, the grandchildren of the command; shared memory counts once.
+
+    None unless all of them live: the fewer share memory, the more of it counts for each.
+    """
     found = []
     for child in _children(command):
         for uav in _children(child):
@@ -215,7 +230,7 @@ def _pss_mb(command: int) -> float | None:
                 continue
             if match := re.search(r"^Pss:\s+(\d+) kB", rollup, re.MULTILINE):
                 found.append(int(match[1]) / 1024)
-    return statistics.median(found) if found else None
+    return statistics.median(found) if len(found) >= uavs else None
 
 
 def _children(process: int) -> list[int]:
@@ -269,7 +284,6 @@ def main() -> int:
     with tempfile.TemporaryDirectory() as folder:
         for (uavs, load), seed in itertools.product(cases, range(options.runs)):
             slots = options.slots or (LOAD_FROM_SLOT + round(LOAD_S / SLOT_S) * bool(load) + AFTER_SLOTS)
-            before = os.times()
             try:
                 row = fly(swarm, options.checkout, uavs, load, seed, slots, Path(folder) / "run.mcap")
             except SwarmError as error:
@@ -277,23 +291,21 @@ def main() -> int:
                 print(f"error: {uavs} UAVs, load {load:g} %: {error}", file=sys.stderr, flush=True)
                 continue
             rows.append(row)
-            used_s = row.cpu_s - before.children_user - before.children_system
             if not options.json:
-                print(_line(row, 1e3 * used_s / uavs / max(len(row.slots), 1)), flush=True)
+                print(_line(row), flush=True)
             if options.plot is not None:
                 plot(rows, options.plot)
     if options.json:
-        fields = ("uavs", "load_pct", "without", "flown_pct", "late_pct", "back_slots", "pss_mb")
+        fields = ("uavs", "load_pct", "without", "flown_pct", "late_pct", "back_slots", "cost_ms", "pss_mb")
         print(json.dumps([{name: getattr(row, name) for name in fields} for row in rows]))
     return 1 if failed else 0
 
 
-def _line(row: Row, each_ms: float) -> str:
-    pss_mb = _text(row.pss_mb, ".1f")
-    return (
-        f"{row.uavs:4}  {row.load_pct:6g}  {_text(row.without):>9} of {len(row.slots):3}  {_text(row.flown_pct):>7}"
-        f"  {_text(row.late_pct, '.2f'):>12}  {_text(row.back_slots):>12}  {each_ms:19.2f}  {pss_mb:>6}"
-    )
+def _line(row: Row) -> str:
+    flown, late = _text(row.flown_pct), _text(row.late_pct, ".2f")
+    back, cost, memory = _text(row.back_slots), _text(row.cost_ms, ".2f"), _text(row.pss_mb, ".1f")
+    without = f"{_text(row.without):>9} of {len(row.slots):3}"
+    return f"{row.uavs:4}  {row.load_pct:6g}  {without}  {flown:>7}  {late:>12}  {back:>12}  {cost:>19}  {memory:>6}"
 
 
 if __name__ == "__main__":
