@@ -1,7 +1,7 @@
 """Overload: what a swarm loses while its machine is short of processors, and how soon it is normal again.
 
     python benchmarks/overload.py                                   busy loops beside 50 UAVs, then 150 ... 400 UAVs
-    python benchmarks/overload.py --uavs 50 --loads 90 --plot docs/figures/overload.svg
+    python benchmarks/overload.py --uavs 50 --loads 90 --plot docs/figures/overload.svg    the first run of each case
     python benchmarks/overload.py --uavs 150 200 300 400 --loads 0
     python benchmarks/overload.py --checkout FOLDER                 the same with the code of another checkout, from
                                                                     `git worktree add FOLDER COMMIT`
@@ -294,7 +294,7 @@ def main() -> int:
             if not options.json:
                 print(_line(row), flush=True)
             if options.plot is not None:
-                plot(rows, options.plot)
+                plot(list({(row.uavs, row.load_pct): row for row in reversed(rows)}.values())[::-1], options.plot)
     if options.json:
         fields = ("uavs", "load_pct", "without", "flown_pct", "late_pct", "back_slots", "cost_ms", "pss_mb")
         print(json.dumps([{name: getattr(row, name) for name in fields} for row in rows]))
