@@ -139,7 +139,7 @@ def fly(swarm: list[str], checkout: Path, uavs: int, load_pct: float, seed: int,
     log = out.with_suffix(".log")
     before_s = _children_s()
     with log.open("w") as said, subprocess.Popen(command, cwd=checkout, stdout=subprocess.DEVNULL, stderr=said) as run:
-        while run.poll() is None and "connected" not in log.read_text():
+        while run.poll() is None and len(_uav_processes(run.pid)) < uavs:
             time.sleep(0.05)
         time.sleep(LOAD_FROM_SLOT * SLOT_S)
         began_s, loops = time.time(), _loops(load_pct)
@@ -217,20 +217,24 @@ def _children_s() -> float:
 
 
 def _pss_mb(command: int, uavs: int) -> float | None:
-    """Return the median memory of the UAV processes, the grandchildren of the command; shared memory counts once.
+    """Return the median memory of the UAV processes; shared memory counts once.
 
     None unless all of them live: the fewer share memory, the more of it counts for each.
     """
     found = []
-    for child in _children(command):
-        for uav in _children(child):
-            try:
-                rollup = Path(f"/proc/{uav}/smaps_rollup").read_text()
-            except OSError:
-                continue
-            if match := re.search(r"^Pss:\s+(\d+) kB", rollup, re.MULTILINE):
-                found.append(int(match[1]) / 1024)
+    for uav in _uav_processes(command):
+        try:
+            rollup = Path(f"/proc/{uav}/smaps_rollup").read_text()
+        except OSError:
+            continue
+        if match := re.search(r"^Pss:\s+(\d+) kB", rollup, re.MULTILINE):
+            found.append(int(match[1]) / 1024)
     return statistics.median(found) if len(found) >= uavs else None
+
+
+def _uav_processes(command: int) -> list[int]:
+    """Return the grandchildren of the command: the fork source makes the UAVs."""
+    return [uav for child in _children(command) for uav in _children(child)]
 
 
 def _children(process: int) -> list[int]:
