@@ -221,3 +221,5 @@ def test_the_image(image: str) -> None:
         "import importlib.util; print(is_ready(), importlib.util.find_spec('numba'))"
     )
     assert run(f'python -c "{planned}"', "--user", "4711:4711").split() == ["True", "None"]
+    waited_for = run('python -c "from processes.host.pool import THE_PLANNER; print(THE_PLANNER)"')
+    assert waited_for == "the planner\n"  # Not that a first run compiles it.
