@@ -205,7 +205,15 @@ class Fleet:
         level: Level = "detail" if kind == "holding" else "news"
         time_s = max(at_s, since * self._mission.dt_s)
         uav.span = self._log.tell(
-            kind, [uav.uav], why.detail, level=level, slot=since, time_s=time_s, lasts=True, reason=why.reason, by=why.by
+            kind,
+            [uav.uav],
+            why.detail,
+            level=level,
+            slot=since,
+            time_s=time_s,
+            lasts=True,
+            reason=why.reason,
+            by=why.by,
         )
 
     def _warn(self, uav: Uav) -> None:

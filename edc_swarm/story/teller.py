@@ -186,7 +186,7 @@ class ClusterTeller:
             self._fleet.land(name, f"out of the airspace, by the report of head {plan.head}")
 
     def _sent_s(self, message: Event | Report) -> float | None:
-        """Return the mission time at which a message was sent by the clock of its publisher, None if it does not say."""
+        """Return the mission time of sending by the clock of the publisher, None if the message does not say."""
         if not message.sent_ns:
             return None
         return max(0.0, (message.sent_ns - self._mission.epoch_ns) * self._mission.time_scale / 1e9)
