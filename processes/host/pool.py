@@ -21,11 +21,8 @@ from processes.uav.process import UavSettings
 from processes.uav.state import promise_path
 
 FORK_SOURCE = "fork-source"
-THE_PLANNER = (
-    "the planner"
-    if is_ready()
-    else ("the planner (a first run compiles it; `python -m processes.uav.compile_ahead` does so before)")
-)
+_FIRST_RUN = "" if is_ready() else " (a first run compiles it; `python -m processes.uav.compile_ahead` does so before)"
+THE_PLANNER = f"the planner{_FIRST_RUN}"
 
 
 class UavPool:
