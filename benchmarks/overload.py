@@ -256,10 +256,11 @@ def plot(rows: list[Row], path: Path) -> None:
         axes.step([SLOT_S * slot for slot in range(len(share))], share, where="post", color="#1f6f8b")
         if row.load_slots:
             axes.axvspan(SLOT_S * row.load_slots.start, SLOT_S * row.load_slots.stop, color="#f2c14e", alpha=0.35)
-        load = f", {row.load_pct:g} % of the processors taken" if row.load_pct else ""
+        load = f", {row.load_pct:g} % of the processors taken in the shaded time" if row.load_pct else ""
         axes.set_title(f"{row.uavs} UAVs{load}", fontsize=9, loc="left")
-        axes.set(ylim=(-5, 105), xlim=(0, SLOT_S * max(len(share), 1)), ylabel="fly, %")
-    figure.axes[-1].set_xlabel("time, s")
+        axes.set(ylim=(-5, 105), xlim=(0, SLOT_S * max(len(share), 1)))
+    figure.supylabel("UAVs that fly a command, %", fontsize=9)
+    figure.supxlabel("time, s", fontsize=9)
     figure.savefig(path)
 
 

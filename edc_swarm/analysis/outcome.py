@@ -205,34 +205,38 @@ class _Judge:
         uav, newest = self.tracks.uavs[k], int(self.newest[k])
         for event in reversed(self.recording.events):
             is_stray = event.kind == EventKind.STRAYED and event.source == uav
-            if (event.slot >= newest or is_stray) and (ending := self._ended_by(event, uav)) is not None:
-                return self._not_home(k, *ending, event.slot)
+            if (event.slot >= newest or is_stray) and (ending := self._ended_by(event, uav, newest)) is not None:
+                return self._not_home(k, *ending)
         forgot = min((f.slot for f in self.recording.fixes if f.uav == uav and not f.voter), default=None)
         if forgot is not None:
             text = f"may not be commanded since slot {forgot} (its memory was lost)"
             return self._not_home(k, "memory-lost", text, forgot)
         return None
 
-    def _ended_by(self, event: Event, uav: str) -> tuple[Cause, str] | None:
-        """Return cause and reason if `event` ended the flight of `uav`, else None."""
-        since = f"since slot {event.slot}"
+    def _ended_by(self, event: Event, uav: str, newest: int) -> tuple[Cause, str, int] | None:
+        """Return cause, reason and first slot if `event` ended the flight of `uav`, else None.
+
+        The end of a process on another host is told seconds later: it is dead since the slot after its `newest` fix.
+        """
+        slot = min(event.slot, newest + 1) if event.kind == EventKind.EXITED else event.slot
+        since = f"since slot {slot}"
         if event.source == uav:
-            own: dict[str, tuple[Cause, str]] = {
-                EventKind.BATTERY_EMPTY: ("battery-empty", f"battery empty {since}"),
-                EventKind.LANDED: ("landed", f"landed in slot {event.slot} ({event.detail})"),
-                EventKind.STRAYED: ("strayed", f"not under control {since} ({event.detail})"),
-                EventKind.GROUNDED: ("grounded", f"never took off ({event.detail})"),
+            own: dict[str, tuple[Cause, str, int]] = {
+                EventKind.BATTERY_EMPTY: ("battery-empty", f"battery empty {since}", slot),
+                EventKind.LANDED: ("landed", f"landed in slot {slot} ({event.detail})", slot),
+                EventKind.STRAYED: ("strayed", f"not under control {since} ({event.detail})", slot),
+                EventKind.GROUNDED: ("grounded", f"never took off ({event.detail})", slot),
             }
             return own.get(event.kind)
         if event.source != OPERATOR:
             return None
         if event.kind == EventKind.EXITED and event.detail.startswith(f"{uav} "):
-            return "process-gone", f"dead {since} (its process {event.detail.removeprefix(f'{uav} ')})"
+            return "process-gone", f"dead {since} (its process {event.detail.removeprefix(f'{uav} ')})", slot
         fault = read_fault(event.detail, self.recording.mission.dt_s) if event.kind == EventKind.FAULT else None
         if isinstance(fault, Kill) and fault.target == uav:
-            return "killed", f"dead {since} (killed by a fault)"
+            return "killed", f"dead {since} (killed by a fault)", slot
         if isinstance(fault, Freeze) and fault.target == uav:
-            return "frozen", f"dead {since} (frozen by a fault)"
+            return "frozen", f"dead {since} (frozen by a fault)", slot
         return None
 
     def _unknown(self, k: int) -> NotHome | None:

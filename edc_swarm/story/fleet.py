@@ -39,10 +39,10 @@ class Fleet:
         self.uavs = {entry.uav: Uav(entry) for entry in mission.roster}
         self.late: list[str] = []
 
-    def stop(self, name: str, kind: Kind, how: str) -> None:
-        """Note what stopped a UAV; the happening follows once it is silent."""
+    def stop(self, name: str, kind: Kind, how: str, at_s: float = 0.0) -> None:
+        """Note what stopped a UAV, and when; the happening follows once it is silent, and has no earlier time."""
         if name in self.uavs:
-            self.uavs[name].ended = kind, how
+            self.uavs[name].ended = kind, how, at_s
 
     def land(self, name: str, how: str) -> None:
         """Tell once that a UAV has landed."""
@@ -87,9 +87,9 @@ class Fleet:
             return
         if not uav.is_silent():
             return
-        kind, how = uav.ended or ("silent", "no fix of it" if uav.fix else "no fix of it so far")
+        kind, how, at_s = uav.ended or ("silent", "no fix of it" if uav.fix else "no fix of it so far", 0.0)
         since = self._log.slot - uav.silent_slots + 1
-        self._begin_span(uav, kind, Why("", how), since)
+        self._begin_span(uav, kind, Why("", how), since, at_s)
         self._warn(uav)
         uav.state = {"dead": "dead", "frozen": "frozen"}.get(kind, "silent")  # type: ignore[assignment]
 
@@ -199,11 +199,21 @@ class Fleet:
 
     # --- spans ----------------------------------------------------------------------------------
 
-    def _begin_span(self, uav: Uav, kind: Kind, why: Why, since: int) -> None:
+    def _begin_span(self, uav: Uav, kind: Kind, why: Why, since: int, at_s: float = 0.0) -> None:
+        """Tell that something begins to last with slot `since`, but not before `at_s`, when its cause happened."""
         self._end_span(uav, since)
         level: Level = "detail" if kind == "holding" else "news"
+        time_s = max(at_s, since * self._mission.dt_s)
         uav.span = self._log.tell(
-            kind, [uav.uav], why.detail, level=level, slot=since, lasts=True, reason=why.reason, by=why.by
+            kind,
+            [uav.uav],
+            why.detail,
+            level=level,
+            slot=since,
+            time_s=time_s,
+            lasts=True,
+            reason=why.reason,
+            by=why.by,
         )
 
     def _warn(self, uav: Uav) -> None:

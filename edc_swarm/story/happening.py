@@ -104,13 +104,17 @@ class Happening(Struct, kw_only=True):
 
 
 def grouped(happenings: Iterable[Happening], order: Sequence[str]) -> list[Happening]:
-    """Return the happenings with those that differ in their UAVs alone as one; `order` is the roster's."""
+    """Return the happenings of a slot with those that differ in their UAVs alone as one, which has the last time.
+
+    `order` is the roster's.
+    """
     rank = {uav: k for k, uav in enumerate(order)}
     groups: dict[tuple[object, ...], Happening] = {}
     for each in happenings:
-        same = (each.kind, each.slot, each.time_s, each.detail, each.level, each.last_slot, each.lasts)
+        same = (each.kind, each.slot, each.detail, each.level, each.last_slot, each.lasts)
         if each.uavs and same in groups:
             groups[same].uavs.extend(each.uavs)
+            groups[same].time_s = max(groups[same].time_s, each.time_s)
         else:
             groups[same if each.uavs else (*same, len(groups))] = Happening(
                 **{field: getattr(each, field) for field in each.__struct_fields__ if field != "uavs"},

@@ -113,13 +113,11 @@ class ClusterTeller:
         if not self._tells_mission and event.source not in self._fleet.uavs:
             self._take_untold(event)
             return
-        time_s = None
-        if event.source == OPERATOR and event.sent_ns:
-            time_s = max(0.0, (event.sent_ns - self._mission.epoch_ns) * self._mission.time_scale / 1e9)
+        time_s = self._sent_s(event) if event.source == OPERATOR else None
         match event.kind:
             case EventKind.FAULT:
                 self._log.tell("fault", detail=_shorter(event.detail), level="warning", time_s=time_s)
-                self._take_fault(event)
+                self._take_fault(event, time_s or 0.0)
             case EventKind.EXITED:
                 name, _, how = event.detail.partition(" ")
                 self._fleet.stop(name, "dead", f"its process {how}")
@@ -149,21 +147,21 @@ class ClusterTeller:
     def _take_untold(self, event: Event) -> None:
         """Take what another cluster's teller tells."""
         if event.kind == EventKind.FAULT:
-            self._take_fault(event)
+            self._take_fault(event, self._sent_s(event) or 0.0)
         if event.kind == EventKind.EXITED:
             name, _, how = event.detail.partition(" ")
             self._fleet.stop(name, "dead", f"its process {how}")
         self._over = self._over or event.kind == EventKind.END
 
-    def _take_fault(self, event: Event) -> None:
+    def _take_fault(self, event: Event, at_s: float) -> None:
         fault = read_fault(event.detail, self._mission.dt_s)
         match fault:
             case Kill(target=uav):
-                self._fleet.stop(uav, "dead", f"killed by a fault in slot {event.slot}")
+                self._fleet.stop(uav, "dead", f"killed by a fault in slot {event.slot}", at_s)
             case Freeze(target=uav):
-                self._fleet.stop(uav, "frozen", f"frozen by a fault in slot {event.slot}")
+                self._fleet.stop(uav, "frozen", f"frozen by a fault in slot {event.slot}", at_s)
             case Restart(target=uav):
-                self._fleet.stop(uav, "dead", f"restarted by a fault in slot {event.slot}")
+                self._fleet.stop(uav, "dead", f"restarted by a fault in slot {event.slot}", at_s)
             case _:
                 pass
 
@@ -171,9 +169,8 @@ class ClusterTeller:
         for claim in heard.claims:
             if claim.term > self._claimed and claim.head in self._fleet.uavs:
                 self._claimed = claim.term
-                self._log.tell(
-                    "claim", [claim.head], f"claims term {claim.term}: {len(claim.grants)} UAVs suspect the head"
-                )
+                words = f"claims term {claim.term}: {len(claim.grants)} UAVs suspect the head"
+                self._log.tell("claim", [claim.head], words, time_s=self._within_slot_s(claim))
         plan = heard.plan
         if plan is None:
             self._miss_plan()
@@ -183,10 +180,21 @@ class ClusterTeller:
         if self._plan is None or plan.term > self._plan.term:
             after = f" after {self._plan.head}" if self._plan is not None and self._plan.head != plan.head else ""
             words = f"leads term {plan.term}{after}, granted by {len(plan.grants)} of {len(self._fleet.uavs)}"
-            self._log.tell("term", [plan.head], words)
+            self._log.tell("term", [plan.head], words, time_s=self._within_slot_s(plan))
         self._plan = plan
         for name in plan.landed:
             self._fleet.land(name, f"out of the airspace, by the report of head {plan.head}")
+
+    def _sent_s(self, message: Event | Report) -> float | None:
+        """Return the mission time of sending by the clock of the publisher, None if the message does not say."""
+        if not message.sent_ns:
+            return None
+        return max(0.0, (message.sent_ns - self._mission.epoch_ns) * self._mission.time_scale / 1e9)
+
+    def _within_slot_s(self, report: Report) -> float | None:
+        """Return the same in the slot of a report, whatever the clock of its publisher says."""
+        sent_s, dt_s = self._sent_s(report), self._mission.dt_s
+        return None if sent_s is None else min(max(sent_s, report.slot * dt_s), (report.slot + 1) * dt_s)
 
     def _miss_plan(self) -> None:
         self._without_plan += 1

@@ -35,7 +35,7 @@ class Uav:
     Attributes
     ----------
     ended
-        Kind and words of what is known to have stopped it: a fault, or the end of its process.
+        Kind and words of what is known to have stopped it, a fault or the end of its process, and its mission time.
     other_slots
         Slots in a row in which it holds for another reason than the one that was told.
     span
@@ -45,7 +45,7 @@ class Uav:
     entry: RosterEntry
     fix: Fix | None = None
     state: State = "unknown"
-    ended: tuple[Kind, str] | None = None
+    ended: tuple[Kind, str, float] | None = None
     silent_slots: int = 0
     unheard_slots: int = 0
     held_slots: int = 0

@@ -25,8 +25,9 @@ from processes.runtime.streams import UnreadError, discard_unwritten_results, pr
 app = App(
     name="edc-swarm",
     help=(
-        "A swarm emulator: UAVs elect a head, which plans steps that keep all apart. They talk over Zenoh; MCAP files "
-        "record every message.\n\n"
+        "A swarm emulator: UAVs elect a head, which plans steps that keep all UAVs apart. They talk over Zenoh. Every "
+        "message is recorded to an MCAP file.\n\n"
+        "To begin: `edc-swarm run` flies ten UAVs, `edc-swarm report FILE.mcap` shows the flight in a browser.\n\n"
         "Exit status 0: fine. 1: a guarantee is broken, a UAV is not at its target, or the mission failed. "
         "2: bad input. 3: nothing is broken, but a guarantee could not be judged."
     ),
@@ -51,8 +52,10 @@ app.command("processes.cli.commands.fuzz:fuzz", help="Search random fault schedu
 app.command("processes.cli.commands.figures:figures", help="Make the paper's figures and the energy bill.")
 app.command("processes.cli.commands.latency:latency", help="Fly a grid of delays, jitters and losses.")
 app.command("processes.cli.commands.replay:replay", help="Publish a recording on a bus, or plan it again and compare.")
-app.command("processes.cli.commands.recover:recover", help="Make a whole recording from one that was cut off.")
-app.command("processes.cli.commands.merge:merge", help="Make one recording of those that several recorders made.")
+app.command(
+    "processes.cli.commands.recover:recover", help="Make a complete recording of a torn one, which ends in the middle."
+)
+app.command("processes.cli.commands.merge:merge", help="Make one recording of those that several recorders wrote.")
 app.command("processes.cli.commands.visualise:visualise", help="Add what Foxglove draws to a recording.")
 app.command("processes.cli.commands.certs:certs", help="Make the certificates of a secured swarm.")
 app.command(

@@ -27,7 +27,7 @@ from processes.host import fork_source
 from processes.host.claim_folder import ClaimFolder, ensure_state
 from processes.host.ending import CLOSE_TIMEOUT_S, SILENT, Deaths, begin_end, end_fork_source, how_ended, landing_s
 from processes.host.host_parts import HostParts
-from processes.host.pool import PLANNER_READY, UavPool
+from processes.host.pool import THE_PLANNER, UavPool
 from processes.operator import host_requests
 from processes.runtime.children import Child, ChildExited, ChildReady, PartEndedError
 from processes.runtime.clock import MissionClock
@@ -171,7 +171,7 @@ class Joiner:
         pool = self._pool = UavPool(self._loop.inbox, self._log)
         small = len(issued.uavs) == 1 and issued.uavs[0] not in startup_candidates(issued.mission)
         self._source = pool.start_source(None if small else issued.mission)
-        self._loop.wait(lambda: self._source_ready, PLANNER_READY)
+        self._loop.wait(lambda: self._source_ready, THE_PLANNER)
         return pool
 
     def _start_uavs(self, pool: UavPool, issued: Issued) -> None:

@@ -13,6 +13,7 @@ from pathlib import Path
 import msgspec
 
 from edc_swarm.mission.configuration import Mission
+from edc_swarm.planner.compiler import is_ready
 from processes.host import fork_source
 from processes.runtime.children import Child, News
 from processes.runtime.inbox import Inbox
@@ -20,7 +21,8 @@ from processes.uav.process import UavSettings
 from processes.uav.state import promise_path
 
 FORK_SOURCE = "fork-source"
-PLANNER_READY = "the planner (a first run compiles it; `python -m processes.uav.compile_ahead` does so before)"
+_FIRST_RUN = "" if is_ready() else " (a first run compiles it; `python -m processes.uav.compile_ahead` does so before)"
+THE_PLANNER = f"the planner{_FIRST_RUN}"
 
 
 class UavPool:

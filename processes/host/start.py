@@ -14,7 +14,7 @@ from edc_swarm.mission.roles import LIVE, OPERATOR
 from processes.bus.address import advertised_endpoint, connect_endpoint, unreachable_router
 from processes.bus.credentials import credentials
 from processes.bus.session import open_client
-from processes.host.pool import FORK_SOURCE, PLANNER_READY
+from processes.host.pool import FORK_SOURCE, THE_PLANNER
 from processes.host.run_setup import Bus
 from processes.host.run_state import RunState
 from processes.operator.bus_client import Operator
@@ -73,7 +73,7 @@ class RunStart:
         self._parts.start_observers()
         if self._setup.local:
             ready = self._parts.ready
-            self._loop.wait(lambda: FORK_SOURCE in ready, PLANNER_READY)
+            self._loop.wait(lambda: FORK_SOURCE in ready, THE_PLANNER)
         self._state.times.ready_at_s = self._state.times.ready_at_s or time.monotonic()
         self._parts.start_uavs()
 

@@ -103,11 +103,13 @@ class MissionWatch:
     def _check_remote(self) -> None:
         """Tell of a part that leaves the bus; give up one that is away for too long, and wait for it if it comes back.
 
-        The bus sees the end of a process at once, long before its fixes are missed.
+        The bus sees the end of a process at once, long before its fixes are missed. That of a UAV which has landed is
+        no news.
         """
-        dead = {uav for uav in self._state.deaths.expected if not self._will_restart(uav)}
+        killed, landed = self._state.deaths.expected, self.bus.seen.landed
+        dead = landed.union(uav for uav in killed if not self._will_restart(uav))
         for part in self._remote.left(self.bus.alive):
-            if part not in self._state.deaths.expected:
+            if part not in killed | landed:
                 self.bus.publish_event(EventKind.OFF_BUS, part)
         gone, back = self._remote.look(self.bus.alive, dead, time.monotonic())
         assert self.bus.monitor is not None

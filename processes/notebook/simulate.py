@@ -24,6 +24,8 @@ from processes.uav.planner_loader import warm_planner
 
 _OPTIONS = {field: attribute_of(option) for field, option in fields_by_option().items() if "." in field}
 """The option of each field of a table or of the links, by which errors name it."""
+_PARTS = {"planner", "elect", "gps_model", "link.model"}
+"""Fields that may be a class of the user."""
 
 
 def new_mission(source: Mission | str | Path | None = None, /, **options: Any) -> Mission:
@@ -46,21 +48,26 @@ def new_mission(source: Mission | str | Path | None = None, /, **options: Any) -
         raise MissionError("source", source, "a Mission, or the path of a mission file")
     base = source if isinstance(source, Mission) else Mission() if source is None else load_mission(source)
     with named_as_options(_OPTIONS):
-        return with_stated(base, {name: _named(value) for name, value in options.items()})
+        return with_stated(base, {name: _named(name, value) for name, value in options.items()})
 
 
-def _named(value: Any) -> Any:
+def _named(field: str, value: Any) -> Any:
     """Return a value as a mission states it: a class as `package.module:Class`, a number of NumPy as one of Python.
 
-    In lists and tables too, since the model of a link stands in `link`.
+    In lists and tables too, since the model of a link stands in `link`. An object of the class is no part of a mission:
+    each process makes its own.
     """
     if isinstance(value, np.generic):
         return value.item()
     if isinstance(value, dict):
-        return {key: _named(each) for key, each in value.items()}
+        return {key: _named(f"{field}.{key}", each) for key, each in value.items()}
     if isinstance(value, list | tuple):
-        return [_named(each) for each in value]
-    return f"{value.__module__}:{value.__qualname__}" if inspect.isclass(value) else value
+        return [_named(field, each) for each in value]
+    if inspect.isclass(value):
+        return f"{value.__module__}:{value.__qualname__}"
+    if field in _PARTS and not isinstance(value, str):
+        raise MissionError(field, value, "a name, a class, or package.module:Class; not an object of the class")
+    return value
 
 
 def simulate(source: Mission | str | Path | None = None, /, **options: Any) -> Flight:

@@ -45,11 +45,14 @@ class Seen:
         First slot in which any UAV executed a command, -1 before it.
     closed
         Publishers that have published their last sequence numbers.
+    landed
+        UAVs that have said that they have landed: their processes end.
     """
 
     heard: set[str] = field(default_factory=set)
     first_flown_slot: int = -1
     closed: set[str] = field(default_factory=set)
+    landed: set[str] = field(default_factory=set)
 
     def hear_fix(self, fix: Fix) -> None:
         """Note a fix."""
@@ -240,6 +243,8 @@ class Operator:
                 self.monitor.hear_report(report)
             case Event(kind=EventKind.CLOSED, source=source):
                 self.seen.closed.add(source)
+            case Event(kind=EventKind.LANDED, source=source):
+                self.seen.landed.add(source)
             case Event(kind=EventKind.GROUND_COMMAND, source="ground") as event:
                 if (order := order_in(event)) is not None:
                     self.ordered.append(order)

@@ -125,6 +125,17 @@ def test_a_fork_source_killed_by_hand_fails_the_joiner(start: Fly, hosted: Hoste
 
 
 @pytest.mark.long
+def test_a_uav_of_another_host_that_has_landed_may_leave(start: Fly, hosted: Hosted) -> None:
+    """Its process ends in order: nobody calls that a loss, and the reason why it is not home is that it has landed."""
+    run, address = hosted(1, "--fault", "partition u005|rest @8")
+    joined = start("join", address)
+    ended = run.end()
+    assert [(who["uav"], who["cause"]) for who in ended.json["not_home"]] == [("u005", "landed")], ended.stdout
+    assert not {"off-bus", "exited"} & {event.kind for event in ended.recording.events}
+    assert (ended.status, joined.end().status) == (1, 0)
+
+
+@pytest.mark.long
 def test_faults_reach_the_uavs_of_other_hosts(start: Fly, hosted: Hosted) -> None:
     """Faults kill a UAV, restart one without memory, and freeze and resume one."""
     faults = ("kill u003 @8", "kill u004 @8 for 4", "freeze u005 @8 for 2s", "restart u004 lose-memory @20")

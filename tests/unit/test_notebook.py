@@ -204,6 +204,17 @@ def test_a_link_model_may_be_a_class() -> None:
     assert repr(axis) == "<Sweep of 2 missions: link (2 values)>"
 
 
+@pytest.mark.parametrize(
+    ("field", "options"),
+    [("planner", {"planner": Late()}), ("elect", {"elect": Late()}), ("link.model", {"link": [{"model": Late()}]})],
+)
+def test_an_object_in_place_of_its_class_is_refused_as_such(field: str, options: dict[str, Any]) -> None:
+    """Each process makes its own object, so a mission states the class."""
+    with pytest.raises(es.MissionError, match=r"not an object of the class$") as refused:
+        es.new_mission(uavs=3, **options)
+    assert refused.value.field == field
+
+
 def test_a_source_is_a_mission_or_a_path() -> None:
     """A table of options is neither."""
     with pytest.raises(es.MissionError, match="source"):

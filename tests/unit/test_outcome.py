@@ -112,6 +112,11 @@ def test_who_was_on_its_way_has_the_mission_s_end_as_its_reason(
             "dead since slot 12 (its process was ended by SIGKILL)",
         ),
         (
+            Event(source="operator", slot=28, kind="exited", detail="u2 has gone from the bus"),
+            "process-gone",
+            "dead since slot 13 (its process has gone from the bus)",
+        ),
+        (
             Event(source="operator", slot=12, kind="exited", detail="u21 was ended by SIGKILL"),
             "silent",
             "silent since slot 13 (frozen, cut off, or its process gone)",

@@ -76,6 +76,32 @@ def test_a_silence_has_the_cause_that_the_record_shows(detail: str, kind: str, w
     assert words in happening.detail
 
 
+def test_what_follows_from_a_fault_stands_after_it() -> None:
+    """In the slot of the fault a death has its time, and a claim and a term that at which they were sent."""
+    ms = 10**6
+    kills = [Event(source="operator", slot=5, kind="fault", detail=f"kill {x} @5", sent_ns=at(5) + ms) for x in "ac"]
+    claim = report(5, 2, "b", status="claim", quorum=3, grants=["b", "d", "e"], sent_ns=at(5) + 2 * ms)
+    term = [report(t, 2, "b", quorum=3, grants=["b", "d", "e"], sent_ns=at(t) + 3 * ms) for t in range(5, SLOTS)]
+    fixes = [flown(uav, t, k) for k, uav in enumerate("abcde") for t in range(SLOTS if uav in "bde" else 5)]
+    before = [report(t, quorum=3, grants=["a", "b", "c"]) for t in range(5)]
+    mission = mission_message(row("abcde", 12.0, 40.0, energy_j=100.0), failsafe="hold")
+    story = told([*fixes, *before, *kills, claim, *term], mission)
+    assert [(each.kind, each.uavs, each.time_s) for each in story.happenings if each.slot == 5] == [
+        ("fault", [], 2.501),
+        ("fault", [], 2.501),
+        ("dead", ["a", "c"], 2.501),
+        ("claim", ["b"], 2.502),
+        ("term", ["b"], 2.503),
+    ]
+
+
+@pytest.mark.parametrize(("late_s", "time_s"), [(-60.0, 2.5), (60.0, 3.0)])
+def test_a_claim_is_told_in_its_slot_whatever_the_claimants_clock_says(late_s: float, time_s: float) -> None:
+    """Clocks of hosts differ, and a fault can put one wrong."""
+    claim = report(5, 2, "b", status="claim", grants=["b", "c"], sent_ns=at(5) + int(late_s * 1e9))
+    assert only(told([*everyone(range(SLOTS)), *plans(range(5)), claim]), "claim").time_s == time_s
+
+
 def test_a_process_that_leaves_the_bus_is_told_before_it_is_silent() -> None:
     """By the UAV's name, and as no more than that: its process, its host or its link may be gone."""
     messages = [*everyone(range(SLOTS), "c"), *(flown("c", slot, 2) for slot in range(6)), *plans(range(SLOTS))]

@@ -53,7 +53,7 @@ def join(
         Start a router on this host, linked to the mission's: what its UAVs say to each other stays here. With --certs
         it needs the host's own certificate, of `edc-swarm certs --joined`, as --record does.
     record
-        The recording to write of what the UAVs of this host say; `edc-swarm merge` joins it to that of `run`.
+        The recording to write of what the UAVs of this host say; `edc-swarm merge` makes one of it and that of `run`.
     force
         Overwrite an existing recording.
     """

@@ -26,15 +26,16 @@ def merge(
     force: bool = False,
     json: bool = False,
 ) -> int:
-    """Make one recording of what several recorders have written of one mission, one on each host, say.
+    """Make one recording of what several recorders wrote of one mission, such as one on each host.
 
     A message that one of them lacks is taken from another. Exit status 1: messages are missing between those of the
-    result, or the recordings contradict each other. A file that is torn before its mission is left out.
+    result, or the recordings contradict each other. A torn recording gives what is readable of it; one that is
+    torn before its mission is left out.
 
     Parameters
     ----------
     recordings
-        Recordings of one mission, whole or torn.
+        Recordings of one mission, complete or torn (they end in the middle).
     out
         The recording to write.
     force

@@ -1,4 +1,4 @@
-"""`edc-swarm recover`: a whole recording, made from the file that a killed recorder has left."""
+"""`edc-swarm recover`: a complete recording, made of the torn one that a killed recorder has left."""
 
 from __future__ import annotations
 
@@ -29,12 +29,12 @@ def recover(
     force: bool = False,
     json: bool = False,
 ) -> int:
-    """Make a whole recording from a torn one, and keep the original. Exit status 1: messages are lost.
+    """Make a complete recording of a torn one, which ends in the middle, and keep it. Exit status 1: messages are lost.
 
     Parameters
     ----------
     part
-        The recording that was cut off, such as FILE.mcap.part.
+        The torn recording, such as FILE.mcap.part.
     out
         The recording to write (FILE.recovered.mcap beside it).
     force
