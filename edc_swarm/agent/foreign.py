@@ -4,7 +4,8 @@
 - *foreign hull*: otherwise its newest fix, a report of its own cluster's head, or its start, grown by the longest
   step for each slot since. No term counts here: whoever moves it, it flies at most one step in a slot;
 - *landed*: what a head of its cluster reports as landed has left the airspace;
-- *near*: a head and its standbys hear the fixes of foreign UAVs that can come near within the next slots, no others.
+- *near*: a head and its standbys hear the fixes of foreign UAVs that can come near within the next slots, no others;
+- *awaited*: a head waits for near UAVs that it has heard lately as it waits for its own, and no longer.
 """
 
 from __future__ import annotations
@@ -14,7 +15,7 @@ from collections.abc import Collection
 from functools import cached_property
 from typing import TYPE_CHECKING, Any
 
-from edc_swarm.agent.knowledge import Knowledge
+from edc_swarm.agent.knowledge import ABSENT_SLOTS, Knowledge
 from edc_swarm.agent.mission_tables import MissionTables
 from edc_swarm.mission.configuration import Mission
 from edc_swarm.mission.field_types import Point
@@ -36,7 +37,15 @@ MAX_NEAR = 512
 
 
 class Foreign:
-    """Knowledge of all UAVs of the mission that are not of one cluster; it is empty in a mission with one cluster."""
+    """Knowledge of all UAVs of the mission that are not of one cluster; it is empty in a mission with one cluster.
+
+    Attributes
+    ----------
+    near
+        UAVs whose fixes this one needs as head, or soon may need.
+    awaited
+        Near UAVs that were heard lately, and are not heard in this slot yet.
+    """
 
     def __init__(self, mission: Mission, cluster: str, tables: MissionTables[Any] | None = None) -> None:
         self._mission = mission
@@ -45,6 +54,7 @@ class Foreign:
         self._next_look = 0
         self._early: dict[str, Report] = {}
         self.near: frozenset[str] = frozenset()
+        self.awaited: set[str] = set()
 
     # Most UAVs never lead. Tables of all others for each UAV of a large mission would cost K^2.
 
@@ -90,6 +100,8 @@ class Foreign:
         """Keep a fix of a foreign UAV; `slot` is the receiver's current slot."""
         self._knowledge.hear_fix(fix, slot)
         self._note(fix.uav)
+        if self._knowledge.last_slot(fix.uav) >= slot:
+            self.awaited.discard(fix.uav)
 
     def _note(self, uav: str) -> None:
         fix = self._knowledge.newest.get(uav)
@@ -136,11 +148,12 @@ class Foreign:
         ]
 
     def look_around(self, slot: int, own: Collection[Point]) -> None:
-        """Note in `near` the foreign UAVs that are near one of the places `own`, every `LOOK_SLOTS` slots."""
+        """Note in `near` who is near one of the places `own`, every `LOOK_SLOTS` slots, and await them in this slot."""
         if not own or not len(self):
             self.near, self._next_look = frozenset(), 0
         elif slot >= self._next_look:
             self.near, self._next_look = self._find_near(slot, own), slot + LOOK_SLOTS
+        self.awaited = {uav for uav in self.near if 0 < slot - self._knowledge.last_slot(uav) <= ABSENT_SLOTS}
 
     def _find_near(self, slot: int, own: Collection[Point]) -> frozenset[str]:
         import numpy as np  # noqa: PLC0415 - a UAV that is not in office starts without it

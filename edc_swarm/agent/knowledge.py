@@ -30,6 +30,8 @@ from edc_swarm.protocol.messages import Command, Fix, Report
 Key = TypeVar("Key")
 Grant = tuple[int, str]
 """(term, head): a UAV's promise to obey one head in one term; (0, "") stands for no promise."""
+ABSENT_SLOTS = 3
+"""The head does not wait for a UAV that it has not heard for more slots than this."""
 
 
 class Knowledge:
