@@ -158,16 +158,20 @@ class Foreign:
     def _find_near(self, slot: int, own: Collection[Point]) -> frozenset[str]:
         import numpy as np  # noqa: PLC0415 - a UAV that is not in office starts without it
 
-        near, box_m = [], _box_m(own)
-        places = list(own)
+        near, places, box_m = list[tuple[float, str]](), list(own), _box_m(own)
+        hulls = {
+            uav: self._hull(uav, slot)
+            for uav in self._candidates(slot, box_m)
+            if not (self._is_gone(uav, slot) or self._is_far(uav, slot, box_m))
+        }
+        if not hulls:
+            return frozenset()
         x_m, y_m = np.array(places, dtype=np.float64).T
-        for uav in self._candidates(slot, box_m):
-            if self._is_gone(uav, slot) or self._is_far(uav, slot, box_m):
-                continue
-            hull = self._hull(uav, slot)
+        ax_m, ay_m = np.array([(hull.ax_m, hull.ay_m) for hull in hulls.values()]).T
+        nearest = np.argmin((x_m - ax_m[:, None]) ** 2 + (y_m - ay_m[:, None]) ** 2, axis=1)
+        for (uav, hull), index in zip(hulls.items(), nearest.tolist(), strict=True):
             here_m, end_m = (hull.ax_m, hull.ay_m), (hull.bx_m, hull.by_m)
-            nearest_m = places[int(np.argmin((x_m - here_m[0]) ** 2 + (y_m - here_m[1]) ** 2))]
-            away_m = math.dist(here_m, nearest_m) - math.dist(here_m, end_m) - hull.radius_m
+            away_m = math.dist(here_m, places[index]) - math.dist(here_m, end_m) - hull.radius_m
             if away_m <= self._near_m:
                 near.append((away_m, uav))
         return frozenset(uav for _, uav in sorted(near)[:MAX_NEAR])
