@@ -4,7 +4,8 @@
 - *foreign hull*: otherwise its newest fix, a report of its own cluster's head, or its start, grown by the longest
   step for each slot since. No term counts here: whoever moves it, it flies at most one step in a slot;
 - *landed*: what a head of its cluster reports as landed has left the airspace;
-- *near*: a head and its standbys hear the fixes of foreign UAVs that can come near within the next slots, no others.
+- *near*: a head and its standbys hear the fixes of foreign UAVs that can come near within the next slots, no others;
+- *awaited*: a head waits for near UAVs that it has heard lately as it waits for its own, and no longer.
 """
 
 from __future__ import annotations
@@ -14,7 +15,7 @@ from collections.abc import Collection
 from functools import cached_property
 from typing import TYPE_CHECKING, Any
 
-from edc_swarm.agent.knowledge import Knowledge
+from edc_swarm.agent.knowledge import ABSENT_SLOTS, Knowledge
 from edc_swarm.agent.mission_tables import MissionTables
 from edc_swarm.mission.configuration import Mission
 from edc_swarm.mission.field_types import Point
@@ -36,7 +37,15 @@ MAX_NEAR = 512
 
 
 class Foreign:
-    """Knowledge of all UAVs of the mission that are not of one cluster; it is empty in a mission with one cluster."""
+    """Knowledge of all UAVs of the mission that are not of one cluster; it is empty in a mission with one cluster.
+
+    Attributes
+    ----------
+    near
+        UAVs whose fixes this one needs as head, or soon may need.
+    awaited
+        Near UAVs that were heard lately, and are not heard in this slot yet.
+    """
 
     def __init__(self, mission: Mission, cluster: str, tables: MissionTables[Any] | None = None) -> None:
         self._mission = mission
@@ -45,6 +54,7 @@ class Foreign:
         self._next_look = 0
         self._early: dict[str, Report] = {}
         self.near: frozenset[str] = frozenset()
+        self.awaited: set[str] = set()
 
     # Most UAVs never lead. Tables of all others for each UAV of a large mission would cost K^2.
 
@@ -90,6 +100,8 @@ class Foreign:
         """Keep a fix of a foreign UAV; `slot` is the receiver's current slot."""
         self._knowledge.hear_fix(fix, slot)
         self._note(fix.uav)
+        if self._knowledge.last_slot(fix.uav) >= slot:
+            self.awaited.discard(fix.uav)
 
     def _note(self, uav: str) -> None:
         fix = self._knowledge.newest.get(uav)
@@ -136,25 +148,30 @@ class Foreign:
         ]
 
     def look_around(self, slot: int, own: Collection[Point]) -> None:
-        """Note in `near` the foreign UAVs that are near one of the places `own`, every `LOOK_SLOTS` slots."""
+        """Note in `near` who is near one of the places `own`, every `LOOK_SLOTS` slots, and await them in this slot."""
         if not own or not len(self):
             self.near, self._next_look = frozenset(), 0
         elif slot >= self._next_look:
             self.near, self._next_look = self._find_near(slot, own), slot + LOOK_SLOTS
+        self.awaited = {uav for uav in self.near if 0 < slot - self._knowledge.last_slot(uav) <= ABSENT_SLOTS}
 
     def _find_near(self, slot: int, own: Collection[Point]) -> frozenset[str]:
         import numpy as np  # noqa: PLC0415 - a UAV that is not in office starts without it
 
-        near, box_m = [], _box_m(own)
-        places = list(own)
+        near, places, box_m = list[tuple[float, str]](), list(own), _box_m(own)
+        hulls = {
+            uav: self._hull(uav, slot)
+            for uav in self._candidates(slot, box_m)
+            if not (self._is_gone(uav, slot) or self._is_far(uav, slot, box_m))
+        }
+        if not hulls:
+            return frozenset()
         x_m, y_m = np.array(places, dtype=np.float64).T
-        for uav in self._candidates(slot, box_m):
-            if self._is_gone(uav, slot) or self._is_far(uav, slot, box_m):
-                continue
-            hull = self._hull(uav, slot)
+        ax_m, ay_m = np.array([(hull.ax_m, hull.ay_m) for hull in hulls.values()]).T
+        nearest = np.argmin((x_m - ax_m[:, None]) ** 2 + (y_m - ay_m[:, None]) ** 2, axis=1)
+        for (uav, hull), index in zip(hulls.items(), nearest.tolist(), strict=True):
             here_m, end_m = (hull.ax_m, hull.ay_m), (hull.bx_m, hull.by_m)
-            nearest_m = places[int(np.argmin((x_m - here_m[0]) ** 2 + (y_m - here_m[1]) ** 2))]
-            away_m = math.dist(here_m, nearest_m) - math.dist(here_m, end_m) - hull.radius_m
+            away_m = math.dist(here_m, places[index]) - math.dist(here_m, end_m) - hull.radius_m
             if away_m <= self._near_m:
                 near.append((away_m, uav))
         return frozenset(uav for _, uav in sorted(near)[:MAX_NEAR])

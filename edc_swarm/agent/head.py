@@ -20,7 +20,7 @@ from functools import cached_property
 from msgspec import UNSET
 
 from edc_swarm.agent.foreign import Foreign
-from edc_swarm.agent.knowledge import Grant, HullRules, Knowledge
+from edc_swarm.agent.knowledge import ABSENT_SLOTS, Grant, HullRules, Knowledge
 from edc_swarm.mission.braking import change_of, changes_m
 from edc_swarm.mission.configuration import Mission
 from edc_swarm.mission.failsafe import failsafe_of
@@ -28,9 +28,6 @@ from edc_swarm.mission.roster_entry import RosterEntry
 from edc_swarm.mission.vehicle_budget import vehicle_of
 from edc_swarm.planner.interface import Hull, Plan, Planner, PlanRequest, plan_ms
 from edc_swarm.protocol.messages import Command, Fix, Report
-
-ABSENT_SLOTS = 3
-"""The head does not wait for a UAV that it has not heard for more slots than this."""
 
 
 @dataclass(slots=True)

@@ -18,6 +18,7 @@ import math
 from collections import Counter
 from collections.abc import Iterator, Mapping, Sequence, Set
 from dataclasses import dataclass, field, replace
+from operator import itemgetter
 from typing import TypeVar
 
 from msgspec import UNSET
@@ -30,6 +31,8 @@ from edc_swarm.protocol.messages import Command, Fix, Report
 Key = TypeVar("Key")
 Grant = tuple[int, str]
 """(term, head): a UAV's promise to obey one head in one term; (0, "") stands for no promise."""
+ABSENT_SLOTS = 3
+"""The head does not wait for a UAV that it has not heard for more slots than this."""
 
 
 class Knowledge:
@@ -188,17 +191,19 @@ class Knowledge:
         since the slot of the newest report with a hull of it, or since it began.
         """
         fix, relayed, entry = self.newest.get(uav), self._relayed.get(uav), self._roster[uav]
-        places = []
+        places = list[tuple[float, Hull]]()
         if fix is not None:
             slots = slot - fix.slot
             reach_m = rules.reach_m(uav, slots, math.dist(*_last_step(fix)))
-            places.append(_grown(self._about(fix, rules, brakes=slots <= 0), reach_m))
+            places.append((reach_m, self._about(fix, rules, brakes=slots <= 0)))
         if relayed is not None:
-            places.append(_grown(relayed[2], rules.reach_m(uav, slot - relayed[0], rules.u_max_m[uav])))
+            by_m = rules.reach_m(uav, slot - relayed[0], rules.u_max_m[uav])
+            places.append((relayed[2].radius_m + by_m, relayed[2]))
         if not places:
             start_m = entry.start_x_m, entry.start_y_m
-            places.append(_grown(self._place(uav, *start_m, *start_m), rules.reach_m(uav, slot + 1, 0.0)))
-        return replace(min(places, key=lambda hull: hull.radius_m), r_m=r_m)
+            places.append((rules.reach_m(uav, slot + 1, 0.0), self._place(uav, *start_m, *start_m)))
+        radius_m, place = min(places, key=itemgetter(0))
+        return Hull(place.uav, place.ax_m, place.ay_m, place.bx_m, place.by_m, radius_m, r_m)
 
     def last_step(self, uav: str, grant: Grant, t0: int, sent: Mapping[str, Command]) -> int:
         """Return a slot after which unheard `uav` has accepted no step in the slots that `grant` and older terms plan.

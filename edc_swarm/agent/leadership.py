@@ -6,8 +6,8 @@ import msgspec
 
 from edc_swarm.agent.election import Election
 from edc_swarm.agent.foreign import Foreign
-from edc_swarm.agent.head import ABSENT_SLOTS, Head
-from edc_swarm.agent.knowledge import Knowledge
+from edc_swarm.agent.head import Head
+from edc_swarm.agent.knowledge import ABSENT_SLOTS, Knowledge
 from edc_swarm.agent.planning_state import PlanningState
 from edc_swarm.agent.rota import Rota
 from edc_swarm.agent.slot_clock import SlotClock
@@ -52,6 +52,7 @@ class Leadership(PlanningState):
         self._election = election
         self._clock = clock
         self._office_ns = 0
+        self._foreign = foreign
         self.head = Head(mission, uav, election.term, knowledge, foreign)
 
     def take_office(self, slot: int, now_ns: int) -> bool:
@@ -80,7 +81,10 @@ class Leadership(PlanningState):
         """Return True if it is time to plan from the fixes of `slot`."""
         if self.planner is None or not self.collects(slot) or not self.head.has_quorum(slot):
             return False
-        return now_ns >= self.deadline_ns(slot) or self.head.complete(slot, self.gone)
+        if now_ns >= self.deadline_ns(slot):
+            return True
+        # Without their fixes foreign UAVs are hulls a step wide, which may cover targets for as long as that lasts.
+        return not (self._foreign is not None and self._foreign.awaited) and self.head.complete(slot, self.gone)
 
     def planned(self) -> None:
         """Note that this UAV has planned as head."""

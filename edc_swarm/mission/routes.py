@@ -79,6 +79,8 @@ class Course(Struct, frozen=True, kw_only=True, omit_defaults=True):
         A slot of hovering counts as long as a slot of flight: a UAV that hovers as it shall is not late.
         """
         left = self.left(entry)
+        if len(left) == 1:
+            return left[0], 0.0
         hover_slots = self.hover_slots(entry, dt_s)
         beyond_m = left[0] if hover_slots else aim_m(here_m, left, entry.accept_m, u_max_m)
         rest_m = way_m([beyond_m, *left[1:]])

@@ -170,4 +170,5 @@ def with_foreign(scene: Scene, foreign: ForeignArrays) -> Scene:
         np.concatenate([scene.r_m, foreign.r_m]),
         scene.obstacles,
         np.concatenate([np.broadcast_to(scene.rest_m, len(scene.uav)), foreign.rest_m]),
+        len(foreign.uav),
     )

@@ -146,7 +146,7 @@ class Scene:
     """One slot as input of the guidance.
 
     `uav` (n,) roster indices, `position_m` `goal_m` (n, 2), `r_m` (n,); the hulls in `obstacles` do not move;
-    `rest_m` (n,) lengths of the ways beyond the goals.
+    `rest_m` (n,) lengths of the ways beyond the goals. The last `foreign` of the n are UAVs of other clusters.
     """
 
     slot: int
@@ -156,6 +156,7 @@ class Scene:
     r_m: Floats
     obstacles: Obstacles
     rest_m: Floats | float = 0.0
+    foreign: int = 0
 
 
 class Guidance:
@@ -201,13 +202,15 @@ class Guidance:
         plans = self._memory.plans_of(scene.uav)
         world = self._world(scene, goal_m, walls)
         kernel.populate(world, plans, self._tuning.delay)
-        limits = self._tuning.limits(len(scene.uav), self._tuning.first_share if takes_over else 1.0)
+        answers = _answers(world, plans, scene.foreign)
+        limits = self._tuning.limits(int(answers.sum()), self._tuning.first_share if takes_over else 1.0)
         urgency = np.empty(len(scene.uav))
         for response in range(1 if takes_over else self._tuning.responses):
             kernel.urgencies(world, scene.uav, scene.slot, self._seed, urgency)
             if response and urgency.min() > self._tuning.look_ahead:
                 break
-            kernel.sweep(world, plans, self._scratch, self._draft, limits, urgency, np.argsort(urgency, kind="stable"))
+            order = np.argsort(urgency, kind="stable")
+            kernel.sweep(world, plans, self._scratch, self._draft, limits, urgency, order[answers[order]])
         self._memory.store(scene.uav, plans)
         return world.track[:, 1].copy()
 
@@ -306,6 +309,25 @@ def coverage(scene: Scene) -> float:
     points_m = np.concatenate([scene.position_m, scene.goal_m])
     sides_m = np.ptp(points_m, axis=0) + 2 * scene.r_m.max()
     return math.pi * float((scene.r_m**2).sum()) / max(float(sides_m.prod()), 1e-9)
+
+
+def _answers(world: kernel.World, plans: kernel.Plans, foreign: int) -> NDArray[np.bool_]:
+    """(n,) UAVs that answer conflicts: the own ones, and foreign ones with a plan or with a track near an own one.
+
+    How foreign UAVs pass each other is for their own heads to say, and would take most of a plan's time.
+    """
+    count = len(world.track)
+    answers = np.ones(count, dtype=bool)
+    own = count - foreign
+    if foreign:
+        low_m, high_m = world.track.min(axis=1), world.track.max(axis=1)
+        reach_m = world.r_m[:own, None] + world.r_m[None, own:] + world.rules.delta_m + world.rules.longest_m
+        apart_m = np.maximum(low_m[:own, None] - high_m[None, own:], low_m[None, own:] - high_m[:own, None])
+        k, other = np.nonzero((apart_m < reach_m[..., None]).all(axis=-1))
+        nearest_m = length_m(world.track[k] - world.track[own + other]).min(axis=1)
+        answers[own:] = plans.size[own:] > 0
+        answers[own + other[nearest_m < reach_m[k, other]]] = True
+    return answers
 
 
 @dataclass

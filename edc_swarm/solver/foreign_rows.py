@@ -106,23 +106,30 @@ def _hull_rows(
     frozen = np.zeros(len(rest_m), dtype=bool)
     if not len(hulls.keep_m) or not len(rest_m):
         return np.empty(0, np.int64), np.empty((0, 2)), np.empty(0), np.empty(0), frozen
-    on_way, on_axis = closest_points_of_segments(from_m[:, None], rest_m[:, None], hulls.a_m[None], hulls.b_m[None])
+    apart_m = length_m(rest_m[:, None] - hulls.a_m[None])
+    longest_m = length_m(rest_m - from_m)[:, None] + (length_m(hulls.b_m - hulls.a_m) + hulls.radius_m)[None]
+    sum_m = r_m[:, None] + hulls.keep_m[None]
+    # Few pairs are so near that they can have rows.
+    k, which = np.nonzero(apart_m - longest_m - sum_m < 2 * (reach_m[:, None] + DELTA_M))
+    on_way, on_axis = closest_points_of_segments(from_m[k], rest_m[k], hulls.a_m[which], hulls.b_m[which])
     towards_m = on_axis - on_way
-    distance_m = length_m(towards_m) - hulls.radius_m
-    room_m = np.maximum(0.5 * (distance_m - (r_m[:, None] + hulls.keep_m)), 0.0)
+    distance_m = length_m(towards_m) - hulls.radius_m[which]
+    room_m = np.maximum(0.5 * (distance_m - sum_m[k, which]), 0.0)
     inside: NDArray[np.bool_] = distance_m <= 0
-    k, which = np.nonzero(~inside & (room_m < reach_m[:, None] + DELTA_M))
-    low, high = _seen(from_m[k], rest_m[k], towards_m[k, which], hulls, which)
+    frozen[k[inside]] = True
+    near = ~inside & (room_m < reach_m[k] + DELTA_M)
+    k, which, towards_m, room_m = k[near], which[near], towards_m[near], room_m[near]
+    low, high = _seen(from_m[k], rest_m[k], towards_m, hulls, which)
     share = np.linspace(0.0, 1.0, RAYS)
     angle = low[:, None] + (high - low)[:, None] * share
-    bound_m = room_m[k, which] * by_libm(math.cos, (high - low) / (2 * (RAYS - 1)))
+    bound_m = room_m * by_libm(math.cos, (high - low) / (2 * (RAYS - 1)))
     normal = -np.stack([by_libm(math.cos, angle), by_libm(math.sin, angle)], axis=-1).reshape(-1, 2)
     return (
         np.repeat(k, RAYS),
         normal,
         np.repeat(bound_m, RAYS),
         np.zeros(RAYS * len(k)),
-        np.asarray(inside.any(axis=1)),
+        frozen,
     )
 
 

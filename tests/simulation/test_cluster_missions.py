@@ -103,10 +103,10 @@ def hull_that_does_not_grow(patch: Patch) -> None:
 
 
 DEFECTS: list[tuple[Callable[[Patch], None], int]] = [
-    (whole_gap, 2),
-    (stale_fix, 8),
+    (whole_gap, 3),
+    (stale_fix, 14),
     (hull_that_does_not_grow, 0),
-    (forgotten_cluster, 30),
+    (forgotten_cluster, 35),
 ]
 """Defects, each with the first seed at which the fuzzer finds it (from seed 0 on)."""
 

@@ -28,6 +28,7 @@ ONCE_BROKEN = {
     "999": "three UAVs in a tight fence that blocked each other for ever",
     "654": "a UAV that a dead one's hull and the fence held for ever, which no judge knew",
     "1762": "UAVs beside a fence that blocked each other for ever",
+    "401907": "a head with a fast clock that planned before any fix of other clusters, so a hull covered a target",
 }
 MISSIONS = msgspec.json.decode(Path(__file__).with_name("once_broken.json").read_bytes())
 """The missions themselves, since a seed gives another one when the generator changes."""

@@ -10,7 +10,12 @@ from typing import Any
 import msgspec
 import pytest
 
+from edc_swarm.agent.election import Election
 from edc_swarm.agent.foreign import NEAR_SLOTS, Foreign
+from edc_swarm.agent.head import Head
+from edc_swarm.agent.knowledge import ABSENT_SLOTS, Knowledge
+from edc_swarm.agent.leadership import Leadership
+from edc_swarm.agent.slot_clock import SlotClock
 from edc_swarm.analysis.guarantees.check import check
 from edc_swarm.analysis.guarantees.clusters import of_each, parts_of
 from edc_swarm.analysis.guarantees.evidence import Evidence, gather
@@ -145,6 +150,35 @@ def test_a_foreign_uav_is_where_its_fix_of_the_slot_says_and_nowhere_else() -> N
     assert foreign.heard(5) == []
     later = {hull.uav: hull.radius_m for hull in foreign.hulls(6, strays=False)}
     assert later == {3: pytest.approx(2 * 2.5), 4: pytest.approx(7 * 2.5)}
+
+
+def test_a_head_waits_for_near_foreign_uavs_that_it_has_heard_lately() -> None:
+    """As it waits for its own: until tau, not for one unheard for more than three slots, nor for one far away."""
+    mission = mission_message(TWO, clusters=2)
+    own, knowledge = of_cluster(mission, "a"), Knowledge(of_cluster(mission, "a").roster)
+    election, clock = Election(own, "a0", (1, "a0"), True, knowledge), SlotClock(mission)
+    foreign = Foreign(mission, "a")
+    leadership = Leadership(own, "a0", knowledge, election, clock, foreign)
+    leadership.planner = make_planner("edc", mission)
+    leadership.head = Head(own, "a0", 0, knowledge, foreign)
+    leadership.head.take_office((1, "a0"))
+    for uav in ("b0", "b1"):
+        foreign.hear_fix(fix(uav, 3, (0.0, 38.0)), 3)
+    due = []
+    for slot in (4, 4 + ABSENT_SLOTS):
+        election.begin_slot(slot)
+        foreign.begin_slot(slot)
+        foreign.look_around(slot, [(0.0, 0.0)])
+        for k in range(3):
+            knowledge.hear_fix(fix(f"a{k}", slot, term=1, head="a0"), slot)
+        now_ns = clock.start_ns(slot)
+        due += [(set(foreign.awaited), leadership.plan_due(slot, now_ns))]
+        assert leadership.plan_due(slot, leadership.deadline_ns(slot))
+        foreign.hear_fix(fix("b0", slot, (0.0, 38.0)), slot)
+        due += [(set(foreign.awaited), leadership.plan_due(slot, now_ns))]
+    assert due == [({"b0", "b1"}, False), ({"b1"}, False), ({"b0"}, False), (set(), True)]
+    foreign.look_around(8, [(9000.0, 9000.0)])
+    assert foreign.awaited == set()
 
 
 def test_a_report_of_its_head_makes_a_foreign_hull_smaller_and_landing_takes_it_away() -> None:

@@ -7,8 +7,8 @@ from typing import Any
 
 import pytest
 
-from edc_swarm.agent.head import ABSENT_SLOTS, Head
-from edc_swarm.agent.knowledge import Knowledge
+from edc_swarm.agent.head import Head
+from edc_swarm.agent.knowledge import ABSENT_SLOTS, Knowledge
 from edc_swarm.planner.interface import Hull, Plan, PlanRequest
 from edc_swarm.protocol.messages import Fix
 from tests import builders
