@@ -51,6 +51,6 @@ def _section(declaration: Declaration) -> str:
     example, does = EXAMPLES[declaration.verb]
     syntaxes = "\n".join(f"    {line}" for line in declaration.syntaxes)
     limits = "".join(f"{part.limits}\n" for part in declaration.parts if part.limits)
-    carrier = f"Carried out by {declaration.kind.carrier}.\n"
+    carrier = f"It is carried out by {declaration.kind.carrier}.\n"
     shown = f"For example `{example}`: {does}.\n"
     return f"## {declaration.verb}\n\n{syntaxes}\n\n{declaration.kind.__doc__}\n{limits}{shown}{carrier}"
