@@ -23,7 +23,9 @@ from edc_swarm.mission.wording import in_words, plain_number, type_at
 UNITS = {
     "_j_per_message": ("J", "joules"),
     "_kgpm3": ("kg/m³", "kilograms per cubic metre"),
+    "_bytes": ("bytes", "bytes"),
     "_slots": ("slots", "slots"),
+    "_kbps": ("kbit/s", "kilobits per second"),
     "_mps2": ("m/s²", "metres per second squared"),
     "_mps": ("m/s", "metres per second"),
     "_per_s": ("1/s", "per second"),
@@ -31,6 +33,7 @@ UNITS = {
     "_m2": ("m²", "square metres"),
     "_db": ("dB", "decibels"),
     "_ms": ("ms", "milliseconds of wall time"),
+    "_us": ("µs", "microseconds of wall time"),
     "_m": ("m", "metres"),
     "_s": ("s", "seconds of the mission"),
     "_w": ("W", "watts"),

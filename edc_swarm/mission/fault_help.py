@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from edc_swarm.mission.faults import DECLARATIONS, MOST_IN_FAULT, Declaration
+from edc_swarm.mission.wording import plain_number
 
 _INTRODUCTION = f"""\
 # Faults
@@ -10,8 +11,9 @@ _INTRODUCTION = f"""\
 The swarm suffers these faults on purpose: `fault` in mission files, `--fault` of `edc-swarm run` and `edc-swarm sim`,
 and the fuzzer take this vocabulary. (This page is what `edc-swarm faults` prints.)
 
-- WHEN and D are slots, or seconds of mission time with an `s`, up to {MOST_IN_FAULT:g} s: `@10`, `@5s`, `for 4`,
-  `for 2.5s`. Without `for` the fault lasts for good.
+- WHEN and D are slots, or seconds of mission time with an `s`, up to {plain_number(MOST_IN_FAULT)} s:
+  `@10`, `@5s`, `for 4`, `for 2.5s`. Without `for` the fault lasts for good.
+- MS are milliseconds, M metres, PPM parts per million; P is a probability.
 - `head` and `standby` are the head and the first standby at that time; of several clusters `head-NAME` and
   `standby-NAME` are those of cluster NAME, `head` that of the first. A fault is skipped if no UAV holds the role; the
   event `fault-without-target` says so. The event `fault` tells what was done when, with ids in place of words.
@@ -49,6 +51,6 @@ def _section(declaration: Declaration) -> str:
     example, does = EXAMPLES[declaration.verb]
     syntaxes = "\n".join(f"    {line}" for line in declaration.syntaxes)
     limits = "".join(f"{part.limits}\n" for part in declaration.parts if part.limits)
-    carrier = f"Carried out by {declaration.kind.carrier}.\n"
+    carrier = f"It is carried out by {declaration.kind.carrier}.\n"
     shown = f"For example `{example}`: {does}.\n"
     return f"## {declaration.verb}\n\n{syntaxes}\n\n{declaration.kind.__doc__}\n{limits}{shown}{carrier}"

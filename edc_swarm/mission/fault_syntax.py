@@ -11,6 +11,7 @@ from dataclasses import dataclass
 from typing import Any
 
 from edc_swarm.mission.field_types import MAX_GOAL_POINTS, MOST_M
+from edc_swarm.mission.wording import plain_number
 
 HEAD, STANDBY, REST, HALVES, EVERY_UAV = "head", "standby", "rest", "halves", "*"
 ONE_UAV = frozenset({HEAD, STANDBY})
@@ -189,7 +190,10 @@ class Route(Part):
     """Points that a UAV flies to one after another, in the field `route`."""
 
     syntaxes = ("X,Y [X,Y ...]",)
-    limits = f"X and Y are coordinates in metres, from -{MOST_M:g} to {MOST_M:g}; at most {MAX_GOAL_POINTS} points."
+    limits = (
+        f"X and Y are coordinates in metres, from {plain_number(-MOST_M)} to {plain_number(MOST_M)}; "
+        f"at most {MAX_GOAL_POINTS} points."
+    )
 
     def read(self, words: deque[str]) -> dict[str, Any]:
         """Take all that is left."""
@@ -225,7 +229,7 @@ class Quantity(Part):
     @property
     def limits(self) -> str:
         """The bounds."""
-        return f"{self.syntaxes[0]} is from {self.least:g} to {self.most:g}."
+        return f"{self.syntaxes[0]} is from {plain_number(self.least)} to {plain_number(self.most)}."
 
     def value(self, text: str) -> float:
         """Return the number that `text` says."""
@@ -278,7 +282,7 @@ class Quantities(Part):
 def bounded(value: float, least: float, most: float, name: str) -> float:
     """Return `value` if it is within its bounds."""
     if not least <= value <= most:
-        raise UnreadableError(f"{name} must be from {least:g} to {most:g}")
+        raise UnreadableError(f"{name} must be from {plain_number(least)} to {plain_number(most)}")
     return value
 
 

@@ -91,7 +91,7 @@ class Link(Struct, frozen=True, kw_only=True):
     Default: 0, which stands for a gain that is drawn anew for each message.
     """
     rate_kbps: NonNegative = 0.0
-    """Rate of the channel that all senders of this rule share on their way to one receiver, in kbit/s; 0: no limit.
+    """Rate of the channel that all senders of this rule share on their way to one receiver; 0: no limit.
 
     Messages leave a queue of `queue_bytes` one after another, first in, first out.
     """

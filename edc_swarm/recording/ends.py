@@ -64,8 +64,7 @@ def ends_of(recording: Recording) -> Ends:
             first_ns[who] = min(message.sent_ns, first_ns.get(who, message.sent_ns))
     first_ns.pop((recording.mission.name, recording.mission.instance), None)
     if DROPPED in (recording.run_end or {}):
-        # The recorder publishes no `closed` event: it writes `run_end` instead, after all of its own events. What is
-        # made of a torn recording has a `run_end` without the recorder's own counts.
+        # The recorder publishes no `closed` event (`sequences.unknown_tails`).
         first_ns = {who: at_ns for who, at_ns in first_ns.items() if who[0] != RECORDER}
     newest: dict[str, tuple[int, str]] = {}
     for (source, instance), began_ns in first_ns.items():

@@ -9,10 +9,11 @@ from operator import attrgetter
 
 import msgspec
 
+from edc_swarm.mission.roles import RECORDER
 from edc_swarm.protocol.events import EventKind
 from edc_swarm.protocol.keys import KEY_FORMS, PREFIX, SCENES
 from edc_swarm.protocol.messages import Event
-from edc_swarm.recording.model import Recording
+from edc_swarm.recording.model import DROPPED, Recording
 
 Stream = tuple[str, str]
 """Key without its prefix `swarm/{mission}/`, and instance of the publisher."""
@@ -50,8 +51,15 @@ def find_gaps(recording: Recording) -> list[Gap]:
 
 
 def unknown_tails(recording: Recording) -> list[Stream]:
-    """Return the streams whose last sequence number is unknown, because no `closed` event states it."""
-    return sorted(sequence_numbers(recording).keys() - _tails(recording).keys() - _closing(recording))
+    """Return the streams whose last sequence number is unknown, because no `closed` event states it.
+
+    The recorder publishes none: it writes `run_end` after all of its own events. What is made of a torn recording has a
+    `run_end` without the recorder's own counts.
+    """
+    unknown = sequence_numbers(recording).keys() - _tails(recording).keys() - _closing(recording)
+    if DROPPED in (recording.run_end or {}):
+        unknown = {stream for stream in unknown if stream[0] != f"event/{RECORDER}"}
+    return sorted(unknown)
 
 
 def sequence_numbers(recording: Recording) -> dict[Stream, list[int]]:

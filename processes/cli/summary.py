@@ -19,12 +19,18 @@ MAX_NOTES = 100_000
 
 
 def print_metrics(metrics: Metrics, console: Console) -> None:
-    """Print the table of metrics."""
+    """Print the table of metrics: on a terminal with values that wrap in their column, elsewhere a line for each."""
+    rows = [(name, shown(value, MAX_LINE)) for name, value in metric_rows(metrics)]
+    if console.soft_wrap:
+        width = max(len(name) for name, _ in rows)
+        for name, value in rows:
+            console.print(f"{name:<{width}}  {value}", markup=False)
+        return
     table = Table(show_header=False, box=None, pad_edge=False, padding=(0, 2, 0, 0))
     table.add_column(style="bold")
     table.add_column()
-    for name, value in metric_rows(metrics):
-        table.add_row(name, Text(shown(value, MAX_LINE)))
+    for name, value in rows:
+        table.add_row(name, Text(value))
     console.print(table)
 
 

@@ -11,6 +11,8 @@ from pathlib import Path
 
 import pytest
 
+from edc_swarm.analysis.metrics import compute_metrics
+from edc_swarm.analysis.tables import metric_rows
 from edc_swarm.mission.link import Link
 from edc_swarm.protocol.events import EventKind
 from edc_swarm.recording.reader import read_recording
@@ -217,6 +219,16 @@ def test_a_truncated_recording(capsys: pytest.CaptureFixture[str], tmp_path: Pat
     torn.write_bytes(whole.read_bytes()[:-200])
     capsys.readouterr()
     assert "recover" in complaint(capsys, "metrics", str(torn))
+
+
+def test_without_a_terminal_a_metric_is_one_line(capsys: pytest.CaptureFixture[str]) -> None:
+    """However long, so that programs find it."""
+    golden = Path(__file__).parents[2] / "recordings" / "golden.mcap"
+    assert main(["metrics", str(golden)]) == 0
+    rows = metric_rows(compute_metrics(read_recording(golden)))
+    said = [" ".join(line.split()) for line in capsys.readouterr().out.splitlines()]
+    assert said == [f"{name} {value}" for name, value in rows]
+    assert max(map(len, said)) > 80
 
 
 def test_an_unknown_command(capsys: pytest.CaptureFixture[str]) -> None:

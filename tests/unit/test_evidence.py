@@ -9,6 +9,7 @@ import pytest
 
 from edc_swarm.analysis.guarantees.check import check
 from edc_swarm.protocol.messages import Command, Event, Fix, Message, MissionMessage, Report, Truth
+from edc_swarm.recording.sequences import unknown_tails
 from tests.unit.synthetic import change, close, flight, parallel, recorded
 
 Keep = Callable[[Message], bool]
@@ -106,6 +107,15 @@ def test_g5_counts_what_the_recorder_counted() -> None:
     assert statuses(messages, {"messages": str(len(messages))})["G5"] == "held"
     assert statuses(messages, {"messages": str(len(messages) + 1)})["G5"] == "broken"
     assert statuses(messages[:1], {"messages": "520"})["G5"] == "broken"
+
+
+def test_the_recorder_s_last_word_is_the_end_of_its_file() -> None:
+    """It publishes no `closed` event; of a torn recording nobody knows what else it said."""
+    behind = Event(source="recorder", instance="r", kind="recorder-behind", detail="1.2 s and 0 messages behind")
+    recording = recorded([*flight(parallel()), behind])
+    assert unknown_tails(recording) == [("event/recorder", "r")]
+    recording.run_end = {"dropped": "0"}
+    assert unknown_tails(recording) == []
 
 
 def test_unknown_topics_are_named_in_bounds() -> None:

@@ -170,7 +170,7 @@ def test_the_help_has_every_declaration() -> None:
         section = page.split(f"## {declaration.verb}\n")[1].split("\n## ")[0]
         assert [line.strip() for line in section.splitlines() if line.startswith("    ")] == declaration.syntaxes
         assert str(declaration.kind.__doc__) in section
-        assert f"Carried out by {declaration.kind.carrier}." in section
+        assert f"It is carried out by {declaration.kind.carrier}." in section
         with pytest.raises(MissionError) as caught:
             parse_fault(f"{declaration.verb} @", 0.5)
         assert " or ".join(declaration.syntaxes) in caught.value.allowed

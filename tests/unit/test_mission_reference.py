@@ -28,6 +28,8 @@ PROMISED = {
 }  # fmt: skip
 """The options of `run` and `sim` for a mission, whose names stay."""
 MADE = {ROOT / "docs" / "mission.md": mission_page, REFERENCE: reference_mission}
+WITH_UNIT = re.compile(r"_(m|m2|s|ms|us|mps|w|j|db|deg|slots|kgpm3|kbps|bytes|j_per_message)$")
+"""Names of fields that end with a unit."""
 
 
 @pytest.mark.parametrize("path", MADE, ids=lambda path: path.name)
@@ -48,7 +50,7 @@ def test_every_field_is_documented(kind: type[Struct]) -> None:
         assert field.summary
         assert field.source
         assert field.allowed != "of another type"
-        assert bool(field.unit[0]) == bool(re.search(r"_(m|m2|s|ms|mps|w|j|db|deg|slots|kgpm3|j_per_message)$", name))
+        assert bool(field.unit[0]) == bool(WITH_UNIT.search(name))
         assert f"\n| `{name}` |" in page
 
 
