@@ -12,9 +12,11 @@ import pytest
 
 from edc_swarm.analysis.head_terms import heads_of
 from edc_swarm.errors import RecordingError
+from edc_swarm.mission.roles import JOIN
 from edc_swarm.mission.roster import uav_ids
 from edc_swarm.recording.reader import read_recording
 from edc_swarm.recording.sequences import find_gaps
+from processes.bus.credentials import HOST
 from processes.cli.main import main
 from processes.host.certificates import write_certificates
 from tests.processes.conftest import Fly, Started
@@ -128,21 +130,39 @@ def test_a_cut_link_between_hosts(hosts: dict[str, str], start: Fly, tmp_path: P
 CLUSTERS = Path(__file__).parents[2] / "scenarios" / "crossing_clusters.toml"
 
 
+def certificates(folder: Path, address: str) -> tuple[tuple[str, ...], tuple[str, ...]]:
+    """Make the certificates of both hosts; return the options of `run`, and of `join` with those of its host alone."""
+    home, near, uavs = folder / "certs", folder / "near", [f"b{number}" for number in range(1, 5)]
+    router, joined = address.partition(":")[0], f"near={','.join(uavs)}"
+    assert main(["certs", str(CLUSTERS), "--host", router, "--joined", joined, "-o", str(home)]) == 0
+    near.mkdir()
+    for path in (home / "ca.pem", *(path for name in (JOIN, f"{HOST}near", *uavs) for path in home.glob(f"{name}.*"))):
+        shutil.copy(path, near)
+    return ("--secure", "--certs", str(home)), ("--certs", str(near))
+
+
 @pytest.mark.long
+@pytest.mark.parametrize("secured", [False, True], ids=["open", "secured"])
 def test_a_cluster_on_each_host_with_a_router_each(
-    hosts: dict[str, str], start: Fly, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+    hosts: dict[str, str], start: Fly, tmp_path: Path, capsys: pytest.CaptureFixture[str], secured: bool
 ) -> None:
     """Cluster b flies on another host with a router and a recorder of its own; the link is cut, and comes back.
 
-    During the cut its head leads on, since its cluster needs nobody else. The recordings of both hosts are one.
+    During the cut its head leads on, since its cluster needs nobody else. The recordings of both hosts are one. With
+    certificates that host has those of its own UAVs alone.
     """
     near, kept, whole = hosts[NEAR], tmp_path / "near.mcap", tmp_path / "all.mcap"
+    protocol, (secure, certs) = "tcp", ((), ())
+    if secured:
+        protocol, (secure, certs) = "tls", certificates(tmp_path, near)
     run = start(
-        *("run", str(CLUSTERS), "--json", "--no-viz", "--remote", "4", "--listen", f"tcp/0.0.0.0:{PORT}"),
+        *("run", str(CLUSTERS), "--json", "--no-viz", "--remote", "4", "--listen", f"{protocol}/0.0.0.0:{PORT}"),
+        *secure,
         prefix=on(HOME),
     )
     joined = start(
-        *("join", f"tcp/{near}", "--uavs", "4", "--cluster", "b", "--router", "--record", str(kept)),
+        *("join", f"{protocol}/{near}", "--uavs", "4", "--cluster", "b", "--router", "--record", str(kept)),
+        *certs,
         prefix=on(NEAR),
     )
     run.await_file(lambda: newest_slot(run) >= 6)

@@ -40,6 +40,7 @@ from edc_swarm.recording.model import Recording
 from edc_swarm.report_page.assets import page_assets
 from edc_swarm.report_page.data import Page
 from edc_swarm.report_page.render import render
+from edc_swarm.simulation.network import TRANSIT_NS
 from edc_swarm.simulation.simulator import Simulation
 from edc_swarm.story.teller import Storyteller
 from tests.builders import EPOCH_NS, at, entry, fix, mission_message
@@ -179,6 +180,16 @@ def test_a_head_waits_for_near_foreign_uavs_that_it_has_heard_lately() -> None:
     assert due == [({"b0", "b1"}, False), ({"b1"}, False), ({"b0"}, False), (set(), True)]
     foreign.look_around(8, [(9000.0, 9000.0)])
     assert foreign.awaited == set()
+
+
+def test_heads_plan_as_soon_as_all_that_they_wait_for_are_heard() -> None:
+    """On a good network that is when the fixes of the slot come, half a millisecond after it began, not tau."""
+    said = _flown()
+    (mission,) = (message for message in said if isinstance(message, MissionMessage))
+    reports = [message for message in said if isinstance(message, Report) and message.has_quorum and message.slot > 4]
+    assert {report.head for report in reports} >= {"a0", "b0"}
+    late_ns = {report.sent_ns - (mission.epoch_ns + report.slot * mission.slot_ns) for report in reports}
+    assert late_ns == {TRANSIT_NS}
 
 
 def test_a_report_of_its_head_makes_a_foreign_hull_smaller_and_landing_takes_it_away() -> None:
