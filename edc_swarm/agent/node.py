@@ -82,11 +82,6 @@ class UavNode:
         The body that flies, None for an emulated one.
     tables
         Tables of the mission that several UAVs share.
-
-    Attributes
-    ----------
-    wakes_as_before
-        True if the last step cannot have changed `wakeup_ns`.
     """
 
     def __init__(
@@ -108,7 +103,6 @@ class UavNode:
         grant: Grant = promise.grant if promise is not None else (0, "")
         self.slot = promise.slot if promise is not None else -1
         self.ended = False
-        self.wakes_as_before = False
         self._strays = False
         tables = tables if tables is not None else MissionTables(mission)
         entry = tables.entries[uav]
@@ -193,13 +187,10 @@ class UavNode:
         if own is not None:
             self._take_command(own)
         began = self._begin_slots(now_ns)
-        self.wakes_as_before = False
         match event:
             case Received(message) if self._foreign.hear(message, self.slot):
                 if own is None and not began:
-                    # It changes neither grant nor wishes, and most of what a head hears may be such.
-                    self.wakes_as_before = not self.leads or bool(self._foreign.awaited)
-                    return []
+                    return []  # It changes neither grant nor wishes, and most of what a head hears may be such.
             case Received(message):
                 self._receive(message, now_ns)
             case PeerGone(uav) if uav in self._knowledge.roster:

@@ -52,6 +52,7 @@ from edc_swarm.geometry import Floats, Indices, length_m
 from edc_swarm.mission.roster_entry import ARRIVED_M
 from edc_swarm.planner import guidance_kernel as kernel
 from edc_swarm.planner import ways
+from edc_swarm.planner.answers import answers
 from edc_swarm.planner.charts import Charts
 from edc_swarm.planner.room import Room
 from edc_swarm.solver.barrier_rows import Airspace
@@ -202,15 +203,15 @@ class Guidance:
         plans = self._memory.plans_of(scene.uav)
         world = self._world(scene, goal_m, walls)
         kernel.populate(world, plans, self._tuning.delay)
-        answers = _answers(world, plans, scene.foreign)
-        limits = self._tuning.limits(int(answers.sum()), self._tuning.first_share if takes_over else 1.0)
+        answering = answers(world, plans, scene.foreign)
+        limits = self._tuning.limits(int(answering.sum()), self._tuning.first_share if takes_over else 1.0)
         urgency = np.empty(len(scene.uav))
         for response in range(1 if takes_over else self._tuning.responses):
             kernel.urgencies(world, scene.uav, scene.slot, self._seed, urgency)
             if response and urgency.min() > self._tuning.look_ahead:
                 break
             order = np.argsort(urgency, kind="stable")
-            kernel.sweep(world, plans, self._scratch, self._draft, limits, urgency, order[answers[order]])
+            kernel.sweep(world, plans, self._scratch, self._draft, limits, urgency, order[answering[order]])
         self._memory.store(scene.uav, plans)
         return world.track[:, 1].copy()
 
@@ -309,25 +310,6 @@ def coverage(scene: Scene) -> float:
     points_m = np.concatenate([scene.position_m, scene.goal_m])
     sides_m = np.ptp(points_m, axis=0) + 2 * scene.r_m.max()
     return math.pi * float((scene.r_m**2).sum()) / max(float(sides_m.prod()), 1e-9)
-
-
-def _answers(world: kernel.World, plans: kernel.Plans, foreign: int) -> NDArray[np.bool_]:
-    """(n,) UAVs that answer conflicts: the own ones, and foreign ones with a plan or with a track near an own one.
-
-    How foreign UAVs pass each other is for their own heads to say, and would take most of a plan's time.
-    """
-    count = len(world.track)
-    answers = np.ones(count, dtype=bool)
-    own = count - foreign
-    if foreign:
-        low_m, high_m = world.track.min(axis=1), world.track.max(axis=1)
-        reach_m = world.r_m[:own, None] + world.r_m[None, own:] + world.rules.delta_m + world.rules.longest_m
-        apart_m = np.maximum(low_m[:own, None] - high_m[None, own:], low_m[None, own:] - high_m[:own, None])
-        k, other = np.nonzero((apart_m < reach_m[..., None]).all(axis=-1))
-        nearest_m = length_m(world.track[k] - world.track[own + other]).min(axis=1)
-        answers[own:] = plans.size[own:] > 0
-        answers[own + other[nearest_m < reach_m[k, other]]] = True
-    return answers
 
 
 @dataclass

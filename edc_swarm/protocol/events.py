@@ -57,7 +57,9 @@ EVENT_FORMS: dict[EventKind, EventForm] = {
     EventKind.EXITED: EventForm("operator", "the process that ended unasked, and how", warning=True),
     EventKind.OFF_BUS: EventForm("operator", "the process that left the bus, and may come back", warning=True),
     EventKind.END: EventForm("operator", "the reason why the mission ends, such as `completed` or `max_slots`"),
-    EventKind.CLOSED: EventForm("every publisher", "JSON: the last `seq` of each of its keys; its last word"),
+    EventKind.CLOSED: EventForm(
+        "every publisher but the recorder", "JSON: the last `seq` of each of its keys; its last word"
+    ),
     EventKind.TAKES_OFFICE: EventForm("UAV", "the term that it begins to lead in"),
     EventKind.PLANNER_FAILED: EventForm("UAV", "the error of a user's planner, and its line"),
     EventKind.BATTERY_EMPTY: EventForm("UAV", "nothing"),

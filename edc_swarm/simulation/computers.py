@@ -319,8 +319,7 @@ class Computer:
             self._schedule.at(process.busy_until_ns, partial(self._carry_out_plan, process))
         else:
             self._carry_out(process, effects)
-        if not process.node.wakes_as_before:
-            self._schedule_wakeup()
+        self._schedule_wakeup()
 
     def _carry_out_plan(self, process: Process) -> None:
         """Carry out the effects of a plan that took long, if its process is still the one that runs."""

@@ -104,7 +104,7 @@ class Happening(Struct, kw_only=True):
 
 
 def grouped(happenings: Iterable[Happening], order: Sequence[str]) -> list[Happening]:
-    """Return the happenings of a slot with those that differ in their UAVs alone as one, which has the last time.
+    """Return the happenings; those of one slot that differ in their UAVs alone are one, with the time of the last.
 
     `order` is the roster's.
     """

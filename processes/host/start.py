@@ -111,9 +111,7 @@ class RunStart:
     def _note_connected(self) -> None:
         """Tell the user that all UAVs are there, and who flies those of other hosts."""
         setup, times = self._setup, self._state.times
-        since = (
-            f"the planner was ready (which took {times.warm_s:.1f} s)" if times.warm_s else "the operator was ready"
-        )
+        since = f"the planner was ready (which took {times.warm_s:.1f} s)" if times.warm_s else "the operator was ready"
         hosts = self._state.bus.hosts
         flown = {host: ", ".join(uav for uav in setup.roster if hosts.get(uav) == host) for host in hosts.values()}
         for host, uavs in flown.items():

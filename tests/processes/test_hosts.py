@@ -152,9 +152,8 @@ def test_a_cluster_on_each_host_with_a_router_each(
     certificates that host has those of its own UAVs alone.
     """
     near, kept, whole = hosts[NEAR], tmp_path / "near.mcap", tmp_path / "all.mcap"
-    protocol, (secure, certs) = "tcp", ((), ())
-    if secured:
-        protocol, (secure, certs) = "tls", certificates(tmp_path, near)
+    protocol = "tls" if secured else "tcp"
+    secure, certs = certificates(tmp_path, near) if secured else ((), ())
     run = start(
         *("run", str(CLUSTERS), "--json", "--no-viz", "--remote", "4", "--listen", f"{protocol}/0.0.0.0:{PORT}"),
         *secure,

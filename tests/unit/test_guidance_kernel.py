@@ -11,6 +11,7 @@ from scipy.optimize import lsq_linear
 
 from edc_swarm.geometry import length_m, segment_distance_m
 from edc_swarm.planner import guidance_kernel as kernel
+from edc_swarm.planner.answers import answers
 from edc_swarm.planner.guidance import Guidance, Scene, Tuning, coverage
 from edc_swarm.planner.ways import walls_of
 from edc_swarm.solver.hull_rows import Obstacles
@@ -309,3 +310,28 @@ def test_hash_is_uniform_and_depends_on_every_argument() -> None:
     assert numbers.mean() == pytest.approx(0.5, abs=0.01)
     assert numbers.std() == pytest.approx(12**-0.5, abs=0.01)
     assert len({kernel.uniform(*seeds) for seeds in itertools.product(range(4), repeat=3)}) == 64
+
+
+@pytest.mark.parametrize("seed", range(20))
+def test_foreign_uavs_answer_where_they_meet_an_own_one_or_have_a_plan(seed: int) -> None:
+    """Whoever is in conflict with an own track answers; two foreign UAVs that meet far away do not."""
+    world, plans = world_of(seed)
+    own = 3
+    answering = answers(world, plans, len(world.track) - own)
+    assert answering[:own].all()
+    meets = [
+        any(
+            gap_m(world.track[k, t - 1 : t + 1], world.track[other, t - 1 : t + 1])
+            < world.r_m[k] + world.r_m[other] + world.rules.delta_m
+            for k in range(own)
+            for t in range(1, world.track.shape[1])
+        )
+        for other in range(own, len(world.track))
+    ]
+    assert meets == (answering[own:] & meets).tolist()
+    world.track[own:] += 1e4
+    assert not answers(world, plans, len(world.track) - own)[own:].any()
+    plans.size[own] = 1
+    assert answers(world, plans, len(world.track) - own)[own:].tolist() == [True] + [False] * (
+        len(world.track) - own - 1
+    )
