@@ -1,7 +1,7 @@
 """Pictures of a recording in Foxglove Studio in a headless browser, and the problems that the viewer reports.
 
 Foxglove Studio 1.48 is the last version with packages of its parts. There are none of its successor Lichtblick nor of
-today's Foxglove, so neither is looked at here. The source of Lichtblick 1.29 has the settings of panels that the layout
+today's Foxglove, so neither is looked at here. The source of Lichtblick has the settings of panels that the layout
 states. The script needs Chromium with its driver and, in any folder:
 
     npm install @foxglove/studio-base@1.48.0 react@17.0.2 react-dom@17.0.2
