@@ -28,6 +28,7 @@ from edc_swarm.mission.autopilots import autopilots
 from edc_swarm.mission.configuration import Mission
 from edc_swarm.mission.lifelong import drawn_sites
 from edc_swarm.protocol.messages import mission_message
+from processes.host.packing import pack_memory
 from processes.runtime.parent import die_with_parent
 from processes.uav.autopilot_link import load
 from processes.uav.flight import rehearse
@@ -201,6 +202,8 @@ def _warm(source: ForkSource) -> bool:
         source.send(Failed(reason=str(error)))
         return False
     gc.collect()
+    if payload:
+        pack_memory()
     gc.freeze()
     threads = len(os.listdir("/proc/self/task"))
     if threads != 1:

@@ -330,8 +330,8 @@ class UavProcess:
     # --- carrying out ------------------------------------------------------------------------
 
     def _step(self, event: NodeEvent) -> None:
-        if self._flight is not None:
-            self._carry_out(self._flight.node.step(event, self._clock.now_ns()))
+        if self._flight is not None and (effects := self._flight.node.step(event, self._clock.now_ns())):
+            self._carry_out(effects)
 
     def _carry_out(self, effects: Sequence[Effect]) -> None:
         for done, effect in enumerate(effects):
