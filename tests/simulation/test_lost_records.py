@@ -10,7 +10,7 @@ from edc_swarm.analysis.guarantees.check import check
 from edc_swarm.mission.roster import complete_mission
 from edc_swarm.mission.validation import mission_from_dict
 from edc_swarm.planner.registry import make_planner
-from edc_swarm.protocol.messages import Fix, Message, MissionMessage, mission_message
+from edc_swarm.protocol.messages import Fix, Message, MissionMessage, Truth, mission_message
 from edc_swarm.recording.model import Recording
 from edc_swarm.simulation.simulator import Simulation
 
@@ -34,9 +34,9 @@ def flown(**fields: object) -> tuple[MissionMessage, list[Message]]:
     return mission, messages
 
 
-def without(first: float, last: float) -> list[Message]:
+def without(first: float, last: float, flight: tuple[MissionMessage, list[Message]] | None = None) -> list[Message]:
     """Return what was said outside of the slots first..last."""
-    mission, messages = said()
+    mission, messages = flight or said()
     begin_ns, end_ns = (mission.epoch_ns + round(slot * mission.slot_ns) for slot in (first, last + 1))
     return [m for m in messages if isinstance(m, MissionMessage) or not begin_ns <= m.sent_ns < end_ns]
 
@@ -57,6 +57,23 @@ def test_a_window_that_is_missing_accuses_nobody(first: int, last: int) -> None:
     found = statuses(without(first, last))
     assert found.pop("G5") == "broken"
     assert set(found.values()) == {"not-judged"}
+
+
+@pytest.mark.parametrize(("seed", "first"), [(2, 6), (5, 10)])
+def test_who_was_killed_in_a_window_that_is_missing_need_not_be_where_it_was_before(seed: int, first: int) -> None:
+    """u003 flies on for some slots and dies within the window; the others fly through the place that it left."""
+    found = statuses(without(first, 17, flown(failsafe="hold", seed=seed, fault=["kill u003 @9s"])))
+    assert found.pop("G5") == "broken"
+    assert set(found.values()) == {"not-judged"}
+
+
+@pytest.mark.parametrize("kind", [Fix, Truth])
+def test_who_was_killed_and_lacks_all_messages_of_a_kind_accuses_nobody(kind: type[Fix | Truth]) -> None:
+    """No number tells that they are missing, but plans rest on its fixes, and truths that no fix explains move."""
+    _, messages = flown(failsafe="hold", fault=["kill u003 @9s"])
+    found = statuses([m for m in messages if not (isinstance(m, kind) and m.uav == "u003")])
+    assert "broken" not in found.values()
+    assert (found["G3"], found["G4"]) == ("not-judged", "not-judged")
 
 
 @pytest.mark.parametrize("instance", ["u003-1", "u003-2"])

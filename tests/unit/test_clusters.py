@@ -316,6 +316,14 @@ def test_a_cluster_that_does_not_arrive_breaks_g7(flight: list[Message]) -> None
     assert not results["G7"].held
 
 
+def test_a_record_without_a_word_of_one_cluster_judges_nothing(flight: list[Message]) -> None:
+    """As of a host whose recording is lost."""
+    cut = [each for each in flight if not str(getattr(each, "instance", "")).startswith("b")]
+    statuses = {result.guarantee: result.status for result in check(Recording.from_messages(cut))}
+    assert set(statuses.values()) == {"not-judged", "not-applicable"}
+    assert statuses["G8"] == "not-applicable"
+
+
 def _late(flight: list[Message], kind: str = "not-arrived", guarantee: str = "G7", fault: str = "") -> GuaranteeResult:
     """Return the verdict on both clusters if cluster a has a violation, with a fault in the mission."""
     said = [

@@ -35,6 +35,7 @@ from edc_swarm.analysis.autopilots import never_flew, unreported
 from edc_swarm.analysis.tracks import Tracks, tracks_of
 from edc_swarm.analysis.true_paths import TruePaths, true_paths
 from edc_swarm.foreign_text import listed
+from edc_swarm.mission.autopilots import autopilots
 from edc_swarm.mission.roster_entry import RosterEntry
 from edc_swarm.protocol.hindrance import Place, Point
 from edc_swarm.protocol.messages import Command, Fix, MissionMessage, Report, Truth, roster_index
@@ -125,6 +126,10 @@ class Evidence:
         return uav in self._fixes_lost or any(before < slot < after for before, after in self._last_words.get(uav, ()))
 
     @cached_property
+    def _untold(self) -> dict[str, set[str]]:
+        return _untold(self.recording, self.ends)
+
+    @cached_property
     def _last_words(self) -> dict[str, list[tuple[int, float]]]:
         """By UAV, the slots of the last fix of each process that was cut off, and of the first one of its successor."""
         spans: dict[str, list[tuple[int, float]]] = {
@@ -183,6 +188,8 @@ class Evidence:
         if unended := self.ends.unended & self.index.keys():
             yield f"{name} of {_named(unended)} may be missing: no `closed` event"
         if kind in {"fix", "truth"}:
+            if untold := self._untold[kind] - unended:
+                yield f"the last {name} of {_named(untold)} are missing"
             published = self.recording.fixes if kind == "fix" else self.recording.truths
             silent = self.index.keys() - set(map(attrgetter("uav"), published)) - self.ends.ended_by_fault - unended
             silent -= never_flew(self.recording)
@@ -265,14 +272,49 @@ def _with_unknown_commands(recording: Recording) -> set[str]:
     return {fix.uav for fix in executed if (fix.uav, fix.slot, fix.command_term, fix.command_seq) not in said}
 
 
+def _untold(recording: Recording, ends: Ends) -> dict[str, set[str]]:
+    """Return, by kind, the UAVs of which the last fixes or truths of a process without a last word are missing.
+
+    In each slot a process publishes its truth, then its fix, and may die in between. Autopilots report later.
+    """
+    first: dict[tuple[str, str], int] = {}
+    last: dict[str, dict[tuple[str, str], int]] = {"fix": {}, "truth": {}}
+    for kind, slots in last.items():
+        for said in recording.fixes if kind == "fix" else recording.truths:
+            if (who := (said.uav, said.instance)) in ends.cut:
+                slots[who] = max(said.slot, slots.get(who, -1))
+                first[who] = min(said.slot, first.get(who, said.slot))
+    found: dict[str, set[str]] = {"fix": set(), "truth": set()}
+    later = autopilots(recording.mission)
+    for who, slot in first.items():
+        fix, truth = last["fix"].get(who, slot - 1), last["truth"].get(who, -1)
+        if who[0] not in later and not fix <= truth <= fix + 1:
+            found["fix" if truth > fix else "truth"].add(who[0])
+    return found
+
+
+def _unrecorded(recording: Recording, uavs: set[str]) -> bool:
+    """Return True if a plan rests on a fix of one of `uavs` that is not recorded."""
+    said = {(fix.uav, fix.slot) for fix in recording.fixes if fix.uav in uavs}
+    return any((uav, plan.slot) not in said for plan in plans_of(recording) for uav in uavs.intersection(plan.heard))
+
+
 def _judgeable(recording: Recording, index: dict[str, int], gaps: list[Gap], ends: Ends) -> Tracks:
     """Return tracks in which every motion that is uncertain, since fixes or truths may be missing, is lost or NaN.
 
-    In a slot without a fix, a UAV with complete fixes held, and the place of one with incomplete fixes is unknown.
+    In a slot without a fix, a UAV with complete fixes held, and the place of one with incomplete fixes is unknown. No
+    number tells whether the last messages of a killed process are missing, so that is unknown where others are.
     """
-    tracks = tracks_of(recording, _lacking(gaps, ends, "command_to") | _with_unknown_commands(recording))
+    unknown_commands = _with_unknown_commands(recording)
+    doubted = {uav for uav, _ in ends.cut if uav in index}
+    lacks = unknown_commands or any(not gap.duplicate for gap in gaps) or any(_untold(recording, ends).values())
+    if not (lacks or _unrecorded(recording, doubted)):
+        doubted = set()
+    tracks = tracks_of(recording, _lacking(gaps, ends, "command_to") | unknown_commands | doubted)
     no_fix = _holes(recording.fixes, "fix", index, gaps, ends, tracks.heard.shape)
     no_truth = _holes(recording.truths, "truth", index, gaps, ends, tracks.heard.shape)
+    for uav in doubted:
+        no_fix[:, index[uav]] = no_truth[:, index[uav]] = True
     lost = tracks.lost | (~tracks.heard & no_fix)
     if not (lost.any() or no_truth.any()):
         return tracks

@@ -236,7 +236,7 @@ def places_without(evidence: Evidence, bound: NDArray[np.bool_]) -> Iterator[Pla
     """Yield where the UAVs in the airspace are, or may be, of which no progress is expected."""
     mission, centre_m = evidence.mission, evidence.tracks.centre_m[-1]
     plan = max(evidence.plans, key=lambda report: (report.term, report.slot), default=None)
-    for k in np.flatnonzero(~bound & ~evidence.tracks.grounded[-1]).tolist():
+    for k in np.flatnonzero(~bound & ~evidence.tracks.grounded[-1:].any(axis=0)).tolist():
         entry = mission.roster[k]
         yield from places_of(entry, point(centre_m[k]), plan, step_m=mission.step_m(entry))
 
