@@ -13,7 +13,7 @@ import numpy as np
 
 from edc_swarm.errors import FormatError
 from edc_swarm.foreign_text import shown
-from edc_swarm.formats.content import Area, Point, Route, Stop, ranges
+from edc_swarm.formats.content import KIND_NOT_STATED, Area, Point, Route, Stop, ranges
 from edc_swarm.formats.flyable import Flight, flyable, most_uavs
 from edc_swarm.formats.plane_checks import legs_through
 from edc_swarm.formats.registry import Source
@@ -104,7 +104,14 @@ def assemble(sources: Sequence[Source], settings: Settings) -> Imported:
         mission["uavs"] = most_uavs(mission)
         drawn = f"no file holds a route: the mission draws its UAVs ({mission['uavs']}) at random in its area"
         imported.remarks.append(drawn)
-    imported.flown, warnings = flyable(mission, flights, imported.zones)
+    try:
+        imported.flown, warnings = flyable(mission, flights, imported.zones)
+    except FormatError as error:
+        why = KIND_NOT_STATED["exclusion"]
+        guessed = next((area for source in sources for area in source.content.areas if area.why == why), None)
+        if guessed is None or "exclusion zone" not in error.reason:
+            raise
+        raise FormatError(error.item, f"{error.reason} ({guessed.item}: {why})", error.file) from None
     imported.remarks += warnings
     _remark_on_bends(flights, radii_m, zones, imported)
     return imported
@@ -271,7 +278,8 @@ def _zones(sources: Sequence[Source], plane: _Plane, imported: Imported) -> list
             imported.places["zone", len(zones) - 1] = f"{source.file}, {area.item}{why}"
             imported.zones[len(zones) - 1] = source.file, area.item
             if area.why:
-                imported.remarks.append(f"{source.file}: {area.item}: read as {area.kind} zone: {area.why}")
+                name = f" ({area.name!r})" if area.name else ""
+                imported.remarks.append(f"{source.file}: {area.item}{name}: read as {area.kind} zone: {area.why}")
     if len(zones) > MAX_ZONES:
         raise FormatError("", f"{len(zones)} zones: must be at most {MAX_ZONES}", sources[-1].file)
     if (corners := sum(zone.corners for zone in zones)) > MAX_ALL_CORNERS:

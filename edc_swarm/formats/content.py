@@ -55,6 +55,13 @@ class Route:
         return replace(self, v_max_mps=v_max_mps)
 
 
+KIND_NOT_STATED: dict[Kind, str] = {
+    "exclusion": "neither a property kind nor its name says which; --polygons inclusion makes it a fence",
+    "inclusion": "--polygons inclusion, since neither a property kind nor its name says which",
+}
+"""Reason for the kind of a zone that has it by the option alone."""
+
+
 @dataclass(frozen=True, slots=True)
 class Area:
     """One zone, in the frame of its file: a polygon, or a circle about `centre`."""

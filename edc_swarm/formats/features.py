@@ -8,6 +8,7 @@ from typing import Literal
 
 from edc_swarm.errors import FormatError
 from edc_swarm.formats.content import (
+    KIND_NOT_STATED,
     MAX_POINTS,
     Area,
     Content,
@@ -219,7 +220,10 @@ def _keep(feature: Feature) -> str:
 
 
 def _zone_kind(feature: Feature, options: Options) -> tuple[Kind, str]:
-    """Return the kind of a zone, and why if the file does not state it: by its name, or else by the option."""
+    """Return the kind of a zone, and why if the file does not state it: by its name, or else by the option.
+
+    The option says exclusion by default: a fence that is taken for a no-fly zone is noticed before anybody flies.
+    """
     if feature.kind in ZONE_KINDS:
         return ZONE_KINDS[feature.kind], ""
     if feature.kind:
@@ -228,4 +232,4 @@ def _zone_kind(feature: Feature, options: Options) -> tuple[Kind, str]:
     named = {kind for word, kind in ZONE_KINDS.items() if word in name}
     if len(named) == 1:
         return named.pop(), "its name says so"
-    return options.polygons, "--polygons"
+    return options.polygons, KIND_NOT_STATED[options.polygons]

@@ -10,6 +10,7 @@ from typing import TypeVar
 
 import msgspec
 
+from edc_swarm.protocol.events import EventKind
 from edc_swarm.protocol.messages import PLANNED, Command, Report
 from edc_swarm.recording.model import Recording
 
@@ -31,6 +32,16 @@ def plans_of(recording: Recording) -> list[Report]:
     """Return the reports of all plans, each once; without `resends` a second equal one is a second plan."""
     reports = [report for report in recording.reports if report.status in PLANNED]
     return list(said_once(reports)) if recording.mission.resends else reports
+
+
+def failed_plans(recording: Recording) -> str:
+    """Return how often a user's planner failed, and its first error; empty if it never did."""
+    problem = next((event for event in recording.events if event.kind == EventKind.PLANNER_FAILED), None)
+    if problem is None:
+        return ""
+    failed = sum(report.status == "failed" for report in plans_of(recording))
+    held = f"{failed} plans failed, and all held" if failed else "plans failed, and their UAVs held"  # control "local"
+    return f"{held}; first in slot {problem.slot}: {problem.detail}"
 
 
 def _repeats(message: Said, other: Said) -> bool:

@@ -8,10 +8,9 @@ import msgspec
 
 from edc_swarm.analysis.metrics import OVERLOADED_PCT, Metrics, compute_metrics
 from edc_swarm.analysis.timings import load_timings
-from edc_swarm.protocol.events import EventKind
 from edc_swarm.recording.model import Recording
 from edc_swarm.recording.reader import read_recording
-from edc_swarm.recording.repeats import plans_of
+from edc_swarm.recording.repeats import failed_plans
 from processes.cli.summary import guarantees_status, print_guarantees, print_metrics
 from processes.experiments.judging import judged
 from processes.runtime.console import FAILED, NOT_JUDGED, note, print_json, stdout_console
@@ -44,9 +43,8 @@ def conclude(path: Path, *, as_json: bool, last_slot: int = -1, load_planner: bo
 def _warn(recording: Recording, metrics: Metrics) -> None:
     """Warn of plans that failed or came too late, and of an overloaded machine."""
     mission = recording.mission
-    if problem := next((event for event in recording.events if event.kind == EventKind.PLANNER_FAILED), None):
-        failed = sum(report.status == "failed" for report in plans_of(recording))
-        note(f"warning: {failed} plans failed, and all held; first in slot {problem.slot}: {problem.detail}")
+    if failed := failed_plans(recording):
+        note(f"warning: {failed}")
     slot_ms, slowest_ms = mission.slot_ns / 1e6, metrics.plan_ms.max or 0.0
     if slowest_ms > slot_ms:
         note(f"warning: a plan took {slowest_ms:.0f} ms, a slot is {slot_ms:g} ms: too late for real UAVs, which hold")

@@ -20,7 +20,9 @@ td, th { padding: 0.15rem 0.8rem 0.15rem 0; text-align: right; }
 td:first-child, th:first-child { text-align: left; }
 code { font-size: 0.85rem; }
 .yes { color: #005a3c; } .no { color: #a33b00; }
+p { overflow-wrap: anywhere; }
 """
+META = '<meta charset="utf-8"><meta name="viewport" content="width=device-width, initial-scale=1">'
 TITLE = "The paper's figures, computed again"
 BILL_COLUMNS = {
     "uav": "UAV",
@@ -51,7 +53,7 @@ def page(
         parts.append(_long(results[LONG_RUN.key]))
     body = "\n".join(parts)
     return (
-        f'<!doctype html>\n<html lang="en"><head><meta charset="utf-8"><title>{TITLE}</title>'
+        f'<!doctype html>\n<html lang="en"><head>{META}<title>{TITLE}</title>'
         f"<style>{STYLE}</style></head>\n<body>\n{body}\n</body></html>\n"
     )
 
@@ -69,7 +71,8 @@ def _introduction(facts: Mapping[str, str]) -> str:
         " disabled (<b>straight</b>), with the paper's model (<b>paper</b>) and with this project's planner"
         f" (<b>edc</b>). {escape(facts['runs'])} random missions a point: edc flown by the simulator, agents and all,"
         " the other two, which avoid nothing, by their plans alone. Bands are 95 % confidence intervals of the mean"
-        " (Student's t). Execution times are of planning alone:"
+        " (of collisions a Poisson count's or Student's t, whichever is wider, else Student's)."
+        " Execution times are of planning alone:"
         f" wall time, one run after the other, on {escape(facts['machine'])}. Commit"
         f" {escape(facts['commit'] or 'unknown')}. Every run, with the command that flies it again, is a line of"
         ' <a href="runs.jsonl">runs.jsonl</a>.</p>'

@@ -9,7 +9,7 @@ from edc_swarm.experiments.latency.findings import LatencyFinding
 from edc_swarm.experiments.latency.quantities import QUANTITIES
 from edc_swarm.experiments.latency.table import CellRow
 from edc_swarm.experiments.statistics import Estimate
-from processes.experiments.figures_page import STYLE
+from processes.experiments.figures_page import META, STYLE
 from processes.experiments.zenoh_baseline import Baseline
 
 TITLE = "Latency experiments"
@@ -50,7 +50,7 @@ def page(
     parts.append(_cells(rows))
     body = "\n".join(parts)
     return (
-        f'<!doctype html>\n<html lang="en"><head><meta charset="utf-8"><title>{TITLE}</title>'
+        f'<!doctype html>\n<html lang="en"><head>{META}<title>{TITLE}</title>'
         f"<style>{STYLE}{EXTRA_STYLE}</style></head>\n<body>\n{body}\n</body></html>\n"
     )
 
@@ -61,7 +61,8 @@ def _introduction(facts: Mapping[str, str], real: bool) -> str:
         f"<h1>{TITLE}</h1><p><code>{escape(facts['command'])}</code>, commit {escape(facts['commit'] or 'unknown')},"
         f" {escape(facts['machine'])}. Delay, jitter and loss are emulated in the receiving agent, above the bus, by"
         " the same seeded model in the simulator and in real processes. Means over valid runs, bands are 95 %"
-        " confidence intervals (Student's t); extra distance, makespan and energy are of missions that brought every"
+        " confidence intervals (Wilson's for shares of missions, Poisson's for counts, else Student's t);"
+        " extra distance, makespan and energy are of missions that brought every"
         ' UAV home. Every run, with the command that repeats it, is a line of <a href="runs.jsonl">runs.jsonl</a>'
         f"{others};"
         ' every cell is a line of <a href="cells.csv">cells.csv</a>.</p>'

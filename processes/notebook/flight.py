@@ -22,6 +22,7 @@ from edc_swarm.errors import InputError
 from edc_swarm.mission.configuration import Mission
 from edc_swarm.recording.model import Recording
 from edc_swarm.recording.reader import read_recording
+from edc_swarm.recording.repeats import failed_plans
 from processes.experiments.judging import judged
 from processes.notebook.page import EmbeddedPage
 from processes.notebook.pictures import draw_paths
@@ -53,12 +54,12 @@ class Flight:
             weakref.finalize(self, shutil.rmtree, path.parent, ignore_errors=True)
 
     def __repr__(self) -> str:
-        """Return how many arrived, and which guarantees do not hold."""
+        """Return how many arrived, which guarantees do not hold, and the first error of a planner of the user."""
         metrics, mission = self.metrics, self.mission
         arrived = "-" if metrics.arrived is None else metrics.arrived
         others = [f"{each.guarantee} {each.status}" for each in self.verdicts if not each.held]
-        verdicts = ", ".join(others) or "every guarantee held"
-        return f"<Flight of {mission.uavs} UAVs, planner {mission.planner}: {arrived} arrived; {verdicts}>"
+        said = [f"{arrived} arrived", ", ".join(others) or "every guarantee held", failed_plans(self.recording)]
+        return f"<Flight of {mission.uavs} UAVs, planner {mission.planner}: {'; '.join(filter(None, said))}>"
 
     @cached_property
     def recording(self) -> Recording:

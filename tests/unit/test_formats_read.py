@@ -20,6 +20,7 @@ from pymavlink.dialects.v20 import ardupilotmega, common
 from shapely.geometry import Polygon, box
 from shapely.ops import unary_union
 
+from edc_swarm.errors import FormatError
 from edc_swarm.formats.assemble import Imported, Settings, assemble
 from edc_swarm.formats.cells import polygons
 from edc_swarm.formats.content import Options
@@ -381,7 +382,16 @@ def test_a_polygon_that_does_not_state_its_kind_has_that_of_the_option(kind: str
     text = json.dumps({"type": "Polygon", "coordinates": [RING]})
     found = imported(("a.json", text), polygons=kind)
     assert found.mission["zone"][0]["kind"] == kind
-    assert f"read as {kind} zone: --polygons" in found.remarks[0]
+    assert f"read as {kind} zone: " in found.remarks[0]
+    assert "--polygons inclusion" in found.remarks[0]
+
+
+def test_a_fence_that_does_not_state_its_kind_is_told_by_the_uav_in_it() -> None:
+    """The user sees a no-fly zone where the fence is, and how to make it one."""
+    field = json.dumps(feature("Polygon", [RING], name="my site"))
+    line = json.dumps(feature("LineString", [[8.5456, 47.3978], [8.5458, 47.3978]]))
+    with pytest.raises(FormatError, match=r"exclusion zone 'my site' .* --polygons inclusion makes it a fence\)"):
+        imported(("a.geojson", line), ("b.geojson", field))
 
 
 def test_points_are_a_route_per_uav() -> None:

@@ -16,6 +16,7 @@ from nbclient import NotebookClient
 
 import edc_swarm as es
 from edc_swarm.analysis.metrics import compute_metrics
+from edc_swarm.planner import Plan, PlanRequest
 from edc_swarm.protocol.codec import encode
 from edc_swarm.protocol.keys import Keys
 from edc_swarm.recording.reader import read_recording
@@ -101,6 +102,24 @@ def test_absent_evidence_is_unknown(tmp_path: Path) -> None:
     assert not any(each.held for each in flight.verdicts)
     assert flight.metrics.makespan_s is None
     assert "- arrived" in repr(flight)
+
+
+class Tiring:
+    """A planner that raises."""
+
+    def __init__(self, mission: object, stopwatch: object) -> None:
+        pass
+
+    def plan(self, request: PlanRequest) -> Plan:
+        if request.slot > 4:
+            raise LookupError("no more ideas")
+        return Plan(request.target_m, "planned")
+
+
+def test_a_planner_that_fails_is_told() -> None:
+    """Nothing else in a notebook says why nobody arrives."""
+    said = repr(es.simulate(uavs=3, max_slots=9, planner=Tiring))
+    assert "; 5 plans failed, and all held; first in slot 4: LookupError: no more ideas" in said
 
 
 def test_an_unknown_metric_is_in_no_mean() -> None:

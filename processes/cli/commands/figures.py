@@ -126,7 +126,8 @@ def _machine() -> str:
     except OSError:
         described = []
     model = next((row.partition(":")[2].strip() for row in described if row.startswith("model name")), "")
-    return ", ".join(part for part in (model, run_facts("virtual")["machine"], platform.python_version()) if part)
+    parts = (model, run_facts("virtual")["machine"], f"Python {platform.python_version()}")
+    return ", ".join(part for part in parts if part)
 
 
 def _conclude(options: FiguresOptions, rows: Mapping[str, list[Row]], found: Mapping[str, FigureFinding]) -> None:
