@@ -44,6 +44,7 @@ from edc_swarm.recording.reader import read_recording
 from processes.bus.address import free_endpoint
 from processes.experiments.baseline_process import COMMAND_BYTES, FIX_BYTES
 from processes.host.packing import pack_memory
+from processes.runtime.parent import die_with_parent
 from processes.runtime.priority import come_first, give_way
 from processes.uav.planner_loader import warm_planner
 
@@ -145,7 +146,7 @@ def watch(kinds: dict[int, str], seconds: float) -> dict[int, Cost]:
 
 
 def bare(endpoint: str, index: int, uavs: int) -> None:
-    """Be a bare process: the head (index 0), which answers each fix of a slot once all are in, or a UAV."""
+    """Be a bare process: a UAV, or the head (index 0), which puts a command to each UAV a fifth of a slot later."""
     from processes.bus.session import hand_over, open_client, put  # noqa: PLC0415  (Zenoh opens after the fork)
 
     come_first() if index == 0 else give_way()
@@ -192,15 +193,19 @@ def bare_router() -> Iterator[tuple[str, int]]:
     with subprocess.Popen(command, stdout=subprocess.PIPE) as router:
         assert router.stdout is not None
         router.stdout.readline()
-        yield endpoint, router.pid
-        router.terminate()
+        try:
+            yield endpoint, router.pid
+        finally:
+            router.terminate()
 
 
 def fork_bare(endpoint: str, index: int, uavs: int) -> int:
     """Fork a bare process, and return its id."""
+    parent = os.getpid()
     child = os.fork()
     if child == 0:
         try:
+            die_with_parent(parent)
             bare(endpoint, index, uavs)
         finally:
             os._exit(1)
@@ -260,13 +265,14 @@ def fields(uavs: int, seed: int, slots: int) -> dict[str, object]:
 
 
 def processes_of(command: int) -> dict[int, str]:
-    """Return the processes of a run by their ids: a UAV's has the name of its log."""
+    """Return the processes of a run by their ids, as far as they live: a UAV's has the name of its log."""
     names = {command: "operator"}
-    for child in children(command):
-        words = Path(f"/proc/{child}/cmdline").read_text().split("\0")
-        names[child] = next((word.rpartition(".")[2] for word in words if word.startswith("processes.")), "")
-        for uav in children(child):
-            names[uav] = Path(os.readlink(f"/proc/{uav}/fd/1")).stem
+    with suppress(OSError):
+        for child in children(command):
+            words = Path(f"/proc/{child}/cmdline").read_text().split("\0")
+            names[child] = next((word.rpartition(".")[2] for word in words if word.startswith("processes.")), "")
+            for uav in children(child):
+                names[uav] = Path(os.readlink(f"/proc/{uav}/fd/1")).stem
     return names
 
 
@@ -330,11 +336,15 @@ def main() -> int:
     costs = Costs()
     if options.only != "swarm":
         prepare(options.uavs)
-    for seed in range(options.runs):
-        if options.only != "swarm":
-            measure_bare(options.uavs, options.seconds, costs)
-        if options.only != "bare":
-            measure_swarm(options.checkout, options.uavs, options.seconds, seed, costs)
+    try:
+        for seed in range(options.runs):
+            if options.only != "swarm":
+                measure_bare(options.uavs, options.seconds, costs)
+            if options.only != "bare":
+                measure_swarm(options.checkout, options.uavs, options.seconds, seed, costs)
+    except SwarmError as error:
+        print(f"error: {error}", file=sys.stderr)
+        return 1
     print("\n".join(table(costs, options.uavs)))
     return 0
 

@@ -8,7 +8,6 @@ nobody frees, so that children allocate in a row, on few pages.
 from __future__ import annotations
 
 import ctypes
-import random
 import sys
 
 MOST_BYTES = 512
@@ -37,6 +36,6 @@ def pack_memory() -> None:
         for _ in range(OF_C):
             system.malloc(size - 8)  # The library adds 8 bytes to each.
     _fillers.extend(object() for _ in range(SMALL))
-    _fillers.extend(random.random() for _ in range(SMALL))
+    _fillers.extend(map(float, range(SMALL)))
     for size in range(3 * STEP_BYTES, MOST_BYTES + 1, STEP_BYTES):
         _fillers.extend(bytes(size - sys.getsizeof(b"")) for _ in range(OTHERS))
