@@ -28,7 +28,7 @@ CROWDED = 0.25
 GAIN = 0.1
 """Share of the price of straight ways by which a roundabout must be cheaper."""
 SHARES = (0.1, 0.2, 0.3, 0.4, 0.5)
-"""Radii of roundabouts, as shares of the (quadratic) mean distance of the UAVs from the centre."""
+"""Radii of roundabouts, as shares of the (quadratic) mean distance from the centre of the UAVs that pass it."""
 
 
 def begin(world: kernel.World, plans: kernel.Plans) -> None:
@@ -58,7 +58,8 @@ def roundabout(
     along_m = dot(centre_m - start_m, ahead)
     offset_m = dot(start_m - centre_m, aside)
     passes = (along_m > 0) & (along_m < length)
-    mean_m = math.sqrt(math.fsum(length_m(start_m - centre_m) ** 2) / n)
+    far_m = length_m(start_m - centre_m)[passes]
+    mean_m = math.sqrt(math.fsum(far_m**2) / max(len(far_m), 1))
     for sense in (1.0, -1.0):
         for share in SHARES:
             lack_m = share * mean_m - sense * offset_m
