@@ -36,8 +36,9 @@ delayed too often. It keeps and improves a plan whose conflicts are gone, and re
 the straight line as soon as that is free.
 
 Random numbers are a hash of (seed, slot, UAV) and guidance counts effort in priced steps, so the same
-requests give the same bytes on any head. A new head starts cold: all tracks are straight lines. So its first plan has
-a part of the budget alone (`Tuning.first_share`).
+requests give the same bytes on any head. A new head starts cold: all tracks are straight lines, or a roundabout where
+most of them would meet (`edc_swarm.planner.roundabout`). In flight its first plan has a part of the budget alone
+(`Tuning.first_share`).
 """
 
 from __future__ import annotations
@@ -51,7 +52,7 @@ from numpy.typing import NDArray
 from edc_swarm.geometry import Floats, Indices, length_m
 from edc_swarm.mission.roster_entry import ARRIVED_M
 from edc_swarm.planner import guidance_kernel as kernel
-from edc_swarm.planner import ways
+from edc_swarm.planner import roundabout, ways
 from edc_swarm.planner.answers import answers
 from edc_swarm.planner.charts import Charts
 from edc_swarm.planner.room import Room
@@ -195,13 +196,16 @@ class Guidance:
         goal_m, way_m = ways.routed(
             scene.position_m, scene.goal_m, walls, scene.slot, scene.uav, scene.r_m, self._charts
         )
-        takes_over = not self._remember(scene, way_m + scene.rest_m) and in_flight
+        cold = not self._remember(scene, way_m + scene.rest_m)
+        takes_over = cold and in_flight
         if len(self._charts.barred.edge):
             goal_m = self._room.aims(
                 scene.slot, scene.uav, scene.position_m, scene.goal_m, goal_m, way_m, scene.r_m, walls
             )
         plans = self._memory.plans_of(scene.uav)
         world = self._world(scene, goal_m, walls)
+        if cold:
+            roundabout.begin(world, plans)
         kernel.populate(world, plans, self._tuning.delay)
         answering = answers(world, plans, scene.foreign)
         limits = self._tuning.limits(int(answering.sum()), self._tuning.first_share if takes_over else 1.0)

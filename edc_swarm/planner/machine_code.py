@@ -17,7 +17,7 @@ from typing import Any
 
 import msgspec
 
-SOURCES = ("guidance_kernel.py", "room_kernel.py")
+SOURCES = ("guidance_kernel.py", "room_kernel.py", "roundabout_kernel.py")
 """The files whose functions are in the library."""
 PREFIX = "edc_"
 """What the names of the library's functions begin with."""

@@ -15,7 +15,7 @@ import pytest
 from edc_swarm.mission.configuration import Mission
 from edc_swarm.mission.roster import complete_mission
 from edc_swarm.mission.zone import Zone
-from edc_swarm.planner import guidance_kernel, machine_code, room_kernel
+from edc_swarm.planner import guidance_kernel, machine_code, room_kernel, roundabout_kernel
 from edc_swarm.planner.machine_code import functions_of_library
 from edc_swarm.planner.registry import make_planner
 from edc_swarm.protocol.messages import mission_message
@@ -49,7 +49,7 @@ def test_the_library_plans_as_numbas_code_does(library: Path, monkeypatch: pytes
 
     functions = functions_of_library(library)
     for name, function in functions.items():
-        (module,) = [module for module in (guidance_kernel, room_kernel) if name in vars(module)]
+        (module,) = [module for module in (guidance_kernel, room_kernel, roundabout_kernel) if name in vars(module)]
         monkeypatch.setattr(module, name, noted(name, function))
     by_library_m, _ = closed_loop(mission, make_planner("edc", mission))
     assert by_library_m.tobytes() == path_m.tobytes()
