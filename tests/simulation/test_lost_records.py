@@ -83,6 +83,14 @@ def test_a_process_that_nobody_heard_is_missed(instance: str) -> None:
     assert set(found.values()) == {"not-judged"}
 
 
+def test_a_process_that_nobody_heard_is_missed_although_its_successor_need_not_have_spoken() -> None:
+    """Without the fixes of u003-1 its successor may have landed before 5 s were over, and yet it is heard."""
+    _, messages = flown(land_after_s=4.0, fault=["restart u003 @6s"])
+    assert statuses(messages)["G5"] == "held"
+    found = statuses([m for m in messages if m.instance != "u003-1"])
+    assert set(found.values()) == {"not-judged"}
+
+
 def test_the_last_fixes_of_a_killed_process_are_missed() -> None:
     """Plans count on grants that no recorded fix gives: u003 was killed, so its last fixes may be missing."""
     found = statuses([m for m in said()[1] if not (isinstance(m, Fix) and m.uav == "u003" and 15 <= m.slot <= 17)])
