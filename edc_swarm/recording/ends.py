@@ -4,12 +4,13 @@ from __future__ import annotations
 
 import math
 from collections import Counter
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from operator import attrgetter, itemgetter
 
 from edc_swarm.mission.configuration import NS_PER_S
 from edc_swarm.mission.failsafe import failsafe_of
-from edc_swarm.mission.faults import Freeze, Kill, Restart, read_fault
+from edc_swarm.mission.faults import ChangeClock, Freeze, Kill, Restart, read_fault
 from edc_swarm.mission.roles import OPERATOR, RECORDER, ROUTER
 from edc_swarm.protocol.events import EventKind
 from edc_swarm.protocol.keys import KEY_FORMS
@@ -74,8 +75,10 @@ def ends_of(recording: Recording) -> Ends:
     killed = {source for source, at_ns in deaths.items() if at_ns >= newest.get(source, (0, ""))[0]}
     open_now = {source for source, (_, instance) in newest.items() if (source, instance) not in closed}
     unheard = {entry.uav for entry in recording.mission.roster} - newest.keys()
-    heard = Counter(source for source, _ in first_ns)
-    missed = {uav for uav, lives in _lives_that_spoke(recording).items() if lives > heard[uav]}
+    begun_ns: dict[str, list[int]] = {}
+    for (source, _), began_ns in first_ns.items():
+        begun_ns.setdefault(source, []).append(began_ns)
+    missed = _missed(recording, begun_ns)
     cut = (first_ns.keys() - closed) | {(uav, "") for uav in unheard | missed}
     return Ends(
         cut=frozenset(cut),
@@ -87,8 +90,11 @@ def ends_of(recording: Recording) -> Ends:
     )
 
 
-def _lives_that_spoke(recording: Recording) -> Counter[str]:
-    """Return, by UAV, how many of its processes lived for so long that they have spoken, by the operator's events.
+def _missed(recording: Recording, begun_ns: Mapping[str, Sequence[int]]) -> set[str]:
+    """Return the UAVs of which the file lacks every message of a process that lived for so long that it has spoken.
+
+    The operator's events say how many such processes have ended, and when; `begun_ns` has the first message of each
+    process that the file knows. A UAV whose clock a fault set says nothing on when.
 
     Without a router nobody is heard, so a mission whose router fails promises nothing of processes started again. Nor
     does the restart of a UAV that has landed, or may have.
@@ -99,12 +105,15 @@ def _lives_that_spoke(recording: Recording) -> Counter[str]:
     faults = [(e.sent_ns, read_fault(e.detail, mission.dt_s)) for e in operator if e.kind == EventKind.FAULT]
     strikes = [(at_ns, fault) for at_ns, fault in faults if isinstance(fault, Kill | Freeze | Restart)]
     routed = all(fault.target != ROUTER for _, fault in strikes)
+    set_clocks = {fault.target for _, fault in faults if isinstance(fault, ChangeClock)}
     exits = [(e.sent_ns, e.detail.split(" ", 1)[0]) for e in operator if e.kind == EventKind.EXITED]
-    spoke: Counter[str] = Counter()
+    spoke, missed = Counter[str](), set[str]()
     for at_ns, end in sorted([*strikes, *exits], key=itemgetter(0)):
         if (uav := end if isinstance(end, str) else end.target) not in uavs:
             continue
         spoke[uav] += speaks_ns.pop(uav, math.inf) <= at_ns
+        heard = sum(began_ns < at_ns or uav in set_clocks for began_ns in begun_ns.get(uav, ()))
+        missed |= {uav} if spoke[uav] > heard else set()
         if isinstance(end, Restart | Kill) and routed:
             down_s = end.for_s if isinstance(end, Kill) else 0.0
             spoken_ns = at_ns + down_s * NS_PER_S / mission.time_scale + STARTED_NS
@@ -112,7 +121,7 @@ def _lives_that_spoke(recording: Recording) -> Counter[str]:
                 speaks_ns[uav] = spoken_ns
     last_ns = max((event.sent_ns for event in operator), default=0)
     spoke.update(uav for uav, at_ns in speaks_ns.items() if at_ns <= last_ns)
-    return spoke
+    return missed | {uav for uav, lives in spoke.items() if lives > len(begun_ns.get(uav, ()))}
 
 
 def _lands_ns(recording: Recording, uav: str, at_ns: int) -> float:

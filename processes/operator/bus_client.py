@@ -46,7 +46,7 @@ class Seen:
     closed
         Publishers that have published their last sequence numbers.
     landed
-        UAVs that have said that they have landed: their processes end.
+        UAVs that have said that they have landed, or that their battery is empty: their processes end.
     """
 
     heard: set[str] = field(default_factory=set)
@@ -243,7 +243,7 @@ class Operator:
                 self.monitor.hear_report(report)
             case Event(kind=EventKind.CLOSED, source=source):
                 self.seen.closed.add(source)
-            case Event(kind=EventKind.LANDED, source=source):
+            case Event(kind=EventKind.LANDED | EventKind.BATTERY_EMPTY, source=source):
                 self.seen.landed.add(source)
             case Event(kind=EventKind.GROUND_COMMAND, source="ground") as event:
                 if (order := order_in(event)) is not None:

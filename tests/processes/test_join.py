@@ -136,6 +136,21 @@ def test_a_uav_of_another_host_that_has_landed_may_leave(start: Fly, hosted: Hos
 
 
 @pytest.mark.long
+def test_a_uav_of_another_host_whose_battery_is_empty_may_leave(start: Fly, tmp_path: Path) -> None:
+    """Its process ends in order, too."""
+    path, address = tmp_path / "low.toml", free_endpoint()
+    far = 'uav = "{}"\nstart_x_m = 0\nstart_y_m = {}\ntarget_x_m = 200\ntarget_y_m = {}\n'
+    uavs = [far.format(uav, y_m, y_m) for uav, y_m in (("a", 0), ("b", 20), ("c", 40))]
+    path.write_text("".join(f"[[roster]]\n{each}" for each in uavs) + "energy_j = 400\n")
+    run = start("run", str(path), "--json", "--time-scale", "4", "--listen", address, "--remote", "1")
+    joined = start("join", address)
+    ended = run.end()
+    assert [(who["uav"], who["cause"]) for who in ended.json["not_home"]] == [("c", "battery-empty")], ended.stdout
+    assert not {"off-bus", "exited"} & {event.kind for event in ended.recording.events}
+    assert (ended.status, joined.end().status) == (1, 0)
+
+
+@pytest.mark.long
 def test_faults_reach_the_uavs_of_other_hosts(start: Fly, hosted: Hosted) -> None:
     """Faults kill a UAV, restart one without memory, and freeze and resume one."""
     faults = ("kill u003 @8", "kill u004 @8 for 4", "freeze u005 @8 for 2s", "restart u004 lose-memory @20")

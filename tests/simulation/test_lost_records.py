@@ -10,7 +10,7 @@ from edc_swarm.analysis.guarantees.check import check
 from edc_swarm.mission.roster import complete_mission
 from edc_swarm.mission.validation import mission_from_dict
 from edc_swarm.planner.registry import make_planner
-from edc_swarm.protocol.messages import Fix, Message, MissionMessage, Truth, mission_message
+from edc_swarm.protocol.messages import Fix, Message, MissionMessage, Report, Truth, mission_message
 from edc_swarm.recording.model import Recording
 from edc_swarm.simulation.simulator import Simulation
 
@@ -73,13 +73,28 @@ def test_who_was_killed_and_lacks_all_messages_of_a_kind_accuses_nobody(kind: ty
     _, messages = flown(failsafe="hold", fault=["kill u003 @9s"])
     found = statuses([m for m in messages if not (isinstance(m, kind) and m.uav == "u003")])
     assert "broken" not in found.values()
-    assert (found["G3"], found["G4"]) == ("not-judged", "not-judged")
+    assert (found["G3"], found["G4"], found["G5"]) == ("not-judged", "not-judged", "not-judged")
+
+
+def test_a_killed_head_of_which_the_record_has_commands_and_no_report_lacks_reports() -> None:
+    """The reports of its successor are there."""
+    _, messages = flown(failsafe="hold", fault=["kill head @6s"])
+    found = statuses([m for m in messages if not (isinstance(m, Report) and m.term == 1)])
+    assert (found["G1"], found["G5"]) == ("not-judged", "not-judged")
 
 
 @pytest.mark.parametrize("instance", ["u003-1", "u003-2"])
 def test_a_process_that_nobody_heard_is_missed(instance: str) -> None:
     """By the faults u003 was killed and started again, so it has spoken as two processes."""
     found = statuses([m for m in said()[1] if m.instance != instance])
+    assert set(found.values()) == {"not-judged"}
+
+
+def test_a_process_that_nobody_heard_is_missed_although_its_successor_need_not_have_spoken() -> None:
+    """Without the fixes of u003-1 its successor may have landed before 5 s were over, and yet it is heard."""
+    _, messages = flown(land_after_s=4.0, fault=["restart u003 @6s"])
+    assert statuses(messages)["G5"] == "held"
+    found = statuses([m for m in messages if m.instance != "u003-1"])
     assert set(found.values()) == {"not-judged"}
 
 

@@ -44,6 +44,7 @@ def check_no_loss(evidence: Evidence) -> GuaranteeResult:
     No `closed` event, a fault ended the publisher  held, up to its last recorded message
     No message of a UAV killed after its start      not judged
     Others name what a killed UAV may have said     not judged
+    A killed UAV's fixes and truths end apart       not judged
     No `closed` event, for any other reason         not judged
     ==============================================  =======================================================
     """
@@ -101,10 +102,13 @@ def unproved(evidence: Evidence) -> str:
         if speaking[0] in evidence.ends.unheard:
             return f"no message of a process of {speaking[0]}{more} that lived for so long that it has spoken"
         return f"no `closed` event of {speaking[0]}{more}, and no recorded fault that ended it"
+    reasons = []
+    if untold := sorted(frozenset[str]().union(*evidence.untold.values())):
+        reasons.append(f"by its other messages a killed process of {shown(_listed(untold))} has said more")
     commands, grants = absent_commands(evidence), absent_grants(evidence)
     if commands or grants:
-        return f"fixes name {commands} commands and reports name {grants} grants that are not recorded"
-    return ""
+        reasons.append(f"fixes name {commands} commands and reports name {grants} grants that are not recorded")
+    return "; ".join(reasons)
 
 
 def _unfinished(evidence: Evidence) -> Iterator[str]:

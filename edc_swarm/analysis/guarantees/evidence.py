@@ -22,7 +22,7 @@ from __future__ import annotations
 import math
 import re
 from collections import defaultdict
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 from itertools import pairwise, zip_longest
@@ -126,7 +126,8 @@ class Evidence:
         return uav in self._fixes_lost or any(before < slot < after for before, after in self._last_words.get(uav, ()))
 
     @cached_property
-    def _untold(self) -> dict[str, set[str]]:
+    def untold(self) -> dict[str, set[str]]:
+        """By kind, the UAVs of which the last messages of a killed process are certainly missing."""
         return _untold(self.recording, self.ends)
 
     @cached_property
@@ -187,9 +188,9 @@ class Evidence:
             yield f"{missing} {name} are missing"
         if unended := self.ends.unended & self.index.keys():
             yield f"{name} of {_named(unended)} may be missing: no `closed` event"
+        if untold := self.untold.get(kind, set()) - unended:
+            yield f"the last {name} of {_named(untold)} are missing"
         if kind in {"fix", "truth"}:
-            if untold := self._untold[kind] - unended:
-                yield f"the last {name} of {_named(untold)} are missing"
             published = self.recording.fixes if kind == "fix" else self.recording.truths
             silent = self.index.keys() - set(map(attrgetter("uav"), published)) - self.ends.ended_by_fault - unended
             silent -= never_flew(self.recording)
@@ -273,24 +274,40 @@ def _with_unknown_commands(recording: Recording) -> set[str]:
 
 
 def _untold(recording: Recording, ends: Ends) -> dict[str, set[str]]:
-    """Return, by kind, the UAVs of which the last fixes or truths of a process without a last word are missing.
+    """Return, by kind, the UAVs of which the last messages of a process without a last word are missing.
 
-    In each slot a process publishes its truth, then its fix, and may die in between. Autopilots report later.
+    In each slot a process publishes its truth, then its fix; a head the commands for the next slot, then its report. It
+    may die in between. Autopilots report later.
     """
-    first: dict[tuple[str, str], int] = {}
-    last: dict[str, dict[tuple[str, str], int]] = {"fix": {}, "truth": {}}
-    for kind, slots in last.items():
-        for said in recording.fixes if kind == "fix" else recording.truths:
-            if (who := (said.uav, said.instance)) in ends.cut:
-                slots[who] = max(said.slot, slots.get(who, -1))
-                first[who] = min(said.slot, first.get(who, said.slot))
-    found: dict[str, set[str]] = {"fix": set(), "truth": set()}
+    truths = _spans(ends, ((truth.uav, truth.instance, truth.slot) for truth in recording.truths))
+    fixes = _spans(ends, ((fix.uav, fix.instance, fix.slot) for fix in recording.fixes))
+    planned = _spans(ends, ((command.head, command.instance, command.slot - 1) for command in recording.commands))
+    reports = _spans(ends, ((report.head, report.instance, report.slot) for report in recording.reports))
     later = autopilots(recording.mission)
-    for who, slot in first.items():
-        fix, truth = last["fix"].get(who, slot - 1), last["truth"].get(who, -1)
-        if who[0] not in later and not fix <= truth <= fix + 1:
-            found["fix" if truth > fix else "truth"].add(who[0])
-    return found
+    at_once = {who for who in truths.keys() | fixes.keys() if who[0] not in later}
+    return {
+        "truth": {who[0] for who in at_once & fixes.keys() if truths.get(who, _NEVER)[1] < fixes[who][1]},
+        "fix": {who[0] for who in at_once & truths.keys() if _is_behind(fixes.get(who), truths[who])},
+        "report": {who[0] for who, span in planned.items() if _is_behind(reports.get(who), span)},
+    }
+
+
+_NEVER = (-1, -1)
+
+
+def _spans(ends: Ends, said: Iterable[tuple[str, str, int]]) -> dict[tuple[str, str], tuple[int, int]]:
+    """Return the first and the last slot of each process without a last word that said something."""
+    spans: dict[tuple[str, str], tuple[int, int]] = {}
+    for source, instance, slot in said:
+        if (who := (source, instance)) in ends.cut:
+            first, last = spans.get(who, (slot, slot))
+            spans[who] = min(slot, first), max(slot, last)
+    return spans
+
+
+def _is_behind(after: tuple[int, int] | None, before: tuple[int, int]) -> bool:
+    """Return True if what follows in each slot ends more than a slot before it: a process can die in between once."""
+    return before[1] > (after[1] if after is not None else before[0] - 1) + 1
 
 
 def _unrecorded(recording: Recording, uavs: set[str]) -> bool:
