@@ -111,6 +111,7 @@ class Tiring:
         pass
 
     def plan(self, request: PlanRequest) -> Plan:
+        """Fly straight on, and fail after slot 4."""
         if request.slot > 4:
             raise LookupError("no more ideas")
         return Plan(request.target_m, "planned")
