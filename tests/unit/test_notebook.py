@@ -131,6 +131,23 @@ def test_an_unknown_metric_is_in_no_mean() -> None:
     assert (whole["runs"], whole["unknown"]) == (2, 0)
 
 
+def test_the_axes_of_a_picture_have_units() -> None:
+    """Of an option that is named without its unit too; nobody flies half a UAV."""
+    rows = [
+        {"uavs": uavs, "gps_error": r_m, "seed": 0, "makespan_s": 20.0, "completed": True}
+        for uavs in (10, 20)
+        for r_m in (1, 5)
+    ]
+    sweep = es.Sweep({"uavs": [10, 20], "gps_error": [1, 5]}, rows)
+    ax = sweep.plot("makespan_s")
+    assert (ax.get_xlabel(), ax.get_ylabel()) == ("UAVs", "makespan [s]")
+    assert all(float(tick).is_integer() for tick in ax.get_xticks())
+    legend = ax.get_legend()
+    assert legend is not None
+    assert [text.get_text() for text in legend.get_texts()] == ["gps error 1 m", "gps error 5 m"]
+    assert sweep.plot("completed", x="gps_error").get_xlabel() == "gps error [m]"
+
+
 def test_a_sweep_resumes_and_takes_any_mission(tmp_path: Path) -> None:
     """Fields that no option sets go to a file, which the ledger names."""
     options: dict[str, Any] = {**STRAIGHT, "fault": [[], ["kill u001 @3"]], "seeds": 1, "jobs": 1, "tau_s": 0.1}
