@@ -10,6 +10,7 @@ import math
 import re
 from codecs import BOM_UTF8
 from collections.abc import Collection, Mapping
+from difflib import get_close_matches
 from itertools import count
 from pathlib import Path
 from typing import Annotated, Any, TypeVar, cast, get_args, get_origin, get_type_hints
@@ -168,7 +169,9 @@ def refuse_unknown(raw: Any, kind: Any, where: str = "") -> None:
         for key, value in raw.items():
             name = f"{where}.{key}" if where else str(key)
             if key not in hints:
-                raise MissionError(name, value, f"one of the known keys: {', '.join(sorted(hints))}")
+                near = get_close_matches(str(key), hints, 1)
+                meant = f" (do you mean {near[0]}?)" if near else ""
+                raise MissionError(name, value, f"one of the known keys: {', '.join(sorted(hints))}{meant}")
             refuse_unknown(value, hints[key], name)
 
 

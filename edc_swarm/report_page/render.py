@@ -64,7 +64,7 @@ def render_all(recordings: Sequence[Shown], assets: Assets) -> str:
         headlines="".join(f"<p>{escape(_headline(each, label))}</p>\n" for each, label in _labelled(recordings)),
         style=assets.style,
         script=assets.script,
-        maps="".join(_map(each.page, label) for each, label in _labelled(recordings)),
+        maps="".join(_map(each, label) for each, label in _labelled(recordings)),
         stories="".join(
             f'<ol class="events" tabindex="0" aria-label="Events {label}"></ol>' for _, label in _labelled(recordings)
         ),
@@ -100,9 +100,11 @@ def _done(metrics: Metrics) -> str:
     return f"{metrics.arrived} of {metrics.uavs} UAVs arrived in {metrics.duration_s:g} s{unknown}"
 
 
-def _map(page: Page, label: str) -> str:
+def _map(each: Shown, label: str) -> str:
+    """Return the map; one of two has the command that flew it, since two missions often have one name."""
     own = "map" if label in {"", "A"} else "map-b"
-    caption = f"<figcaption>{label}: {escape(page.name)}</figcaption>" if label else ""
+    flown = each.run.get("command") or each.page.name
+    caption = f"<figcaption>{label}: {escape(flown[:MAX_FACT])}</figcaption>" if label else ""
     words = "The swarm from above; its state is in the line below and in the list of events"
     canvas = f'<canvas id="{own}" class="map" tabindex="0" role="img" aria-label="{words}"></canvas>'
     return f"<figure>{caption}{canvas}</figure>\n"

@@ -169,7 +169,9 @@ class ClusterTeller:
         for claim in heard.claims:
             if claim.term > self._claimed and claim.head in self._fleet.uavs:
                 self._claimed = claim.term
-                words = f"claims term {claim.term}: {len(claim.grants)} UAVs suspect the head"
+                count = len(claim.grants)
+                why = "without a head" if self._plan is None else "suspecting the head"
+                words = f"claims term {claim.term}: {count} UAV{'s' * (count != 1)} {why}"
                 self._log.tell("claim", [claim.head], words, time_s=self._within_slot_s(claim))
         plan = heard.plan
         if plan is None:

@@ -30,7 +30,7 @@ OPEN = Security("", "")
 def check_security(option: str) -> None:
     """Raise `InputError` if the package that makes certificates is missing."""
     if not has_package("cryptography"):
-        raise InputError(option, True, f"absent, or cryptography installed: {install_command('secure')}")
+        raise InputError(option, "cryptography", f"installed: {install_command('secure')}")
 
 
 def secure(

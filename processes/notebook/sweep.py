@@ -19,6 +19,8 @@ from edc_swarm.errors import InputError
 from edc_swarm.experiments.statistics import Kind, estimate
 from edc_swarm.experiments.sweeps import Run, mission_toml
 from edc_swarm.mission.configuration import Mission
+from edc_swarm.mission.declarations import UNITS
+from edc_swarm.mission.stated import attribute_of, fields_by_option
 from edc_swarm.simulation.take_off import ready_mission
 from processes.experiments.ledger import Ledger, open_scheduler
 from processes.experiments.ledger import sweep as execute
@@ -32,6 +34,9 @@ MAX_RUNS = 100_000
 COUNTS = frozenset({"potential_collisions", "true_collisions"})
 SIGNED = frozenset({"min_disc_gap_m"})
 """Metrics that may be negative."""
+_UNITS = {suffix: symbol for suffix, (symbol, _) in UNITS.items()} | {"_pct": "%"}
+_FIELDS = {attribute_of(option): field for field, option in fields_by_option().items()}
+"""Field that an option sets, by the option's name in Python."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -94,14 +99,17 @@ class Sweep:
         points = self._points(metric, None)
         for key in dict.fromkeys(tuple(point[name] for name in others) for point in points):
             line = [point for point in points if tuple(point[name] for name in others) == key]
-            label = ", ".join(f"{name} {value}" for name, value in zip(others, key, strict=True))
+            label = ", ".join(_with_unit(name, f" {value}") for name, value in zip(others, key, strict=True))
             shown = [point for point in line if point["mean"] is not None]
             means = np.array([point["mean"] for point in shown], float)
             ends = np.array([(point["low"], point["high"]) for point in shown], float).reshape(-1, 2)
             at = [point[x] for point in shown]
             ax.plot(at, means, marker="o", label=label or None)
             ax.fill_between(at, ends[:, 0], ends[:, 1], alpha=0.2)
-        ax.set(xlabel=x, ylabel=f"{metric}, % of missions" if self._is_flag(metric) else metric)
+        ax.set_xlabel(_with_unit(x))
+        ax.set_ylabel(f"{metric} [% of missions]" if self._is_flag(metric) else _with_unit(metric))
+        if all(map(_is_whole, self.axes[x])):
+            ax.locator_params(axis="x", integer=True)
         if others:
             ax.legend()
         return ax
@@ -191,6 +199,14 @@ def sweep(
         _write_missions([run for _, run in wanted])
         results = execute([run for _, run in wanted], ledger, executor)
     return Sweep(axes, [{**place, **_numbers(results[run.key])} for place, run in wanted])
+
+
+def _with_unit(name: str, value: str = "") -> str:
+    """Return the name of an option or metric in words, with its unit: in brackets, or behind a value."""
+    field = _FIELDS.get(name, name)
+    suffix, unit = next(((suffix, unit) for suffix, unit in _UNITS.items() if field.endswith(suffix)), ("", ""))
+    words = f"{name.removesuffix(suffix).replace('_', ' ').replace('uavs', 'UAVs')}{value}"
+    return words if not unit else f"{words} {unit}" if value else f"{words} [{unit}]"
 
 
 def _seeds(given: Any) -> list[int]:

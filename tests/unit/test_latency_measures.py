@@ -157,7 +157,7 @@ def test_the_largest_delay_with_which_it_flies_is_told() -> None:
     sweep = sweep_of({"delays_ms": [0, 100, 300], "jitters_ms": [0], "losses": [0], "uavs": [3], "repeats": 1})
     flown = [sample(), sample(), sample(completed=False, others_flew=0)]
     made = [row_of(sweep, "sim", cell, [one]) for cell, one in zip(sweep.cells, flown, strict=True)]
-    assert "the largest with which it flies 100 ms" in findings(made)[1].text
+    assert "the largest with which it flies: 100 ms." in findings(made)[1].text
 
 
 def test_a_cell_of_invalid_runs_alone() -> None:
@@ -171,7 +171,7 @@ def test_findings_of_a_sweep_as_promised() -> None:
     """Nothing overlaps, all missions complete, and holding starts where two delays fill a slot."""
     found = findings(rows(sample(), sample()))
     assert [one.kept for one in found] == [True, True, True]
-    assert "first with which the swarm only holds is 300 ms (expected 300 ms)" in found[1].text
+    assert "the least with which the swarm only holds: 300 ms (expected 300 ms)" in found[1].text
 
 
 @pytest.mark.parametrize(

@@ -111,9 +111,10 @@ class Tiring:
         pass
 
     def plan(self, request: PlanRequest) -> Plan:
+        """Fly straight on, and fail after slot 4."""
         if request.slot > 4:
             raise LookupError("no more ideas")
-        return Plan(request.target_m, "planned")
+        return Plan([(x, y) for x, y in np.asarray(request.target_m).tolist()], "planned")
 
 
 def test_a_planner_that_fails_is_told() -> None:
@@ -128,6 +129,23 @@ def test_an_unknown_metric_is_in_no_mean() -> None:
     short, whole = sweep.summary("makespan_s").to_dict("records")
     assert (short["runs"], short["unknown"], math.isnan(short["mean"])) == (0, 2, True)
     assert (whole["runs"], whole["unknown"]) == (2, 0)
+
+
+def test_the_axes_of_a_picture_have_units() -> None:
+    """Of an option that is named without its unit too; nobody flies half a UAV."""
+    rows = [
+        {"uavs": uavs, "gps_error": r_m, "seed": 0, "makespan_s": 20.0, "completed": True}
+        for uavs in (10, 20)
+        for r_m in (1, 5)
+    ]
+    sweep = es.Sweep({"uavs": [10, 20], "gps_error": [1, 5]}, rows)
+    ax = sweep.plot("makespan_s")
+    assert (ax.get_xlabel(), ax.get_ylabel()) == ("UAVs", "makespan [s]")
+    assert all(float(tick).is_integer() for tick in ax.get_xticks())
+    legend = ax.get_legend()
+    assert legend is not None
+    assert [text.get_text() for text in legend.get_texts()] == ["gps error 1 m", "gps error 5 m"]
+    assert sweep.plot("completed", x="gps_error").get_xlabel() == "gps error [m]"
 
 
 def test_a_sweep_resumes_and_takes_any_mission(tmp_path: Path) -> None:

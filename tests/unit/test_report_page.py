@@ -22,7 +22,7 @@ from edc_swarm.recording.model import Recording
 from edc_swarm.report_page import data as page_data
 from edc_swarm.report_page.data import Page
 from edc_swarm.report_page.itineraries import Itinerary, itineraries
-from edc_swarm.report_page.render import MAX_WHERE, SCRIPTS, Assets, render
+from edc_swarm.report_page.render import MAX_WHERE, SCRIPTS, Assets, Shown, render, render_all
 from tests import builders
 from tests.unit.synthetic import EPOCH_NS, change, flight, parallel, recorded, straight, whole
 
@@ -41,12 +41,16 @@ def page_of(messages: list[Message]) -> Page:
 
 def document(recording: Recording, guarantees: list[GuaranteeResult] | None = None) -> str:
     """Return the whole page, made from the files that the command uses."""
-    folder = files("edc_swarm.report_page")
-    template, style = ((folder / f"page.{kind}").read_text() for kind in ("html", "css"))
-    assets = Assets(template, style, "\n".join((folder / name).read_text() for name in SCRIPTS))
     metrics = compute_metrics(recording)
     verdicts = check(recording) if guarantees is None else guarantees
-    return render(Page.of(recording, metrics.heads), metrics, verdicts, {"command": "edc-swarm <x>"}, assets)
+    return render(Page.of(recording, metrics.heads), metrics, verdicts, {"command": "edc-swarm <x>"}, sources())
+
+
+def sources() -> Assets:
+    """Return the files that the command uses."""
+    folder = files("edc_swarm.report_page")
+    template, style = ((folder / f"page.{kind}").read_text() for kind in ("html", "css"))
+    return Assets(template, style, "\n".join((folder / name).read_text() for name in SCRIPTS))
 
 
 def test_centres_come_back_from_base64(messages: list[Message]) -> None:
@@ -174,6 +178,19 @@ def test_the_page_needs_no_network_and_cannot_be_broken_out_of(messages: list[Me
     assert set(re.findall(r"https?://[^\"'\s<]+", text)) == {"http://www.w3.org/2000/svg"}
     assert evil not in text
     assert text.count("</script>") == 3
+
+
+def test_each_of_two_maps_says_what_flew_it(messages: list[Message]) -> None:
+    """By its command, since both missions may have one name; by the name where the record has no command."""
+    recording = recorded(messages)
+    metrics = compute_metrics(recording)
+    both = [
+        Shown(Page.of(recording, metrics.heads), metrics, check(recording), run)
+        for run in ({"command": "edc-swarm sim <x>"}, {})
+    ]
+    text = render_all(both, sources())
+    assert "<figcaption>A: edc-swarm sim &lt;x&gt;</figcaption>" in text
+    assert f"<figcaption>B: {recording.mission.name}</figcaption>" in text
 
 
 def test_a_mission_without_faults_says_so(messages: list[Message]) -> None:

@@ -1,6 +1,7 @@
 """Random missions, and missions completed with all that their file leaves out."""
 
 import math
+import re
 from itertools import combinations
 
 import numpy as np
@@ -54,6 +55,18 @@ def test_an_unplaceable_density_is_a_clear_error(monkeypatch: pytest.MonkeyPatch
     monkeypatch.setattr("edc_swarm.mission.roster.TRIES", 200)
     with pytest.raises(PlacementError, match=r"uavs = 200: must be few enough for area_m2 = 10000 and r_m = 5"):
         complete_mission(Mission(uavs=200))
+
+
+@pytest.mark.parametrize("uavs", [100, 1000])
+def test_the_area_that_the_error_names_has_room(uavs: int, monkeypatch: pytest.MonkeyPatch) -> None:
+    """A user who asks for more UAVs than fit need not search for the area."""
+    with monkeypatch.context() as patch:
+        patch.setattr("edc_swarm.mission.roster.TRIES", 50)
+        with pytest.raises(PlacementError) as error:
+            complete_mission(Mission(uavs=uavs))
+    found = re.search(r"; area_m2 = (\d+) has room", str(error.value))
+    assert found
+    assert all(len(random_roster(Mission(uavs=uavs, area_m2=float(found[1]), seed=seed))) == uavs for seed in range(3))
 
 
 def test_a_completed_mission_leaves_nothing_open() -> None:

@@ -207,6 +207,9 @@ def test_no_head_a_claim_and_a_new_term() -> None:
     assert only(story, "no-head").slot == 5
     assert only(story, "no-head").last_slot == 9
     assert only(story, "claim").uavs == ["b"]
+    assert only(story, "claim").detail == "claims term 2: 2 UAVs suspecting the head"
+    first = only(told([*everyone(range(SLOTS)), report(1, 1, "b", status="claim", grants=["b"])]), "claim")
+    assert first.detail == "claims term 1: 1 UAV without a head", "there was none to suspect"
     assert [happening.detail for happening in story.happenings if happening.kind == "term"] == [
         "leads term 1, granted by 2 of 3",
         "leads term 2 after a, granted by 2 of 3",

@@ -104,6 +104,7 @@ def refused(*zones: dict[str, Any], **more: float) -> str:
         ({"polygon": SQUARE, "keep": "body"}, "zone[0].keep = 'body': must be one of \"\", centre, disc"),
         ({"polygon": SQUARE, "kind": "fence"}, "zone[0].kind = 'fence': must be one of exclusion, inclusion"),
         ({"polygon": SQUARE, "height_m": 3}, "zone[0].height_m = 3: must be one of the known keys"),
+        ({"polygon": SQUARE, "radius": 3}, "radius_m (do you mean radius_m?)"),
         ({"polygon": SQUARE, "name": ""}, "zone[0].name = '': must be a text of 1 to 64 characters"),
     ],
 )

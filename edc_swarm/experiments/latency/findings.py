@@ -85,13 +85,13 @@ def _holding(rows: Sequence[CellRow]) -> Iterator[LatencyFinding]:
         yield LatencyFinding(
             found == expected,
             f"{engine}, {uavs} UAVs, slot {slot_s:g} s: two delays and the transport fill a slot from"
-            f" {still[0].hold_delay_ms:g} ms on; of the delays flown the first with which the swarm only holds is"
-            f" {_ms(found)} (expected {_ms(expected)}), the largest with which it flies {_ms(flew)}.",
+            f" {still[0].hold_delay_ms:g} ms on. Of the delays flown, the least with which the swarm only holds:"
+            f" {_ms(found)} (expected {_ms(expected)}); the largest with which it flies: {_ms(flew)}.",
         )
 
 
 def _ms(value: float | None) -> str:
-    return "none" if value is None else f"{value:g} ms"
+    return "none of them" if value is None else f"{value:g} ms"
 
 
 def _completion(rows: Sequence[CellRow]) -> Iterator[LatencyFinding]:
