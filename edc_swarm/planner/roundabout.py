@@ -21,8 +21,8 @@ from edc_swarm.solver.normals import DELTA_M
 
 MOST_UAVS = 300
 """UAVs beyond which ways stay straight: a comparison looks at all pairs."""
-LEAST_UAVS = 4
-"""UAVs below which they do: so few answer each other well."""
+LEAST_UAVS = 7
+"""UAVs below which they do: up to six are within 3 % of the optimum without (docs/planner.md)."""
 CROWDED = 0.25
 """Share of the slots of straight flight that conflicts must cost before a roundabout is looked for."""
 GAIN = 0.1

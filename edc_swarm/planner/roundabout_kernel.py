@@ -29,10 +29,8 @@ def _least_distance(start_m: Floats, bend_m: Floats, goal_m: Floats, u_max_m: Fl
     ox, oy, obx, oby = start_m[other, 0], start_m[other, 1], bend_m[other, 0], bend_m[other, 1]
     ogx, ogy = goal_m[other, 0], goal_m[other, 1]
     k_bend, o_bend = norm(kbx - kx, kby - ky) / u_max_m[k], norm(obx - ox, oby - oy) / u_max_m[other]
-    k_end, o_end = (
-        k_bend + norm(kgx - kbx, kgy - kby) / u_max_m[k],
-        o_bend + norm(ogx - obx, ogy - oby) / u_max_m[other],
-    )
+    k_end = k_bend + norm(kgx - kbx, kgy - kby) / u_max_m[k]
+    o_end = o_bend + norm(ogx - obx, ogy - oby) / u_max_m[other]
     slot, x, y = 0.0, kx - ox, ky - oy
     least = x * x + y * y
     while slot < max(k_end, o_end):
