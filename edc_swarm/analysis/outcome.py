@@ -203,9 +203,10 @@ class _Judge:
         if self.living[k]:
             return None
         uav, newest = self.tracks.uavs[k], int(self.newest[k])
+        last = max(newest, self._heard_until(uav))
         for event in reversed(self.recording.events):
             is_stray = event.kind == EventKind.STRAYED and event.source == uav
-            if (event.slot >= newest or is_stray) and (ending := self._ended_by(event, uav, newest)) is not None:
+            if (event.slot >= newest or is_stray) and (ending := self._ended_by(event, uav, last)) is not None:
                 return self._not_home(k, *ending)
         forgot = min((f.slot for f in self.recording.fixes if f.uav == uav and not f.voter), default=None)
         if forgot is not None:
@@ -213,12 +214,17 @@ class _Judge:
             return self._not_home(k, "memory-lost", text, forgot)
         return None
 
-    def _ended_by(self, event: Event, uav: str, newest: int) -> tuple[Cause, str, int] | None:
+    def _heard_until(self, uav: str) -> int:
+        """Return the last slot in which a head heard `uav`, -1 if none says so."""
+        return max((r.slot for r in self.recording.reports if r.has_quorum and uav in r.heard), default=-1)
+
+    def _ended_by(self, event: Event, uav: str, last: int) -> tuple[Cause, str, int] | None:
         """Return cause, reason and first slot if `event` ended the flight of `uav`, else None.
 
-        The end of a process on another host is told seconds later: it is dead since the slot after its `newest` fix.
+        The end of a process on another host is told seconds later: it is dead since the slot after the `last` fix that
+        the record, or a head, has of it.
         """
-        slot = min(event.slot, newest + 1) if event.kind == EventKind.EXITED else event.slot
+        slot = min(event.slot, last + 1) if event.kind == EventKind.EXITED else event.slot
         since = f"since slot {slot}"
         if event.source == uav:
             own: dict[str, tuple[Cause, str, int]] = {
@@ -244,7 +250,7 @@ class _Judge:
         uav, newest = self.tracks.uavs[k], int(self.newest[k])
         if newest < 0:
             return self._not_home(k, "never-heard", "unknown: the record holds no fix of it")
-        heard = max((r.slot for r in self.recording.reports if r.has_quorum and uav in r.heard), default=-1)
+        heard = self._heard_until(uav)
         over = self.end.slot if self.end is not None else -1
         lacking = newest < self.tracks.slots - 1 and uav in self.incomplete
         if lacking or heard > newest or over > self.tracks.slots + SILENT_SLOTS:

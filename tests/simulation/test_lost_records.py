@@ -98,6 +98,13 @@ def test_a_process_that_nobody_heard_is_missed_although_its_successor_need_not_h
     assert set(found.values()) == {"not-judged"}
 
 
+def test_without_a_word_of_the_operator_nobody_knows_what_it_said() -> None:
+    """It has told the faults and the end, and has no last word."""
+    _, messages = flown(max_slots=20)
+    found = statuses([m for m in messages if m.instance != "operator" or isinstance(m, MissionMessage)])
+    assert found["G5"] == "not-judged"
+
+
 def test_the_last_fixes_of_a_killed_process_are_missed() -> None:
     """Plans count on grants that no recorded fix gives: u003 was killed, so its last fixes may be missing."""
     found = statuses([m for m in said()[1] if not (isinstance(m, Fix) and m.uav == "u003" and 15 <= m.slot <= 17)])

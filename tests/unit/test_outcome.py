@@ -143,6 +143,15 @@ def test_who_lives_no_more_is_dead_for_what_was_told(
     assert (who.cause, who.reason) == (cause, reason)
 
 
+def test_whose_end_is_told_late_was_alive_while_its_head_heard_it(messages: list[Message]) -> None:
+    """The record lacks its fixes after slot 12; its head heard it up to slot 20."""
+    said = without(messages, "u2", Fix | Truth, 12)
+    for slot in range(21, 31):
+        change(said, {"slot": slot}, Report, heard=["u0", "u1"])
+    gone = Event(source="operator", slot=28, kind="exited", detail="u2 has gone from the bus")
+    assert (only([*said, gone]).slot, only([*said, gone]).cause) == (21, "process-gone")
+
+
 def test_lost_memory_is_a_reason(messages: list[Message]) -> None:
     """A UAV without memory grants no head, so no head commands it."""
     for slot in range(20, 31):

@@ -96,7 +96,8 @@ def unproved(evidence: Evidence) -> str:
     closed = {(event.source, event.instance) for event in recording.events if event.kind == EventKind.CLOSED}
     if not closed:
         return "no publisher sent a `closed` event"
-    speaking = sorted(evidence.ends.unended)
+    told = any(event.source == OPERATOR for event in recording.events)
+    speaking = sorted(evidence.ends.unended | (set() if told else {OPERATOR}))
     if speaking:
         more = f" and {len(speaking) - 1} more" if len(speaking) > 1 else ""
         if speaking[0] in evidence.ends.unheard:
