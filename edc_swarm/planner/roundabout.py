@@ -19,13 +19,13 @@ from edc_swarm.planner import guidance_kernel as kernel
 from edc_swarm.planner.roundabout_kernel import entangled
 from edc_swarm.solver.normals import DELTA_M
 
-MOST_UAVS = 300
+LARGEST_CROWD = 300
 """UAVs beyond which ways stay straight: a comparison looks at all pairs."""
-LEAST_UAVS = 7
+SMALLEST_CROWD = 7
 """UAVs below which they do: up to six are within 3 % of the optimum without (docs/planner.md)."""
 CROWDED = 0.25
 """Share of the slots of straight flight that conflicts must cost before a roundabout is looked for."""
-GAIN = 0.1
+LEAST_GAIN = 0.1
 """Share of the price of straight ways by which a roundabout must be cheaper."""
 SHARES = (0.1, 0.2, 0.3, 0.4, 0.5)
 """Radii of roundabouts, as shares of the (quadratic) mean distance from the centre of the UAVs that pass it."""
@@ -45,11 +45,11 @@ def roundabout(
 ) -> Floats:
     """Return the point by which each UAV flies to its goal (n, 2): its start if it flies straight."""
     n = len(start_m)
-    if n > MOST_UAVS:
+    if n > LARGEST_CROWD:
         return start_m
     flown, lost = entangled(start_m, start_m, goal_m, r_m, u_max_m)
-    best_m, least = start_m, (1 - GAIN) * (flown + lost)
-    if n < LEAST_UAVS or lost < CROWDED * flown:
+    best_m, least = start_m, (1 - LEAST_GAIN) * (flown + lost)
+    if n < SMALLEST_CROWD or lost < CROWDED * flown:
         return best_m
     length = length_m(goal_m - start_m)
     ahead = (goal_m - start_m) / np.maximum(length, kernel.AT_GOAL_M)[:, None]

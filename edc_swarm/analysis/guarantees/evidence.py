@@ -276,8 +276,8 @@ def _with_unknown_commands(recording: Recording) -> set[str]:
 def _untold(recording: Recording, ends: Ends) -> dict[str, set[str]]:
     """Return, by kind, the UAVs of which the last messages of a process without a last word are missing.
 
-    In each slot a process publishes its truth, then its fix; a head the commands for the next slot, then its report. It
-    may die in between. Autopilots report later.
+    In each slot a process publishes its truth and its fix, in a crowd the truth last; a head the commands for the next
+    slot, then its report. It may die in between. Autopilots report later.
     """
     truths = _spans(ends, ((truth.uav, truth.instance, truth.slot) for truth in recording.truths))
     fixes = _spans(ends, ((fix.uav, fix.instance, fix.slot) for fix in recording.fixes))
@@ -286,13 +286,10 @@ def _untold(recording: Recording, ends: Ends) -> dict[str, set[str]]:
     later = autopilots(recording.mission)
     at_once = {who for who in truths.keys() | fixes.keys() if who[0] not in later}
     return {
-        "truth": {who[0] for who in at_once & fixes.keys() if truths.get(who, _NEVER)[1] < fixes[who][1]},
+        "truth": {who[0] for who in at_once & fixes.keys() if _is_behind(truths.get(who), fixes[who])},
         "fix": {who[0] for who in at_once & truths.keys() if _is_behind(fixes.get(who), truths[who])},
         "report": {who[0] for who, span in planned.items() if _is_behind(reports.get(who), span)},
     }
-
-
-_NEVER = (-1, -1)
 
 
 def _spans(ends: Ends, said: Iterable[tuple[str, str, int]]) -> dict[tuple[str, str], tuple[int, int]]:
@@ -306,7 +303,7 @@ def _spans(ends: Ends, said: Iterable[tuple[str, str, int]]) -> dict[tuple[str, 
 
 
 def _is_behind(after: tuple[int, int] | None, before: tuple[int, int]) -> bool:
-    """Return True if what follows in each slot ends more than a slot before it: a process can die in between once."""
+    """Return True if the one ends more than a slot before the other: a process can die in between once."""
     return before[1] > (after[1] if after is not None else before[0] - 1) + 1
 
 
