@@ -191,12 +191,15 @@ def sweep(
     with ExitStack() as stack:
         home = Path(folder or stack.enter_context(TemporaryDirectory(prefix="edc-swarm-")))
         wanted = [
-            ({**place, "seed": seed}, _run(new_mission(source, **{**fixed, **place, "seed": seed}), home))
+            (
+                {name: _shown(value) for name, value in place.items()} | {"seed": seed},
+                _run(new_mission(source, **{**fixed, **place, "seed": seed}), home),
+            )
             for place in places
             for seed in chosen
         ]
         if any(_is_of_notebook(run.mission) for _, run in wanted):
-            if scheduler is not None or jobs not in {None, 1}:
+            if scheduler is not None or jobs not in (None, 1):
                 allowed = "left out for a class of the notebook, which other processes cannot import (or in a module)"
                 raise InputError("jobs" if scheduler is None else "scheduler", scheduler or jobs, allowed)
             jobs = 1
@@ -204,7 +207,13 @@ def sweep(
         ledger = stack.enter_context(Ledger(home))
         _write_missions([run for _, run in wanted])
         results = execute([run for _, run in wanted], ledger, executor)
-    return Sweep(axes, [{**place, **_numbers(results[run.key])} for place, run in wanted])
+    rows = [place | _numbers(results[run.key]) for place, run in wanted]
+    return Sweep({name: [_shown(value) for value in values] for name, values in axes.items()}, rows)
+
+
+def _shown(value: Any) -> Any:
+    """Return a class by the name by which missions record it, any other value as it is."""
+    return f"{value.__module__}:{value.__qualname__}" if isinstance(value, type) else value
 
 
 def _with_unit(name: str, value: str = "") -> str:

@@ -130,7 +130,7 @@ def test_a_class_of_the_notebook_flies_in_the_notebook(monkeypatch: pytest.Monke
     monkeypatch.setattr(Tiring, "__module__", "__main__")
     monkeypatch.setattr(main_module, "Tiring", Tiring, raising=False)
     options: dict[str, Any] = {"uavs": 2, "max_slots": 4, "planner": [Tiring, "straight"], "seeds": 1}
-    assert len(es.sweep(**options).rows) == 2
+    assert [row["planner"] for row in es.sweep(**options).rows] == ["__main__:Tiring", "straight"]
     elsewhere: list[dict[str, Any]] = [{"jobs": 2}, {"scheduler": "tcp://127.0.0.1:1"}]
     for workers in elsewhere:
         with pytest.raises(es.InputError, match="for a class of the notebook") as refused:
