@@ -33,10 +33,7 @@ def metric_rows(m: Metrics) -> list[tuple[str, str]]:
         *([] if m.clusters else [("heads", _heads(m.heads) or _no_head(m))]),
         *_clusters(m),
         ("collisions", f"{_count(m.potential_collisions)} potential, {_count(m.true_collisions)} true"),
-        (
-            "least gap",
-            f"{_number(m.min_disc_gap_m, 'm')} between discs, {_number(m.min_true_distance_m, 'm')} true distance",
-        ),
+        ("least gap", _gap(m)),
         *_vehicles(m),
         ("way flown", "-" if m.path_m is None else f"{m.path_m:.1f} m{_extra(m)}"),
         ("makespan", _makespan(m)),
@@ -66,6 +63,12 @@ def _of_heads(m: Metrics) -> list[tuple[str, str]]:
         ("age of fixes", _age(m.fix_age_ms)),
         ("age of commands", _age(m.command_age_ms)),
     ]
+
+
+def _gap(m: Metrics) -> str:
+    if m.uavs == 1:
+        return "none, with one UAV"
+    return f"{_number(m.min_disc_gap_m, 'm')} between discs, {_number(m.min_true_distance_m, 'm')} true distance"
 
 
 def _clusters(m: Metrics) -> list[tuple[str, str]]:

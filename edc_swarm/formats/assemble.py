@@ -108,10 +108,11 @@ def assemble(sources: Sequence[Source], settings: Settings) -> Imported:
         imported.flown, warnings = flyable(mission, flights, imported.zones)
     except FormatError as error:
         why = KIND_NOT_STATED["exclusion"]
-        guessed = next((area for source in sources for area in source.content.areas if area.why == why), None)
-        if guessed is None or "exclusion zone" not in error.reason:
-            raise
-        raise FormatError(error.item, f"{error.reason} ({guessed.item}: {why})", error.file) from None
+        areas = [area for source in sources for area in source.content.areas]
+        for zone, area in zip(zones, areas, strict=True):
+            if area.why == why and f"exclusion zone {zone.name!r}" in error.reason:
+                raise FormatError(error.item, f"{error.reason} ({area.item}: {why})", error.file) from None
+        raise
     imported.remarks += warnings
     _remark_on_bends(flights, radii_m, zones, imported)
     return imported

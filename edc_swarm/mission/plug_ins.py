@@ -71,7 +71,8 @@ def called(field: str, name: str, function: Callable[[], T]) -> T:
         return function()
     except Exception as error:  # noqa: BLE001  (user code may raise anything)
         frames = traceback.extract_tb(error.__traceback__)
-        theirs = [f for f in frames if f.filename != __file__ and not f.filename.startswith("<frozen")]
+        ours = {__file__, importlib.__file__}
+        theirs = [f for f in frames if f.filename not in ours and not f.filename.startswith("<frozen")]
         own = [f"{Path(f.filename).name}, line {f.lineno}" for f in theirs][-1:]
         why = f"{type(error).__name__}: {error}"[:300].replace("\n", " ")
         raise MissionError(

@@ -57,8 +57,10 @@ class Flight:
         """Return how many arrived, which guarantees do not hold, and the first error of a planner of the user."""
         metrics, mission = self.metrics, self.mission
         arrived = "-" if metrics.arrived is None else metrics.arrived
-        others = [f"{each.guarantee} {each.status}" for each in self.verdicts if not each.held]
-        said = [f"{arrived} arrived", ", ".join(others) or "every guarantee held", failed_plans(self.recording)]
+        applying = [each for each in self.verdicts if each.status != "not-applicable"]
+        others = [f"{each.guarantee} {each.status}" for each in applying if not each.held]
+        all_held = "every guarantee held" if applying == self.verdicts else "every guarantee that applies held"
+        said = [f"{arrived} arrived", ", ".join(others) or all_held, failed_plans(self.recording)]
         return f"<Flight of {mission.uavs} UAVs, planner {mission.planner}: {'; '.join(filter(None, said))}>"
 
     @cached_property

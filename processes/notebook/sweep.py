@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import hashlib
 import math
+import sys
 from collections.abc import Iterable, Mapping
 from contextlib import ExitStack
 from dataclasses import dataclass
@@ -94,9 +95,9 @@ class Sweep:
         if x not in self.axes:
             allowed = f"one of {', '.join(self.axes)}" if self.axes else "an option that the sweep was given as a list"
             raise InputError("x", x, allowed)
-        ax = new_axes(ax)
         others = [name for name in self.axes if name != x]
         points = self._points(metric, None)
+        ax = new_axes(ax)
         for key in dict.fromkeys(tuple(point[name] for name in others) for point in points):
             line = [point for point in points if tuple(point[name] for name in others) == key]
             label = ", ".join(_with_unit(name, f" {value}") for name, value in zip(others, key, strict=True))
@@ -160,7 +161,7 @@ def sweep(
     seeds
         The seeds, or their number. A seed or value that is given twice is refused: the same mission is no new evidence.
     jobs
-        Number of worker processes (one for each processor).
+        Number of worker processes (one for each processor; none with a class that a notebook defines).
     scheduler
         Address of a Dask scheduler (extra `cluster`) whose workers simulate instead.
     folder
@@ -190,15 +191,29 @@ def sweep(
     with ExitStack() as stack:
         home = Path(folder or stack.enter_context(TemporaryDirectory(prefix="edc-swarm-")))
         wanted = [
-            ({**place, "seed": seed}, _run(new_mission(source, **{**fixed, **place, "seed": seed}), home))
+            (
+                {name: _shown(value) for name, value in place.items()} | {"seed": seed},
+                _run(new_mission(source, **{**fixed, **place, "seed": seed}), home),
+            )
             for place in places
             for seed in chosen
         ]
+        if any(_is_of_notebook(run.mission) for _, run in wanted):
+            if scheduler is not None or jobs not in (None, 1):
+                allowed = "left out for a class of the notebook, which other processes cannot import (or in a module)"
+                raise InputError("jobs" if scheduler is None else "scheduler", scheduler or jobs, allowed)
+            jobs = 1
         executor = stack.enter_context(open_scheduler(scheduler, jobs))
         ledger = stack.enter_context(Ledger(home))
         _write_missions([run for _, run in wanted])
         results = execute([run for _, run in wanted], ledger, executor)
-    return Sweep(axes, [{**place, **_numbers(results[run.key])} for place, run in wanted])
+    rows = [place | _numbers(results[run.key]) for place, run in wanted]
+    return Sweep({name: [_shown(value) for value in values] for name, values in axes.items()}, rows)
+
+
+def _shown(value: Any) -> Any:
+    """Return a class by the name by which missions record it, any other value as it is."""
+    return f"{value.__module__}:{value.__qualname__}" if isinstance(value, type) else value
 
 
 def _with_unit(name: str, value: str = "") -> str:
@@ -247,6 +262,12 @@ def _is_axis(name: str, value: Any) -> bool:
     if not isinstance(getattr(Mission(), name, None), list):
         return True
     return any(isinstance(each, list | tuple) for each in value)
+
+
+def _is_of_notebook(mission: Mission) -> bool:
+    """Return True if a part of the mission is a class of the notebook, or of another session without a file."""
+    parts = [mission.planner, mission.elect, mission.gps_model, *(link.model for link in mission.link)]
+    return not hasattr(sys.modules["__main__"], "__file__") and any(part.startswith("__main__:") for part in parts)
 
 
 def _run(flown: Mission, home: Path) -> Run:

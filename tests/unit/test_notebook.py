@@ -123,6 +123,27 @@ def test_a_planner_that_fails_is_told() -> None:
     assert "; 5 plans failed, and all held; first in slot 4: LookupError: no more ideas" in said
 
 
+def test_a_class_of_the_notebook_flies_in_the_notebook(monkeypatch: pytest.MonkeyPatch) -> None:
+    """No worker can import it, so there is none; who asks for some is told."""
+    main_module = sys.modules["__main__"]
+    monkeypatch.delattr(main_module, "__file__", raising=False)
+    monkeypatch.setattr(Tiring, "__module__", "__main__")
+    monkeypatch.setattr(main_module, "Tiring", Tiring, raising=False)
+    options: dict[str, Any] = {"uavs": 2, "max_slots": 4, "planner": [Tiring, "straight"], "seeds": 1}
+    assert [row["planner"] for row in es.sweep(**options).rows] == ["__main__:Tiring", "straight"]
+    elsewhere: list[dict[str, Any]] = [{"jobs": 2}, {"scheduler": "tcp://127.0.0.1:1"}]
+    for workers in elsewhere:
+        with pytest.raises(es.InputError, match="for a class of the notebook") as refused:
+            es.sweep(**options, **workers)
+        assert refused.value.field in workers
+
+
+def test_guarantees_that_do_not_apply_are_not_named_among_those_that_do_not_hold() -> None:
+    """Without a head half of them do not apply."""
+    said = repr(es.simulate(uavs=2, control="local", planner="bvc", fence="none"))
+    assert said == "<Flight of 2 UAVs, planner bvc: 2 arrived; every guarantee that applies held>"
+
+
 def test_an_unknown_metric_is_in_no_mean() -> None:
     """A mission that never completes has no makespan."""
     sweep = es.sweep(**STRAIGHT, max_slots=[5, 200], seeds=2, jobs=1)

@@ -105,6 +105,12 @@ def test_wrong_parts_are_refused_in_one_line(field: str, name: str) -> None:
     assert name not in {"Raises", "Late"} or "broken_parts.py, line" in line
 
 
+def test_a_module_that_is_not_there_is_told_without_a_line_of_python_itself() -> None:
+    """Nobody mends importlib."""
+    with pytest.raises(MissionError, match=r"\(ModuleNotFoundError: No module named 'no_such_part'\)$"):
+        try_plug_ins(complete_mission(Mission(uavs=3, elect="no_such_part:Class")))
+
+
 @pytest.mark.parametrize("text", ["luck", "module", ":Class", "a b:C", "a:b:c", "a.b:"])
 def test_names_that_are_none_are_refused_without_an_import(text: str) -> None:
     """Neither built in nor package.module:Class."""

@@ -268,6 +268,12 @@ def test_the_page_says_what_the_terminal_says() -> None:
     assert "u0 and u1: discs overlap by up to 1 m" in text
 
 
+def test_one_uav_has_no_gap_rather_than_an_unknown_one() -> None:
+    """A dash says that the record does not tell."""
+    metrics = compute_metrics(recorded(flight([straight((0, 0), (0, 20), 10)])))
+    assert dict(metric_rows(metrics))["least gap"] == "none, with one UAV"
+
+
 def test_the_map_knows_the_goal_of_every_moment() -> None:
     """Points of the roster's route, then a later goal and its points; a course that goes back changes nothing."""
     roster = [builders.entry("a", route=[(1.0, 0.0), (2.0, 0.0), (0.0, 9.0)]), builders.entry("b")]
