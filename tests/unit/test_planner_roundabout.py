@@ -132,5 +132,5 @@ def flown_m(uavs: int, seed: int) -> float:
 def test_a_circle_costs_less_than_without(monkeypatch: pytest.MonkeyPatch) -> None:
     """UAVs on a circle fly less with a roundabout than without."""
     with_it_m = flown_m(20, 1)
-    monkeypatch.setattr(roundabout, "MOST_UAVS", 0)
+    monkeypatch.setattr(roundabout, "LARGEST_CROWD", 0)
     assert with_it_m < 0.95 * flown_m(20, 1)
