@@ -259,10 +259,11 @@ def test_a_line_of_the_table_has_every_number() -> None:
     assert line["mean_min_disc_gap_m"] == pytest.approx(line["min_disc_gap_m"])
 
 
-def test_a_cell_that_cannot_be_completed_breaks_no_promise() -> None:
-    """A cell with too few commands in time for the longest way is reported without a promise."""
+@pytest.mark.parametrize("predicted", ["predicted_to_starve", "predicted_to_land"])
+def test_a_cell_that_cannot_be_completed_breaks_no_promise(predicted: str) -> None:
+    """A cell with too few commands in time to fly the longest way, or to stay in the air, is told without a promise."""
     (row, _) = rows(sample(completed=False))
-    starved = msgspec.structs.replace(row, predicted_to_starve=True)
+    starved = msgspec.structs.replace(row, **{predicted: True})
     assert [found.kept for found in findings([row])][-1] is False
     (*_, told) = findings([starved])
     assert [found.kept for found in findings([starved])] == [True, True, None]

@@ -9,7 +9,7 @@ import msgspec
 import pytest
 
 from edc_swarm.errors import InputError
-from edc_swarm.experiments.latency.arithmetic import hold_delay_ms, in_time_share, only_holds, starves
+from edc_swarm.experiments.latency.arithmetic import hold_delay_ms, in_time_share, lands, only_holds, starves
 from edc_swarm.experiments.latency.declared import DEFAULTS, Cell, in_turn, mission_of, run_name, runs_of, sweep_of
 from edc_swarm.mission.configuration import Mission
 from edc_swarm.mission.link import Link
@@ -154,6 +154,15 @@ def test_too_few_commands_for_the_longest_way() -> None:
     short = mission(roster)
     assert starves(short, 0.1, 399)
     assert not starves(short, 0.1, 401)
+
+
+def test_so_few_commands_that_uavs_land() -> None:
+    """Of ways of 42 steps in all 42 (1 - p)^20 landings are expected, if UAVs land after 20 slots; 1 % is few."""
+    roster = [entry("a", target_m=(100.0, 0.0), r_m=1.0), entry("b", (0.0, 50.0), (5.0, 50.0), r_m=1.0)]
+    assert lands(mission(roster), 0.33)
+    assert not lands(mission(roster), 0.35)
+    assert not lands(mission(roster, land_after_s=20.0), 0.33)
+    assert not lands(mission(roster, failsafe="hold"), 0.1)
 
 
 def test_share_in_time_beyond_tau() -> None:

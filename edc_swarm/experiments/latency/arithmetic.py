@@ -10,6 +10,7 @@ delay + transit too, and is valid only if it arrives before slot t + 1 begins. H
 - If delay > tau, the head waits for a quorum only. A UAV whose fix arrives later than those of the quorum holds in
   the next slot.
 - With jitter and loss the share of commands in time is random: see `in_time_share`.
+- A UAV that gets no command in time for long lands: see `lands`.
 
 All functions take a mission whose first link is the swept one, from every UAV to every UAV. Slots are in wall time,
 as delays are.
@@ -17,17 +18,22 @@ as delays are.
 
 from __future__ import annotations
 
+import math
+
 import numpy as np
 from numpy.typing import NDArray
 
 from edc_swarm.emulation.links import LinkEmulator
 from edc_swarm.mission.configuration import Mission
+from edc_swarm.mission.failsafe import failsafe_of
 from edc_swarm.mission.roster import complete_mission
 from edc_swarm.simulation.network import TRANSIT_NS
 
 TRANSIT_MS = TRANSIT_NS / 1e6
 SLOTS = 400
 """Number of random slots behind a share."""
+FEW_LANDINGS = 0.01
+"""Expected landings of a mission for want of commands, below which all UAVs count on reaching their targets."""
 
 
 def hold_delay_ms(mission: Mission) -> float:
@@ -44,6 +50,20 @@ def starves(mission: Mission, share: float, limit_slots: int) -> bool:
     """Return True if this share of commands in time is too small to fly the longest way in `limit_slots`."""
     whole = complete_mission(mission)
     return share * limit_slots < max(entry.straight_m / whole.step_m(entry) for entry in whole.roster)
+
+
+def lands(mission: Mission, share: float) -> bool:
+    """Return True if UAVs are expected to land for want of commands: one of a hundred missions has a landing, or more.
+
+    Of a share p of commands in time, a UAV flies N straight steps in N / p slots. In p (1 - p)^W of them begin W slots
+    without a command, after which it lands. So N (1 - p)^W landings are expected, and their sum over all UAVs counts.
+    """
+    whole = complete_mission(mission)
+    failsafe = failsafe_of(whole)
+    if failsafe is None:
+        return False
+    steps = math.fsum(entry.straight_m / whole.step_m(entry) for entry in whole.roster)
+    return bool(steps * (1 - share) ** failsafe.wait_slots >= FEW_LANDINGS)
 
 
 def in_time_share(mission: Mission) -> float:

@@ -96,12 +96,16 @@ def _ms(value: float | None) -> str:
 
 def _completion(rows: Sequence[CellRow]) -> Iterator[LatencyFinding]:
     flown = [row for row in rows if not row.predicted_to_hold and row.completed_pct is not None]
-    able = [row for row in flown if not row.predicted_to_starve]
+    able = [row for row in flown if not (row.predicted_to_starve or row.predicted_to_land)]
     little = [row for row in able if row.cell.loss <= LITTLE_LOSS]
     more = [row for row in able if row.cell.loss > LITTLE_LOSS]
     starved = [row for row in flown if row.predicted_to_starve]
+    landed = [row for row in flown if row.predicted_to_land and not row.predicted_to_starve]
     yield from _completed(f"Below that delay, loss up to {100 * LITTLE_LOSS:g} %", little, promised=True)
     yield from _completed("Below that delay, more loss", more, promised=False)
+    yield from _completed(
+        "Below that delay, but with so few commands in time that UAVs are expected to land", landed, promised=False
+    )
     yield from _completed(
         "Below that delay, but with fewer commands in time than the longest way needs", starved, promised=False
     )

@@ -8,7 +8,7 @@ from typing import Any
 from msgspec import Struct
 
 from edc_swarm.analysis.latency_sample import Sample
-from edc_swarm.experiments.latency.arithmetic import hold_delay_ms, in_time_share, only_holds, starves
+from edc_swarm.experiments.latency.arithmetic import hold_delay_ms, in_time_share, lands, only_holds, starves
 from edc_swarm.experiments.latency.declared import Cell, Engine, LatencySweep, mission_of
 from edc_swarm.experiments.latency.quantities import QUANTITIES
 from edc_swarm.experiments.statistics import Estimate, estimate
@@ -19,7 +19,8 @@ class CellRow(Struct, frozen=True, kw_only=True):
 
     Predictions come from the slot arithmetic: `predicted_in_time_pct` is the share of commands in time;
     `predicted_to_hold` is True if none can be in time, which is so from `hold_delay_ms` on; `predicted_to_starve` is
-    True if they are too few to fly the longest way within the limit. `only_holds` is True if only heads flew commands.
+    True if they are too few to fly the longest way within the limit, and `predicted_to_land` if so few that UAVs wait
+    for one until they land. `only_holds` is True if only heads flew commands.
 
     `potential_collisions`, `true_collisions`, `broken`, `not_judged` and `min_disc_gap_m` are over all runs.
     `quantities` are means by name with 95 % intervals over the valid runs that have the quantity; `invalid_runs`
@@ -34,6 +35,7 @@ class CellRow(Struct, frozen=True, kw_only=True):
     predicted_in_time_pct: float
     predicted_to_hold: bool
     predicted_to_starve: bool
+    predicted_to_land: bool
     hold_delay_ms: float
     only_holds: bool
     potential_collisions: int | None
@@ -66,6 +68,7 @@ def row_of(sweep: LatencySweep, engine: Engine, cell: Cell, samples: Sequence[Sa
         predicted_in_time_pct=100 * share,
         predicted_to_hold=only_holds(mission),
         predicted_to_starve=starves(mission, share, limit_slots),
+        predicted_to_land=lands(mission, share),
         hold_delay_ms=hold_delay_ms(mission),
         only_holds=not any(sample.others_flew for sample in samples),
         potential_collisions=total([sample.potential_collisions for sample in samples]),
