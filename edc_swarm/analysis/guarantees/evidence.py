@@ -276,38 +276,34 @@ def _with_unknown_commands(recording: Recording) -> set[str]:
 def _untold(recording: Recording, ends: Ends) -> dict[str, set[str]]:
     """Return, by kind, the UAVs of which the last messages of a process without a last word are missing.
 
-    In each slot a process publishes its truth, then its fix; a head the commands for the next slot, then its report. It
-    may die in between. Autopilots report later.
+    In each slot a process publishes its truth, then its fix; a head the commands for the next slot, then its report. In
+    one slot, its last, it may die in between, or land with a truth alone. Autopilots report later.
     """
-    truths = _spans(ends, ((truth.uav, truth.instance, truth.slot) for truth in recording.truths))
-    fixes = _spans(ends, ((fix.uav, fix.instance, fix.slot) for fix in recording.fixes))
-    planned = _spans(ends, ((command.head, command.instance, command.slot - 1) for command in recording.commands))
-    reports = _spans(ends, ((report.head, report.instance, report.slot) for report in recording.reports))
-    later = autopilots(recording.mission)
-    at_once = {who for who in truths.keys() | fixes.keys() if who[0] not in later}
+    truths = _slots_of(ends, ((truth.uav, truth.instance, truth.slot) for truth in recording.truths))
+    fixes = _slots_of(ends, ((fix.uav, fix.instance, fix.slot) for fix in recording.fixes))
+    planned = _slots_of(ends, ((command.head, command.instance, command.slot - 1) for command in recording.commands))
+    reports = _slots_of(ends, ((report.head, report.instance, report.slot) for report in recording.reports))
+    later = autopilots(recording.mission).keys()
     return {
-        "truth": {who[0] for who in at_once & fixes.keys() if truths.get(who, _NEVER)[1] < fixes[who][1]},
-        "fix": {who[0] for who in at_once & truths.keys() if _is_behind(fixes.get(who), truths[who])},
-        "report": {who[0] for who, span in planned.items() if _is_behind(reports.get(who), span)},
+        "truth": {who[0] for who, slots in fixes.items() if _more(slots, truths.get(who)) > 0} - later,
+        "fix": {who[0] for who, slots in truths.items() if _more(slots, fixes.get(who)) > 1} - later,
+        "report": {who[0] for who, slots in planned.items() if _more(slots, reports.get(who)) > 1},
     }
 
 
-_NEVER = (-1, -1)
-
-
-def _spans(ends: Ends, said: Iterable[tuple[str, str, int]]) -> dict[tuple[str, str], tuple[int, int]]:
-    """Return the first and the last slot of each process without a last word that said something."""
-    spans: dict[tuple[str, str], tuple[int, int]] = {}
+def _slots_of(ends: Ends, said: Iterable[tuple[str, str, int]]) -> dict[tuple[str, str], set[int]]:
+    """Return the slots in which each process without a last word said something."""
+    slots: dict[tuple[str, str], set[int]] = {}
     for source, instance, slot in said:
         if (who := (source, instance)) in ends.cut:
-            first, last = spans.get(who, (slot, slot))
-            spans[who] = min(slot, first), max(slot, last)
-    return spans
+            slots.setdefault(who, set()).add(slot)
+    return slots
 
 
-def _is_behind(after: tuple[int, int] | None, before: tuple[int, int]) -> bool:
-    """Return True if what follows in each slot ends more than a slot before it: a process can die in between once."""
-    return before[1] > (after[1] if after is not None else before[0] - 1) + 1
+def _more(slots: set[int], others: set[int] | None) -> int:
+    """Return how many of `slots` come after the last of `others`."""
+    last = max(others or (), default=-1)
+    return sum(slot > last for slot in slots)
 
 
 def _unrecorded(recording: Recording, uavs: set[str]) -> bool:
