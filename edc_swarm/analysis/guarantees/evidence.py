@@ -285,7 +285,7 @@ def _untold(recording: Recording, ends: Ends) -> dict[str, set[str]]:
     reports = _slots_of(ends, ((report.head, report.instance, report.slot) for report in recording.reports))
     later = autopilots(recording.mission).keys()
     return {
-        "truth": {who[0] for who, slots in fixes.items() if _more(slots, truths.get(who)) > 0} - later,
+        "truth": {who[0] for who, slots in fixes.items() if _more(slots, truths.get(who)) > 1} - later,
         "fix": {who[0] for who, slots in truths.items() if _more(slots, fixes.get(who)) > 1} - later,
         "report": {who[0] for who, slots in planned.items() if _more(slots, reports.get(who)) > 1},
     }
@@ -306,12 +306,6 @@ def _more(slots: set[int], others: set[int] | None) -> int:
     return sum(slot > last for slot in slots)
 
 
-def _unrecorded(recording: Recording, uavs: set[str]) -> bool:
-    """Return True if a plan rests on a fix of one of `uavs` that is not recorded."""
-    said = {(fix.uav, fix.slot) for fix in recording.fixes if fix.uav in uavs}
-    return any((uav, plan.slot) not in said for plan in plans_of(recording) for uav in uavs.intersection(plan.heard))
-
-
 def _judgeable(recording: Recording, index: dict[str, int], gaps: list[Gap], ends: Ends) -> Tracks:
     """Return tracks in which every motion that is uncertain, since fixes or truths may be missing, is lost or NaN.
 
@@ -320,8 +314,8 @@ def _judgeable(recording: Recording, index: dict[str, int], gaps: list[Gap], end
     """
     unknown_commands = _with_unknown_commands(recording)
     doubted = {uav for uav, _ in ends.cut if uav in index}
-    lacks = unknown_commands or any(not gap.duplicate for gap in gaps) or any(_untold(recording, ends).values())
-    if not (lacks or _unrecorded(recording, doubted)):
+    holed = any(not gap.duplicate and (_KEY["fix"](gap.key) or _KEY["truth"](gap.key)) for gap in gaps)
+    if not (holed or unknown_commands or any(_untold(recording, ends).values())):
         doubted = set()
     tracks = tracks_of(recording, _lacking(gaps, ends, "command_to") | unknown_commands | doubted)
     no_fix = _holes(recording.fixes, "fix", index, gaps, ends, tracks.heard.shape)
