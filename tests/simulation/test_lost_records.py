@@ -116,3 +116,11 @@ def test_who_is_restarted_on_the_ground_is_not_missed() -> None:
     _, messages = flown(v_max_mps=2.0, fault=["partition u001,u002>u003 @0s", "restart u003 @14s"])
     assert not any(isinstance(m, Fix) and m.instance == "u003-2" for m in messages)
     assert "not-judged" not in statuses(messages).values()
+
+
+def test_who_lands_after_a_freeze_and_is_killed_then_lacks_no_fix() -> None:
+    """It ends with a truth alone, long after its last fix."""
+    _, messages = flown(v_max_mps=2.0, land_after_s=4.0, fault=["freeze u003 @5s for 6s", "kill u003 @13s"])
+    truths, fixes = ({m.slot for m in messages if isinstance(m, kind) and m.uav == "u003"} for kind in (Truth, Fix))
+    assert max(truths) > max(fixes) + 1
+    assert "not-judged" not in statuses(messages).values()

@@ -340,25 +340,16 @@ def died_in_slot_4() -> list[Message]:
     paths = parallel()
     paths[2] = [*paths[2][:5], *[paths[2][4]] * 10]
     messages = flight(paths)
-    say_nothing(messages, range(4, 6))
+    for slot in (4, 5):
+        drop(messages, Fix, uav="u2", slot=slot)
+        drop(messages, Truth, uav="u2", slot=slot)
     for slot in range(6, 20):
         instance = {"instance": "i2b", "seq": slot - 6}
         change(messages, {"uav": "u2", "slot": slot}, Fix, executing=False, command_term=-1, command_seq=-1, **instance)
         change(messages, {"uav": "u2", "slot": slot}, Truth, **instance)
-    drop(messages, Event)
+    drop(messages, Event, instance="i2")
     close_successor(messages)
     return messages
-
-
-def say_nothing(messages: list[Message], slots: range) -> None:
-    """Leave out what u2 says in these slots, and what the head plans for it with that, without a gap in the numbers."""
-    for slot in slots:
-        drop(messages, Fix, uav="u2", slot=slot)
-        drop(messages, Truth, uav="u2", slot=slot)
-        drop(messages, Command, uav="u2", slot=slot + 1)
-        change(messages, {"slot": slot}, Report, heard=["u0", "u1"], grants=["u0", "u1"], unheard=["u2"])
-    for later in [m for m in messages if isinstance(m, Command) and m.uav == "u2" and m.slot > slots.stop]:
-        change(messages, {"uav": "u2", "slot": later.slot}, Command, seq=later.seq - len(slots))
 
 
 def close_successor(messages: list[Message]) -> None:
@@ -370,7 +361,7 @@ def close_successor(messages: list[Message]) -> None:
 def test_a_step_accepted_in_silence_is_found_in_the_commands() -> None:
     """The next fix shows that the step was flown, and the command explains it."""
     messages = died_in_slot_4()
-    change(messages, {"uav": "u2", "slot": 7}, Command, target_y_m=9.0)
+    change(messages, {"uav": "u2", "slot": 6}, Command, target_y_m=9.0)
     verdicts = results(messages)
     assert verdicts["G2"].status == "held"
     assert verdicts["G4"].status == "held"
@@ -434,14 +425,16 @@ def forgot_after_slot_4(back: int) -> list[Message]:
     paths = parallel()
     paths[2] = [*paths[2][:5], *[paths[2][4]] * 10]
     messages = flight(paths)
-    say_nothing(messages, range(4, back))
+    for slot in range(4, back):
+        drop(messages, Fix, uav="u2", slot=slot)
+        drop(messages, Truth, uav="u2", slot=slot)
     (x_m, y_m), (ox_m, oy_m) = paths[2][4], OFFSET_M
     here = {"from_x_m": x_m + ox_m, "from_y_m": y_m + oy_m, "to_x_m": x_m + ox_m, "to_y_m": y_m + oy_m}
     for slot in range(back, 20):
         instance = {"instance": "i2b", "seq": slot - back}
         change(messages, {"uav": "u2", "slot": slot}, Fix, **NOTHING_FLOWN, **instance, voter=False, term=0, head="")
         change(messages, {"uav": "u2", "slot": slot}, Truth, **here, **instance)
-    drop(messages, Event)
+    drop(messages, Event, instance="i2")
     close_successor(messages)
     messages[:] = [m for m in messages if not (isinstance(m, Command) and m.uav == "u2" and m.slot > 5)]
     return messages
@@ -454,7 +447,7 @@ def test_the_truth_tells_of_a_step_that_was_forgotten(back: int) -> None:
     verdicts = results(messages)
     assert [verdicts[guarantee].where for guarantee in ("G2", "G3", "G4")] == [[], [], []]
     drop(messages, Command, uav="u2", slot=4)
-    assert "G4" in broken(whole(messages))
+    assert "G4" in broken(messages)
 
 
 def test_one_and_the_same_process_cannot_forget_a_step() -> None:

@@ -277,40 +277,34 @@ def _untold(recording: Recording, ends: Ends) -> dict[str, set[str]]:
     """Return, by kind, the UAVs of which the last messages of a process without a last word are missing.
 
     In each slot a process publishes its truth and its fix, in a crowd the truth last; a head the commands for the next
-    slot, then its report. It may die in between. Autopilots report later.
+    slot, then its report. In one slot, its last, it may die in between, or land with a truth alone. Autopilots report
+    later.
     """
-    truths = _spans(ends, ((truth.uav, truth.instance, truth.slot) for truth in recording.truths))
-    fixes = _spans(ends, ((fix.uav, fix.instance, fix.slot) for fix in recording.fixes))
-    planned = _spans(ends, ((command.head, command.instance, command.slot - 1) for command in recording.commands))
-    reports = _spans(ends, ((report.head, report.instance, report.slot) for report in recording.reports))
-    later = autopilots(recording.mission)
-    at_once = {who for who in truths.keys() | fixes.keys() if who[0] not in later}
+    truths = _slots_of(ends, ((truth.uav, truth.instance, truth.slot) for truth in recording.truths))
+    fixes = _slots_of(ends, ((fix.uav, fix.instance, fix.slot) for fix in recording.fixes))
+    planned = _slots_of(ends, ((command.head, command.instance, command.slot - 1) for command in recording.commands))
+    reports = _slots_of(ends, ((report.head, report.instance, report.slot) for report in recording.reports))
+    later = autopilots(recording.mission).keys()
     return {
-        "truth": {who[0] for who in at_once & fixes.keys() if _is_behind(truths.get(who), fixes[who])},
-        "fix": {who[0] for who in at_once & truths.keys() if _is_behind(fixes.get(who), truths[who])},
-        "report": {who[0] for who, span in planned.items() if _is_behind(reports.get(who), span)},
+        "truth": {who[0] for who, slots in fixes.items() if _more(slots, truths.get(who)) > 1} - later,
+        "fix": {who[0] for who, slots in truths.items() if _more(slots, fixes.get(who)) > 1} - later,
+        "report": {who[0] for who, slots in planned.items() if _more(slots, reports.get(who)) > 1},
     }
 
 
-def _spans(ends: Ends, said: Iterable[tuple[str, str, int]]) -> dict[tuple[str, str], tuple[int, int]]:
-    """Return the first and the last slot of each process without a last word that said something."""
-    spans: dict[tuple[str, str], tuple[int, int]] = {}
+def _slots_of(ends: Ends, said: Iterable[tuple[str, str, int]]) -> dict[tuple[str, str], set[int]]:
+    """Return the slots in which each process without a last word said something."""
+    slots: dict[tuple[str, str], set[int]] = {}
     for source, instance, slot in said:
         if (who := (source, instance)) in ends.cut:
-            first, last = spans.get(who, (slot, slot))
-            spans[who] = min(slot, first), max(slot, last)
-    return spans
+            slots.setdefault(who, set()).add(slot)
+    return slots
 
 
-def _is_behind(after: tuple[int, int] | None, before: tuple[int, int]) -> bool:
-    """Return True if the one ends more than a slot before the other: a process can die in between once."""
-    return before[1] > (after[1] if after is not None else before[0] - 1) + 1
-
-
-def _unrecorded(recording: Recording, uavs: set[str]) -> bool:
-    """Return True if a plan rests on a fix of one of `uavs` that is not recorded."""
-    said = {(fix.uav, fix.slot) for fix in recording.fixes if fix.uav in uavs}
-    return any((uav, plan.slot) not in said for plan in plans_of(recording) for uav in uavs.intersection(plan.heard))
+def _more(slots: set[int], others: set[int] | None) -> int:
+    """Return how many of `slots` come after the last of `others`."""
+    last = max(others or (), default=-1)
+    return sum(slot > last for slot in slots)
 
 
 def _judgeable(recording: Recording, index: dict[str, int], gaps: list[Gap], ends: Ends) -> Tracks:
@@ -321,8 +315,8 @@ def _judgeable(recording: Recording, index: dict[str, int], gaps: list[Gap], end
     """
     unknown_commands = _with_unknown_commands(recording)
     doubted = {uav for uav, _ in ends.cut if uav in index}
-    lacks = unknown_commands or any(not gap.duplicate for gap in gaps) or any(_untold(recording, ends).values())
-    if not (lacks or _unrecorded(recording, doubted)):
+    holed = any(not gap.duplicate and (_KEY["fix"](gap.key) or _KEY["truth"](gap.key)) for gap in gaps)
+    if not (holed or unknown_commands or any(_untold(recording, ends).values())):
         doubted = set()
     tracks = tracks_of(recording, _lacking(gaps, ends, "command_to") | unknown_commands | doubted)
     no_fix = _holes(recording.fixes, "fix", index, gaps, ends, tracks.heard.shape)
