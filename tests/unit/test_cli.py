@@ -16,6 +16,7 @@ from edc_swarm.analysis.tables import metric_rows
 from edc_swarm.mission.link import Link
 from edc_swarm.protocol.events import EventKind
 from edc_swarm.recording.reader import read_recording
+from processes.cli import start
 from processes.cli.main import app, main
 from processes.cli.options import MissionOptions
 
@@ -354,3 +355,21 @@ def test_version(capsys: pytest.CaptureFixture[str]) -> None:
     """A name and a number."""
     assert main(["--version"]) == 0
     assert capsys.readouterr().out.startswith("edc-swarm ")
+
+
+class _CtrlC:
+    """A finder of modules that is interrupted when the command line is loaded."""
+
+    def find_spec(self, name: str, *_: object) -> None:
+        if name == "processes.cli.main":
+            raise KeyboardInterrupt
+
+
+def test_ctrl_c_while_the_command_line_loads_is_one_line(
+    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """The entry point prints no traceback, and tells failure."""
+    monkeypatch.delitem(sys.modules, "processes.cli.main")
+    monkeypatch.setattr(sys, "meta_path", [_CtrlC(), *sys.meta_path])
+    assert start.main() == 1
+    assert capsys.readouterr().err == "interrupted\n"

@@ -316,7 +316,7 @@ def _judgeable(recording: Recording, index: dict[str, int], gaps: list[Gap], end
     unknown_commands = _with_unknown_commands(recording)
     doubted = {uav for uav, _ in ends.cut if uav in index}
     holed = any(not gap.duplicate and (_KEY["fix"](gap.key) or _KEY["truth"](gap.key)) for gap in gaps)
-    if not (holed or unknown_commands or any(_untold(recording, ends).values())):
+    if not (holed or unknown_commands or ends.unheard or any(_untold(recording, ends).values())):
         doubted = set()
     tracks = tracks_of(recording, _lacking(gaps, ends, "command_to") | unknown_commands | doubted)
     no_fix = _holes(recording.fixes, "fix", index, gaps, ends, tracks.heard.shape)
