@@ -1,7 +1,9 @@
-"""Plots of latency experiments: a panel for each jitter and number of UAVs, with means and 95 % bands.
+"""Plots of latency experiments: a panel for each jitter and number of UAVs, with means and 95 % intervals.
 
-Lines of the simulator are solid with filled markers; those of real processes are dashed with hollow markers. A
-dotted line marks the delay at which two delays fill a slot. The title gives engine, slot and missions per point.
+Lines of the simulator are solid with filled markers; those of real processes are dashed with hollow markers. Shares of
+a few missions have intervals so wide that their bands would hide each other: bars stand for them, and the lines lie a
+little apart. A dotted line marks the delay at which two delays fill a slot. The title gives engine, slot and missions
+per point.
 """
 
 from __future__ import annotations
@@ -25,6 +27,8 @@ LEAST_OF_MEAN = 0.1
 COLOURS = ("#0072B2", "#E69F00", "#009E73", "#CC79A7", "#D55E00", "#56B4E9", "#000000", "#999999")
 """M. Okabe, K. Ito, "Color Universal Design", 2008."""
 MARKERS = "osD^vP*X"
+APART = 0.012
+"""Distance of lines that lie apart, as a share of the axis."""
 LABELS: dict[Axis, str] = {"delay_ms": "Delay [ms]", "loss": "Loss [%]"}
 OTHER: dict[Axis, Axis] = {"delay_ms": "loss", "loss": "delay_ms"}
 SMALL: Any = {"svg.fonttype": "none", "font.sans-serif": ["DejaVu Sans", "Verdana", "sans-serif"]}
@@ -68,7 +72,7 @@ def _what_was_flown(rows: Sequence[CellRow]) -> str:
     engines = " and ".join(ENGINES[engine] for engine in dict.fromkeys(row.engine for row in rows))
     least, most = (pick(row.runs - row.invalid_runs for row in rows) for pick in (min, max))
     missions = f"{least}" if least == most else f"{least} to {most}"
-    return f"{engines}, slot {rows[0].cell.slot_s:g} s, valid missions a point: {missions}, mean and 95 % band"
+    return f"{engines}, slot {rows[0].cell.slot_s:g} s, valid missions a point: {missions}, mean and 95 % interval"
 
 
 def _draw_panel(axes: Any, quantity: Quantity, axis: Axis, panel: Panel) -> None:
@@ -98,7 +102,11 @@ def _draw_line(axes: Any, quantity: Quantity, axis: Axis, rows: Sequence[CellRow
     colour, engine = COLOURS[index % len(COLOURS)], rows[0].engine
     face = colour if engine == "sim" else "none"
     label = _label(getattr(rows[0].cell, OTHER[axis]), axis, engine)
-    axes.fill_between(x, low, high, color=colour, alpha=0.15, linewidth=0)
+    if quantity.kind == "share of runs":
+        x = [value + APART * index * (max(x) - min(x)) for value in x]
+        axes.vlines(x, low, high, color=colour, alpha=0.5, linewidth=1)
+    else:
+        axes.fill_between(x, low, high, color=colour, alpha=0.15, linewidth=0)
     axes.plot(
         x,
         mean,
