@@ -1,9 +1,9 @@
-"""The operator's desk for goals: it numbers them, repeats them until their UAVs answer, and tells what became of them.
+"""The operator's pending goals: it numbers them, repeats them until their UAVs answer, and tells what became of them.
 
 A UAV acknowledges a goal by its fixes, which carry its course, and rejects one by an event. Both may be lost, and the
-goal too: so the desk repeats a goal once a slot until it hears either, and gives up after `PATIENCE_SLOTS`. A goal is
-answered by the number and the last point of the route, as others may give the UAV a goal of the same number: then the
-desk gives its own again with the next one.
+goal too: so the operator repeats a goal once a slot until it hears either, and gives up after `PATIENCE_SLOTS`. A goal
+is answered by the number and the last point of the route, as others may give the UAV a goal of the same number: then
+the operator gives its own again with the next one.
 """
 
 from __future__ import annotations
@@ -20,7 +20,7 @@ from edc_swarm.protocol.events import EventKind
 from edc_swarm.protocol.messages import Event, Fix, Goal
 
 PATIENCE_SLOTS = 100
-"""Slots without an answer after which the desk gives up a goal."""
+"""Slots without an answer after which the operator gives up a goal."""
 
 
 class GoalAnswer(Struct, frozen=True):
@@ -38,7 +38,7 @@ class _Pending:
     said_slot: int = -1
 
 
-class GoalDesk:
+class PendingGoals:
     """Goals that wait for the answers of their UAVs; a newer goal of a UAV replaces the older one."""
 
     def __init__(self, mission: Mission) -> None:

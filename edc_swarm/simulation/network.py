@@ -18,7 +18,7 @@ from edc_swarm.mission.roles import OPERATOR
 from edc_swarm.protocol.codec import encode
 from edc_swarm.protocol.completion import MissionMonitor
 from edc_swarm.protocol.events import EventKind
-from edc_swarm.protocol.goals import GoalDesk
+from edc_swarm.protocol.goals import PendingGoals
 from edc_swarm.protocol.keys import Keys
 from edc_swarm.protocol.messages import Command, Event, Fix, Message, MissionMessage, Report, Truth
 from edc_swarm.simulation.schedule import Schedule
@@ -82,7 +82,7 @@ class Network:
         self._listeners: dict[str, dict[str, Port]] = defaultdict(dict)
         self._operator_seq = 0
         self.monitor = MissionMonitor(mission)
-        self._desk = GoalDesk(mission)
+        self._pending_goals = PendingGoals(mission)
         self._goal_seqs: dict[str, int] = {}
         self.router_up_at_ns = 0
 
@@ -113,7 +113,7 @@ class Network:
         match message:
             case Fix():
                 self.monitor.hear_fix(message)
-                self._desk.hear_fix(message)
+                self._pending_goals.hear_fix(message)
                 mates = [port for port in self._mates_of(sender) if port.subscribes_to_fixes]
                 self._send(sender, message, [*mates, *_by_id(self._listeners.get(sender, {}))])
             case Command():
@@ -125,7 +125,7 @@ class Network:
                 others = {uav: port for mate in mates for uav, port in self._listeners.get(mate.uav, {}).items()}
                 self._send(sender, message, [*mates, *_by_id(others)])
             case Event():
-                self._desk.hear_event(message)
+                self._pending_goals.hear_event(message)
             case Truth() if self._have_range:
                 for port in self._ports.values():
                     port.links.place(message.uav, message.to_x_m, message.to_y_m)
@@ -152,14 +152,14 @@ class Network:
 
     def give_goal(self, uav: str, route: list[Point]) -> None:
         """Send the operator's goal to a UAV, again in every slot until it answers."""
-        self._desk.give(uav, route, self._schedule.slot)
+        self._pending_goals.give(uav, route, self._schedule.slot)
         self._send_goals()
 
     def _send_goals(self) -> None:
         slot = self._schedule.slot
-        for answer in self._desk.given_up(slot):
+        for answer in self._pending_goals.given_up(slot):
             self.publish_event(EventKind.GOAL_UNANSWERED, msgspec.json.encode(answer).decode())
-        for goal in self._desk.due(slot):
+        for goal in self._pending_goals.due(slot):
             key = self._keys.of(goal)
             self._goal_seqs[key] = seq = self._goal_seqs.get(key, -1) + 1
             sent_ns = self._schedule.now_ns
@@ -168,7 +168,7 @@ class Network:
             port = self._ports[goal.uav]
             if self.router_up and port.process is not None:
                 self._schedule.at(sent_ns + TRANSIT_NS, partial(port.step, Received(said)))
-        if self._desk.waits:
+        if self._pending_goals.waits:
             self._schedule.at(self._schedule.ns_of((slot + 1) * self._mission.dt_s) + GOAL_NS, self._send_goals)
 
     @property

@@ -25,7 +25,7 @@ def zone_entities(zones: Sequence[Zone], now_ns: int) -> Iterator[SceneEntity]:
         else:
             made.lines.append(ring((zone.centre[0], zone.centre[1]), zone.radius_m, colour, 3.0))
         if zone.kind == "exclusion" and zone.polygon:
-            made.triangles.append(triangles(ears(zone.polygon), colour, FILLED))
+            made.triangles.append(triangles(triangulated(zone.polygon), colour, FILLED))
         elif zone.kind == "exclusion":
             made.cylinders.append(disc((zone.centre[0], zone.centre[1]), zone.radius_m, colour, FILLED))
         left_m, low_m, right_m, high_m = zone.bounds_m
@@ -35,7 +35,7 @@ def zone_entities(zones: Sequence[Zone], now_ns: int) -> Iterator[SceneEntity]:
         yield made
 
 
-def ears(corners: Sequence[Point]) -> list[Point]:
+def triangulated(corners: Sequence[Point]) -> list[Point]:
     """Return the corners of the triangles that together are a simple polygon, three for each, by cutting off ears.
 
     An ear is a triangle of three successive corners, to the left of which the polygon lies and which holds no other

@@ -18,7 +18,7 @@ from processes.host.pool import FORK_SOURCE, THE_PLANNER
 from processes.host.run_setup import Bus
 from processes.host.run_state import RunState
 from processes.operator.bus_client import Operator
-from processes.operator.registration import Desk
+from processes.operator.registration import Registration
 from processes.runtime.console import MAX_NAMES, note
 from processes.services.live import ANY_HOST
 from processes.services.live import PORT as LIVE_PORT
@@ -91,8 +91,8 @@ class RunStart:
 
     def _new_operator(self, session: zenoh.Session, orders: Mapping[str, bytes] | None = None) -> Operator:
         setup = self._setup
-        desk = Desk(setup.mission, setup.elsewhere, orders, by_name=setup.protection is not None)
-        return Operator(session, desk, self._loop.inbox, setup.clock)
+        registration = Registration(setup.mission, setup.elsewhere, orders, by_name=setup.protection is not None)
+        return Operator(session, registration, self._loop.inbox, setup.clock)
 
     def _everyone(self) -> set[str]:
         """Return the parts that must be on the bus before the mission begins, or continues."""

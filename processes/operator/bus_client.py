@@ -16,7 +16,7 @@ from edc_swarm.mission.roles import OPERATOR
 from edc_swarm.protocol.codec import encode
 from edc_swarm.protocol.completion import MissionMonitor
 from edc_swarm.protocol.events import EventKind
-from edc_swarm.protocol.goals import GoalDesk
+from edc_swarm.protocol.goals import PendingGoals
 from edc_swarm.protocol.ground_orders import GroundOrder, order_in
 from edc_swarm.protocol.keys import Keys
 from edc_swarm.protocol.messages import Command, Event, Fix, Goal, MissionMessage, Report
@@ -25,7 +25,7 @@ from processes.bus.event_source import EventSource
 from processes.bus.outbox import Outbox
 from processes.bus.session import hand_over
 from processes.bus.subscriptions import MAX_TOKENS, Gate, Heard, Token, heard_from
-from processes.operator.registration import Desk
+from processes.operator.registration import Registration
 from processes.runtime.clock import MissionClock
 from processes.runtime.inbox import Inbox
 
@@ -78,16 +78,18 @@ class Operator:
         Orders from the ground that have not been carried out yet.
     """
 
-    def __init__(self, session: zenoh.Session, desk: Desk, inbox: Inbox[object], clock: MissionClock) -> None:
+    def __init__(
+        self, session: zenoh.Session, registration: Registration, inbox: Inbox[object], clock: MissionClock
+    ) -> None:
         self.ordered: deque[GroundOrder] = deque(maxlen=MAX_ORDERED)
-        self._keys = Keys(desk.mission.name)
-        self._desk = desk
+        self._keys = Keys(registration.mission.name)
+        self._registration = registration
         self._inbox = inbox
         self.clock = clock
         self._events = EventSource(OPERATOR, clock)
         self._mission: MissionMessage | None = None
         self._in_force: list[bytes] = []
-        self._goals: GoalDesk | None = None
+        self._goals: PendingGoals | None = None
         self._goal_seqs: dict[str, int] = {}
         self._tokens: set[tuple[str, str]] = set()
         self._gate = Gate(partial(self.publish_event, EventKind.MALFORMED))
@@ -105,12 +107,12 @@ class Operator:
             session.declare_subscriber(key, hand_over(self._take), allowed_origin=zenoh.Locality.REMOTE)
         for key in (keys.mission, keys.event(OPERATOR)):
             session.declare_queryable(key, hand_over(self._inbox.put))
-        self._desk.declare(session, self._inbox)
+        self._registration.declare(session, self._inbox)
         session.liveliness().declare_subscriber(keys.all_alive, hand_over(self._take_token), history=True)
 
     def publish_mission(self, mission: MissionMessage) -> None:
         """Start the mission; from now on no claimant receives an id."""
-        claims = self._desk.claims
+        claims = self._registration.claims
         claims.begin()
         self._mission = msgspec.structs.replace(
             mission,
@@ -118,7 +120,7 @@ class Operator:
             instance=self._events.instance,
             sent_ns=self.clock.now_ns(),
         )
-        self.monitor, self._goals = MissionMonitor(mission), GoalDesk(mission)
+        self.monitor, self._goals = MissionMonitor(mission), PendingGoals(mission)
         self.teller = Storyteller(self._mission)
         self._gate.know(self._mission)
         self._say(self._keys.mission, encode(self._mission), self._mission.seq)
@@ -129,8 +131,8 @@ class Operator:
         self._in_force = [encode(event) for event in in_force]
         self._gate.know(mission)
         uavs = (entry.uav for entry in mission.roster)
-        self._desk.claims.resume(dict(zip(uavs, mission.claimants, strict=False)))
-        self.monitor, self._goals = MissionMonitor(mission), GoalDesk(mission)
+        self._registration.claims.resume(dict(zip(uavs, mission.claimants, strict=False)))
+        self.monitor, self._goals = MissionMonitor(mission), PendingGoals(mission)
         for goal in goals:
             self._goals.resume(goal, self.slot_now())
         self.teller = Storyteller(mission, max(1, self.slot_now()))
@@ -141,7 +143,7 @@ class Operator:
         self._goals.give(uav, route, self.slot_now())
         self._send_goals(self._goals)
 
-    def _send_goals(self, goals: GoalDesk) -> None:
+    def _send_goals(self, goals: PendingGoals) -> None:
         slot = self.slot_now()
         for answer in goals.given_up(slot):
             self.publish_event(EventKind.GOAL_UNANSWERED, msgspec.json.encode(answer).decode())
@@ -194,12 +196,12 @@ class Operator:
     @property
     def hosts(self) -> dict[str, str]:
         """Name of the host or container of each UAV that others fly, where they say it."""
-        return self._desk.hosts
+        return self._registration.hosts
 
     @property
     def claimed(self) -> set[str]:
         """Ids that claimants hold."""
-        return self._desk.claims.held
+        return self._registration.claims.held
 
     def take(self, item: object) -> None:
         """Handle an item of the bus: a message, a liveliness token or a query."""
@@ -220,7 +222,7 @@ class Operator:
             self._tokens.discard((token.uav, token.instance))
         elif len(self._tokens) < MAX_TOKENS:
             self._tokens.add((token.uav, token.instance))
-        self._desk.see(token)
+        self._registration.see(token)
 
     def _say(self, key: str, payload: bytes, seq: int) -> None:
         self._outbox.put(key, payload, seq)
@@ -259,7 +261,7 @@ class Operator:
         elif key == self._keys.mission and self._mission is not None:
             answers = [encode(self._mission)]
         else:
-            answers = self._desk.answers(query)
+            answers = self._registration.answers(query)
         for payload in answers:
             query.reply(key, payload)
         query.drop()

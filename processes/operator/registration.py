@@ -16,7 +16,7 @@ from processes.bus.subscriptions import Token
 from processes.runtime.inbox import Inbox
 
 
-class Desk:
+class Registration:
     """Issue ids to claimants, and orders to parts that the operator has not launched; one answer at a time.
 
     Attributes
@@ -63,7 +63,7 @@ class Desk:
             self.claims.see_uav(token.uav, token.instance)
 
     def answers(self, query: zenoh.Query) -> list[bytes]:
-        """Return the answers to a query, none if it is not for the desk."""
+        """Return the answers to a query, none if it is for somebody else."""
         key = str(query.key_expr)
         if key == Keys(self.mission.name).claims:
             return self._issue(query.payload.to_bytes() if query.payload is not None else b"")

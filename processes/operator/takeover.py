@@ -20,7 +20,7 @@ from edc_swarm.errors import RecordingError
 from edc_swarm.mission.configuration import Mission
 from edc_swarm.mission.roles import OPERATOR, RECORDER
 from edc_swarm.protocol.codec import decode
-from edc_swarm.protocol.goals import GoalDesk
+from edc_swarm.protocol.goals import PendingGoals
 from edc_swarm.protocol.keys import ALL_ALIVE, Keys
 from edc_swarm.protocol.messages import Event, Goal, MissionMessage
 from edc_swarm.recording.model import Recording
@@ -116,12 +116,12 @@ def _told(recording: Recording) -> list[Event]:
 
 def unanswered_goals(recording: Recording) -> list[Goal]:
     """Return the operator's goals that, by the record, no UAV has accepted or refused, and no operator has given up."""
-    desk = GoalDesk(recording.mission)
+    pending = PendingGoals(recording.mission)
     for goal in recording.goals:
         if goal.source == OPERATOR:
-            desk.resume(goal, 0)
+            pending.resume(goal, 0)
     for fix in recording.fixes:
-        desk.hear_fix(fix)
+        pending.hear_fix(fix)
     for event in recording.events:
-        desk.hear_event(event)
-    return desk.unanswered
+        pending.hear_event(event)
+    return pending.unanswered

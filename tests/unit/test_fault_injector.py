@@ -109,7 +109,7 @@ def test_takeover(
 def test_the_first_operator_injects_all() -> None:
     """Without an operator before, every fault comes at its time."""
     done = takes_over([], 0.0, 4.1, 5.1, 8.1, 9.1, 14.1, 25.1)
-    assert [len(deeds) for deeds in done] == [0, 2, 2, 2, 1, 1, 1]
+    assert [len(acts) for acts in done] == [0, 2, 2, 2, 1, 1, 1]
 
 
 def test_a_freeze_for_good_outlasts_one_that_overlaps() -> None:

@@ -1,4 +1,4 @@
-"""New goals in flight: the operator's desk, the UAV that receives one, the messages, the goals of lifelong missions."""
+"""New goals in flight: the operator's pending goals, the UAV that receives one, the messages, and lifelong missions."""
 
 from __future__ import annotations
 
@@ -27,7 +27,7 @@ from edc_swarm.mission.zone import Zone
 from edc_swarm.protocol.admission import Admission
 from edc_swarm.protocol.codec import decode, encode
 from edc_swarm.protocol.events import EventKind
-from edc_swarm.protocol.goals import PATIENCE_SLOTS, GoalAnswer, GoalDesk, answer_in
+from edc_swarm.protocol.goals import PATIENCE_SLOTS, GoalAnswer, PendingGoals, answer_in
 from edc_swarm.protocol.keys import Keys, kind_of, source_of
 from edc_swarm.protocol.messages import Event, Fix, Goal, mission_message
 from edc_swarm.recording.model import Recording
@@ -139,67 +139,67 @@ def test_a_uav_without_memory_refuses() -> None:
     assert "lost its memory" in answer.reason
 
 
-# --- the desk --------------------------------------------------------------------------------
+# --- pending goals --------------------------------------------------------------------------------
 
 
 def test_a_goal_is_repeated_once_a_slot_until_the_fix_says_it() -> None:
-    """Goal or acknowledgement may be lost: the desk sends it until a fix carries number and target."""
-    desk = GoalDesk(MISSION)
-    desk.give("u001", ROUTE, 5)
-    assert [each.number for each in desk.due(5)] == [1]
-    assert desk.due(5) == []
-    desk.hear_fix(fix(Course()))
-    assert [each.route for each in desk.due(6)] == [ROUTE]
-    desk.hear_fix(fix(Course(goal=1, leg=1, route=ROUTE[1:])))
-    assert not desk.waits
-    assert desk.due(7) == []
+    """Goal or acknowledgement may be lost: the operator sends it until a fix carries number and target."""
+    pending = PendingGoals(MISSION)
+    pending.give("u001", ROUTE, 5)
+    assert [each.number for each in pending.due(5)] == [1]
+    assert pending.due(5) == []
+    pending.hear_fix(fix(Course()))
+    assert [each.route for each in pending.due(6)] == [ROUTE]
+    pending.hear_fix(fix(Course(goal=1, leg=1, route=ROUTE[1:])))
+    assert not pending.waits
+    assert pending.due(7) == []
 
 
 def test_a_number_that_is_taken_is_followed_by_the_next() -> None:
     """Another client was faster with the same number: the operator's goal gets a higher one."""
-    desk = GoalDesk(MISSION)
-    desk.give("u001", ROUTE, 5)
-    desk.hear_fix(fix(Course(goal=1, route=[(9.0, 9.0)])))
-    assert [(each.number, each.route) for each in desk.due(6)] == [(2, ROUTE)]
-    desk.hear_fix(fix(Course(goal=7, route=[(8.0, 8.0)])))
-    assert not desk.waits
-    desk.give("u001", ROUTE, 7)
-    assert [each.number for each in desk.due(7)] == [8]
+    pending = PendingGoals(MISSION)
+    pending.give("u001", ROUTE, 5)
+    pending.hear_fix(fix(Course(goal=1, route=[(9.0, 9.0)])))
+    assert [(each.number, each.route) for each in pending.due(6)] == [(2, ROUTE)]
+    pending.hear_fix(fix(Course(goal=7, route=[(8.0, 8.0)])))
+    assert not pending.waits
+    pending.give("u001", ROUTE, 7)
+    assert [each.number for each in pending.due(7)] == [8]
 
 
 def test_a_refused_goal_is_not_repeated() -> None:
     """The event of another UAV, of another number or without sense changes nothing."""
-    desk = GoalDesk(MISSION)
-    desk.give("u001", ROUTE, 5)
+    pending = PendingGoals(MISSION)
+    pending.give("u001", ROUTE, 5)
 
     def refusal(source: str, number: int) -> Event:
         detail = msgspec.json.encode(GoalAnswer(source, number, "too far")).decode()
         return Event(source=source, kind=EventKind.GOAL_REFUSED, detail=detail)
 
     for event in (refusal("u002", 1), refusal("u001", 9), Event(source="u001", kind="goal-refused", detail="?")):
-        desk.hear_event(event)
-    assert desk.waits
-    desk.hear_event(refusal("u001", 1))
-    assert not desk.waits
+        pending.hear_event(event)
+    assert pending.waits
+    pending.hear_event(refusal("u001", 1))
+    assert not pending.waits
 
 
 def test_a_dead_uav_is_given_up() -> None:
-    """After `PATIENCE_SLOTS` without an answer the desk says so, once."""
-    desk = GoalDesk(MISSION)
-    desk.give("u001", ROUTE, 5)
-    assert desk.given_up(4 + PATIENCE_SLOTS) == []
-    (answer,) = desk.given_up(5 + PATIENCE_SLOTS)
+    """After `PATIENCE_SLOTS` without an answer the pending says so, once."""
+    pending = PendingGoals(MISSION)
+    pending.give("u001", ROUTE, 5)
+    assert pending.given_up(4 + PATIENCE_SLOTS) == []
+    (answer,) = pending.given_up(5 + PATIENCE_SLOTS)
     assert (answer.uav, answer.number) == ("u001", 1)
-    assert desk.given_up(6 + PATIENCE_SLOTS) == []
-    assert not desk.waits
+    assert pending.given_up(6 + PATIENCE_SLOTS) == []
+    assert not pending.waits
 
 
 def test_a_newer_goal_replaces_the_one_that_waits() -> None:
     """The number grows, and only the newer one is sent."""
-    desk = GoalDesk(MISSION)
-    desk.give("u001", ROUTE, 5)
-    desk.give("u001", [(1.0, 1.0)], 6)
-    assert [(each.number, each.route) for each in desk.due(6)] == [(2, [(1.0, 1.0)])]
+    pending = PendingGoals(MISSION)
+    pending.give("u001", ROUTE, 5)
+    pending.give("u001", [(1.0, 1.0)], 6)
+    assert [(each.number, each.route) for each in pending.due(6)] == [(2, [(1.0, 1.0)])]
 
 
 # --- messages and faults ---------------------------------------------------------------------
@@ -369,8 +369,8 @@ def test_the_next_operator_goes_on_giving_goals_without_an_answer() -> None:
         assert recorded(goal(), other, answer) == [other]
         assert recorded(goal(2), answer) == [goal(2)]
     assert recorded(goal(source="stranger")) == []
-    desk = GoalDesk(MISSION)
-    desk.resume(goal(7), 30)
-    assert desk.due(31) == [goal(7)]
-    desk.give("u001", [(1.0, 1.0)], 31)
-    assert [each.number for each in desk.due(32)] == [8]
+    pending = PendingGoals(MISSION)
+    pending.resume(goal(7), 30)
+    assert pending.due(31) == [goal(7)]
+    pending.give("u001", [(1.0, 1.0)], 31)
+    assert [each.number for each in pending.due(32)] == [8]

@@ -33,7 +33,7 @@ from edc_swarm.viz.layers import MANY_UAVS
 from edc_swarm.viz.layout import BUSY, MAP_PX, TILE_MPP, layout
 from edc_swarm.viz.scenery import CLUSTER_RING, Scenery, Shown, extent_m
 from edc_swarm.viz.shapes import AMBER, BLUE, GREEN, RED, VERTICES, cluster_colour, colour_of, stadium
-from edc_swarm.viz.zones import ears
+from edc_swarm.viz.zones import triangulated
 from tests.unit.synthetic import EPOCH_NS, OFFSET_M, SLOT_NS, at, change, flight, mission_of, parallel
 
 
@@ -391,7 +391,7 @@ def test_triangles_cover_a_simple_polygon_exactly(corners: list[tuple[int, int]]
     assume(polygon_fault(corners) == "")
     pairs = zip(corners, [*corners[1:], corners[0]], strict=True)
     whole_m2 = abs(sum(a[0] * b[1] - b[0] * a[1] for a, b in pairs)) / 2
-    assert area_m2(ears(corners)) == pytest.approx(whole_m2)
+    assert area_m2(triangulated(corners)) == pytest.approx(whole_m2)
 
 
 def test_the_scale_fits_the_fence() -> None:
