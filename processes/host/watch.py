@@ -70,6 +70,7 @@ class MissionWatch:
         if takeover is not None and takeover.mission is not None:
             note(f"taking over mission {self._setup.mission.name}")
             self.bus.take_over(takeover.mission, takeover.in_force, takeover.goals)
+            self.bus.seen.landed |= takeover.landed
             for goal in takeover.goals:
                 note(f"giving goal {goal.number} to {goal.uav} again: the operator before had no answer")
             if takeover.told is None:

@@ -25,7 +25,7 @@ from edc_swarm.protocol.keys import ALL_ALIVE, Keys
 from edc_swarm.protocol.messages import Event, Goal, MissionMessage
 from edc_swarm.recording.model import Recording
 from edc_swarm.recording.reader import read_recording
-from processes.operator.bus_client import is_in_force
+from processes.operator.bus_client import GROUNDED, is_in_force
 from processes.operator.fault_injector import TOLD_OF_FAULTS
 from processes.services.orders import ASK_TIMEOUT_S, asked
 from processes.services.recorder_settings import RecorderSettings
@@ -48,6 +48,8 @@ class Takeover:
         has begun cannot be read.
     goals
         Goals of the operator that has died which no UAV has answered, as far as the recorder has written.
+    landed
+        UAVs that have said that they have landed, or that their battery is empty: their processes have ended.
     """
 
     mission_id: str
@@ -55,6 +57,7 @@ class Takeover:
     recorder: RecorderSettings | None = None
     told: Sequence[Event] | None = ()
     goals: Sequence[Goal] = ()
+    landed: frozenset[str] = frozenset()
 
     @property
     def in_force(self) -> list[Event]:
@@ -98,7 +101,7 @@ def _takeover(session: zenoh.Session, run: str) -> Takeover:
     recording = _recorded(recorder.part) if recorder is not None else None
     if recording is None:
         return Takeover(run, mission, recorder, told=None)
-    return Takeover(run, mission, recorder, _told(recording), unanswered_goals(recording))
+    return Takeover(run, mission, recorder, _told(recording), unanswered_goals(recording), landed(recording))
 
 
 def _recorded(part: str) -> Recording | None:
@@ -112,6 +115,11 @@ def _recorded(part: str) -> Recording | None:
 def _told(recording: Recording) -> list[Event]:
     """Return what the operator has said of faults, by time."""
     return [event for event in recording.events if event.source == OPERATOR and event.kind in TOLD_OF_FAULTS]
+
+
+def landed(recording: Recording) -> frozenset[str]:
+    """Return the UAVs that, by the record, fly no more and have ended by themselves."""
+    return frozenset(event.source for event in recording.events if event.kind in GROUNDED)
 
 
 def unanswered_goals(recording: Recording) -> list[Goal]:

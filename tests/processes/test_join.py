@@ -383,7 +383,7 @@ def test_faults_in_force_are_told_again_after_a_takeover(parts: Parts) -> None:
     joined = [parts.join(f"{number}") for number in range(5)]
     first = parts.operate(*words)
     part = first.path.with_name("run.mcap.part")
-    first.await_file(lambda: first.has_fixes() and bool(_faults(read_recording(part, salvage=True))))
+    first.await_file(lambda: first.has_fixes() and bool(_faults(_written(part))))
     first.process.kill()
     ended = parts.operate(*words).end()
     assert not broken(ended) & SAFE, ended.stdout
@@ -395,6 +395,27 @@ def test_faults_in_force_are_told_again_after_a_takeover(parts: Parts) -> None:
     assert not any(fix.executing for fix in deaf)
     assert [command.end().status for command in joined] == [0] * 5
     parts.await_end()
+
+
+@pytest.mark.long
+def test_who_landed_before_a_takeover_is_not_missed_after_it(parts: Parts) -> None:
+    """The process of such a UAV has ended in order: the next operator does not call it gone."""
+    words = ("--speed-max", "1", "--fault", "partition u005|rest @4")
+    joined = [parts.join(f"{number}") for number in range(5)]
+    first = parts.operate(*words)
+    part = first.path.with_name("run.mcap.part")
+    first.await_file(lambda: first.has_fixes() and any(e.kind == "landed" for e in _written(part).events))
+    first.process.kill()
+    ended = parts.operate(*words).end()
+    assert "taking over mission" in ended.stderr
+    assert "u005 has gone from the bus" not in ended.stderr
+    assert "exited" not in {event.kind for event in ended.recording.events}
+    assert [command.end().status for command in joined] == [0] * 5
+    parts.await_end()
+
+
+def _written(part: Path) -> Recording:
+    return read_recording(part, salvage=True)
 
 
 def _faults(recording: Recording) -> list[str]:
