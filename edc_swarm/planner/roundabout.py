@@ -47,6 +47,7 @@ def roundabout(
     n = len(start_m)
     if n > LARGEST_CROWD:
         return start_m
+    # Few UAVs ask too, in vain: a rehearsal before take-off, which has few, calls every compiled function.
     flown, lost = entangled(start_m, start_m, goal_m, r_m, u_max_m)
     best_m, least = start_m, (1 - LEAST_GAIN) * (flown + lost)
     if n < SMALLEST_CROWD or lost < CROWDED * flown:

@@ -29,7 +29,7 @@ from processes.operator.registration import Registration
 from processes.runtime.clock import MissionClock
 from processes.runtime.inbox import Inbox
 
-GROUNDED = frozenset({EventKind.LANDED, EventKind.BATTERY_EMPTY})
+ENDS_OF_FLIGHT = frozenset({EventKind.LANDED, EventKind.BATTERY_EMPTY})
 """Events of UAVs that fly no more and end by themselves."""
 MAX_ORDERED = 1000
 """Most orders from the ground that wait; of more the oldest ones are dropped."""
@@ -247,7 +247,7 @@ class Operator:
                 self.monitor.hear_report(report)
             case Event(kind=EventKind.CLOSED, source=source):
                 self.seen.closed.add(source)
-            case Event(kind=kind, source=source) if kind in GROUNDED:
+            case Event(kind=kind, source=source) if kind in ENDS_OF_FLIGHT:
                 self.seen.landed.add(source)
             case Event(kind=EventKind.GROUND_COMMAND, source="ground") as event:
                 if (order := order_in(event)) is not None:

@@ -25,7 +25,7 @@ from edc_swarm.protocol.keys import ALL_ALIVE, Keys
 from edc_swarm.protocol.messages import Event, Goal, MissionMessage
 from edc_swarm.recording.model import Recording
 from edc_swarm.recording.reader import read_recording
-from processes.operator.bus_client import GROUNDED, is_in_force
+from processes.operator.bus_client import ENDS_OF_FLIGHT, is_in_force
 from processes.operator.fault_injector import TOLD_OF_FAULTS
 from processes.services.orders import ASK_TIMEOUT_S, asked
 from processes.services.recorder_settings import RecorderSettings
@@ -119,7 +119,7 @@ def _told(recording: Recording) -> list[Event]:
 
 def landed(recording: Recording) -> frozenset[str]:
     """Return the UAVs that, by the record, fly no more and have ended by themselves."""
-    return frozenset(event.source for event in recording.events if event.kind in GROUNDED)
+    return frozenset(event.source for event in recording.events if event.kind in ENDS_OF_FLIGHT)
 
 
 def unanswered_goals(recording: Recording) -> list[Goal]:

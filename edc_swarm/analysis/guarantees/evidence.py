@@ -280,6 +280,8 @@ def _untold(recording: Recording, ends: Ends) -> dict[str, set[str]]:
     slot, then its report. In one slot, its last, it may die in between, or land with a truth alone. Autopilots report
     later.
     """
+    if not ends.cut:
+        return {}
     truths = _slots_of(ends, ((truth.uav, truth.instance, truth.slot) for truth in recording.truths))
     fixes = _slots_of(ends, ((fix.uav, fix.instance, fix.slot) for fix in recording.fixes))
     planned = _slots_of(ends, ((command.head, command.instance, command.slot - 1) for command in recording.commands))
