@@ -1,7 +1,8 @@
 """Head or local: the same missions over the same network, planned by a head (`edc`) or by every UAV for itself.
 
     python benchmarks/head_or_local.py --uavs 10 --runs 5                 delays 0-400 ms, loss 0-50 %: flies and draws
-    python benchmarks/head_or_local.py --uavs 10 30 --runs 30             the whole grid: hours
+    python benchmarks/head_or_local.py --uavs 10 30 --runs 30 --jobs 2    the whole grid: hours
+    python benchmarks/head_or_local.py --uavs 30 --delays 0 --controls orca bvc cbf    some of it
     python benchmarks/head_or_local.py --uavs 10 --runs 5 --draw          draws what is there
 
 Every run is one simulated random mission on 10 000 m2 without a fence; its seed is its number, so all controls fly the
@@ -18,6 +19,8 @@ from __future__ import annotations
 import argparse
 import json
 from collections.abc import Iterator, Sequence
+from concurrent.futures import ProcessPoolExecutor, as_completed
+from multiprocessing import get_context
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -91,15 +94,16 @@ def read(path: Path) -> dict[tuple[Cell, int], dict[str, Any]]:
     return {(Cell(*row["cell"]), row["seed"]): row["measured"] for row in rows}
 
 
-def fly(cells: Sequence[Cell], runs: int, path: Path) -> None:
+def fly(cells: Sequence[Cell], runs: int, path: Path, jobs: int) -> None:
     known = read(path)
     missing = [(cell, seed) for seed in range(runs) for cell in cells if (cell, seed) not in known]
-    with path.open("a") as stream:
-        for done, (cell, seed) in enumerate(missing):
-            print(f"run {done + 1} of {len(missing)}: {cell}, seed {seed}", flush=True)
-            row = {"cell": list(cell), "seed": seed, "measured": fly_one(cell, seed)}
-            stream.write(json.dumps(row) + "\n")
+    with path.open("a") as stream, ProcessPoolExecutor(jobs, mp_context=get_context("spawn")) as pool:
+        flights = {pool.submit(fly_one, cell, seed): (cell, seed) for cell, seed in missing}
+        for done, flight in enumerate(as_completed(flights), start=1):
+            cell, seed = flights[flight]
+            stream.write(json.dumps({"cell": list(cell), "seed": seed, "measured": flight.result()}) + "\n")
             stream.flush()
+            print(f"run {done} of {len(missing)}: {cell}, seed {seed}", flush=True)
 
 
 def estimates(measured: dict[tuple[Cell, int], dict[str, Any]], cell: Cell, quantity: Quantity) -> Estimate | None:
@@ -183,7 +187,10 @@ def main() -> None:
     parser.add_argument("--uavs", type=int, nargs="+", default=[10, 30])
     parser.add_argument("--delays", type=float, nargs="+", default=[0, 100, 200, 400], metavar="MS")
     parser.add_argument("--losses", type=float, nargs="+", default=[0, 0.1, 0.3, 0.5], metavar="SHARE")
+    planners = [planner for planner, _ in CONTROLS.values()]
+    parser.add_argument("--controls", nargs="+", default=planners, choices=planners)
     parser.add_argument("--runs", type=int, default=30)
+    parser.add_argument("--jobs", type=int, default=1, metavar="N", help="processes that fly at the same time")
     parser.add_argument("--out", type=Path, default=Path("head_or_local.jsonl"))
     parser.add_argument("--draw", action="store_true", help="fly nothing")
     options = parser.parse_args()
@@ -192,10 +199,11 @@ def main() -> None:
         for uavs in options.uavs
         for delay_ms in options.delays
         for loss in options.losses
-        for control in CONTROLS
+        for control, (planner, _) in CONTROLS.items()
+        if planner in options.controls
     ]
     if not options.draw:
-        fly(cells, options.runs, options.out)
+        fly(cells, options.runs, options.out, options.jobs)
     measured = read(options.out)
     options.out.with_suffix(".md").write_text("\n".join([*table(measured, cells), ""]))
     for uavs in options.uavs:
