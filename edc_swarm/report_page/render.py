@@ -190,7 +190,7 @@ def _broken(text: str) -> str:
 def _guarantee(result: GuaranteeResult) -> str:
     where = [escape(shown(line, MAX_LINE)) for line in (*result.where[:MAX_WHERE], *result.notes[:MAX_WHERE])]
     if len(result.where) > MAX_WHERE:
-        where.append(f"... {len(result.where)} in all")
+        where.append(f"... {escape(result.counted)}")
     items = f"<ul>{''.join(f'<li>{line}</li>' for line in where)}</ul>" if where else ""
     verdict = f'<span class="{result.status}">{escape(result.words)}</span>'
     return f"<tr><th scope=row>{result.guarantee} {escape(result.title)}</th><td>{verdict}{items}</td></tr>\n"
