@@ -58,7 +58,7 @@ def render(
 def render_all(recordings: Sequence[Shown], assets: Assets) -> str:
     """Return the whole document of one recording, or of two side by side."""
     first = recordings[0]
-    names = [escape(each.page.name) for each in recordings]
+    names = [escape(f"{each.page.name}, {len(each.page.uavs)} UAVs") for each in recordings]
     return Template(assets.template).substitute(
         title=" and ".join(names),
         headlines="".join(f"<p>{escape(_headline(each, label))}</p>\n" for each, label in _labelled(recordings)),
