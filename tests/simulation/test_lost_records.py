@@ -90,6 +90,31 @@ def test_a_process_that_nobody_heard_is_missed(instance: str) -> None:
     assert set(found.values()) == {"not-judged"}
 
 
+@pytest.mark.parametrize("instance", ["u002-1", "u002-2"])
+def test_a_process_that_nobody_heard_is_missed_where_its_memory_was_lost(instance: str) -> None:
+    """The fixes of u002-2 tell no place, so nothing tells where u002-1 had flown to."""
+    _, messages = flown(seed=5, fault=["restart u002 lose-memory @5s"])
+    found = statuses([m for m in messages if m.instance != instance])
+    assert set(found.values()) == {"not-judged"}
+
+
+def test_a_process_that_need_not_have_spoken_is_missed_by_its_grants() -> None:
+    """The mission ends 4 s after u003 was started again, so it may have said nothing; but plans rest on its fixes."""
+    _, messages = flown(fault=["kill u003 @5s", "restart u003 @6s"], max_slots=20)
+    found = statuses([m for m in messages if m.instance != "u003-2"])
+    assert set(found.values()) == {"not-judged"}
+
+
+def test_commands_of_a_process_that_need_not_have_spoken_are_missed() -> None:
+    """u001-2 leads term 3, of which the record has no plan; the commands of u001-1 have numbers of their own."""
+    faults = ["kill head @3s", "restart u001 @4s", "kill u002 @6s"]
+    _, messages = flown(v_max_mps=2.0, fault=faults, max_slots=17)
+    assert any(isinstance(m, Report) and m.instance == "u001-2" and m.term == 3 for m in messages)
+    found = statuses([m for m in messages if m.instance != "u001-2"])
+    assert "broken" not in found.values()
+    assert (found["G1"], found["G2"], found["G5"]) == ("not-judged", "not-judged", "not-judged")
+
+
 def test_a_process_that_nobody_heard_is_missed_although_its_successor_need_not_have_spoken() -> None:
     """Without the fixes of u003-1 its successor may have landed before 5 s were over, and yet it is heard."""
     _, messages = flown(land_after_s=4.0, fault=["restart u003 @6s"])

@@ -28,6 +28,7 @@ from itertools import pairwise
 from operator import attrgetter
 
 import numpy as np
+from msgspec import UNSET
 from numpy.typing import NDArray
 
 from edc_swarm.analysis.autopilots import never_flew, unreported
@@ -143,6 +144,11 @@ class Evidence:
             newest[key] = max(command.seq, newest.get(key, -1))
         return newest
 
+    @cached_property
+    def _leaders(self) -> set[tuple[str, int]]:
+        """The recorded heads and terms of plans and commands."""
+        return {(said.head, said.term) for said in (*self.plans, *self.recording.commands)}
+
     def command_lost(self, fix: Fix) -> bool:
         """Return True if the command that `fix` names may be missing from the recording, by its sequence number."""
         if any(
@@ -152,6 +158,9 @@ class Evidence:
         ):
             return True
         cut = [process for process in self.ends.cut if process[0] in self.index]
+        led = fix.command_term != fix.term or (fix.head, fix.term) in self._leaders
+        if not led and any(uav == fix.head for uav, _ in cut):
+            return True  # It led this term as a process of which nothing is recorded, whatever the numbers of another.
         return any(self._newest_command.get((*process, fix.uav), -1) < fix.command_seq for process in cut)
 
     def gap_notes(self) -> list[str]:
@@ -234,7 +243,8 @@ def gather(recording: Recording) -> Evidence:
     for command in recording.commands:
         commands[command.uav, command.slot].append(command)
     gaps, ends = find_gaps(recording), ends_of(recording)
-    untold = untold_of(recording, ends)
+    plans, spans = plans_of(recording), unspoken_spans(fixes, ends)
+    untold = untold_of(recording, ends, plans, spans)
     return Evidence(
         recording=recording,
         mission=recording.mission,
@@ -242,11 +252,11 @@ def gather(recording: Recording) -> Evidence:
         tracks=_judgeable(recording, index, gaps, ends, untold),
         fixes=fixes,
         commands=dict(commands),
-        plans=plans_of(recording),
+        plans=plans,
         gaps=gaps,
         ends=ends,
         untold=untold,
-        spans=unspoken_spans(fixes, ends),
+        spans=spans,
         whole=recording.mission,
     )
 
@@ -269,8 +279,9 @@ def _judgeable(
 ) -> Tracks:
     """Return tracks in which every motion that is uncertain, since fixes or truths may be missing, is lost or NaN.
 
-    In a slot without a fix, a UAV with complete fixes held, and the place of one with incomplete fixes is unknown. No
-    number tells whether the last messages of a killed process are missing, so that is unknown where others are.
+    In a slot without a fix, a UAV with complete fixes held. The place of one with incomplete fixes is unknown, also if
+    its fix tells none, since it has lost its memory. No number tells whether the last messages of a killed process are
+    missing, so that is unknown where others are.
     """
     unknown_commands = _with_unknown_commands(recording)
     doubted = {uav for uav, _ in ends.cut if uav in index}
@@ -282,7 +293,11 @@ def _judgeable(
     no_truth = _holes(recording.truths, "truth", index, gaps, ends, tracks.heard.shape)
     for uav in doubted:
         no_fix[:, index[uav]] = no_truth[:, index[uav]] = True
-    lost = tracks.lost | (~tracks.heard & no_fix)
+    placed = np.zeros_like(tracks.heard)
+    for fix in recording.fixes:
+        if fix.slot >= 0 and fix.uav in index and (fix.voter or fix.stray_m is not UNSET):
+            placed[fix.slot, index[fix.uav]] = True
+    lost = tracks.lost | (~placed & no_fix)
     if not (lost.any() or no_truth.any()):
         return tracks
     published = np.zeros_like(tracks.heard)

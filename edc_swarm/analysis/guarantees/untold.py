@@ -10,7 +10,7 @@ from collections.abc import Iterable, Mapping, Sequence
 from itertools import zip_longest
 
 from edc_swarm.mission.autopilots import autopilots
-from edc_swarm.protocol.messages import Fix
+from edc_swarm.protocol.messages import Fix, Report
 from edc_swarm.recording.ends import Ends
 from edc_swarm.recording.model import Recording
 
@@ -27,12 +27,14 @@ def unspoken_spans(fixes: Mapping[str, Sequence[Fix]], ends: Ends) -> dict[str, 
     return spans
 
 
-def untold_of(recording: Recording, ends: Ends) -> dict[str, set[str]]:
+def untold_of(
+    recording: Recording, ends: Ends, plans: Sequence[Report], spans: Mapping[str, Sequence[tuple[int, float]]]
+) -> dict[str, set[str]]:
     """Return, by kind, the UAVs of which the last messages of a process without a last word are missing.
 
     In each slot a process publishes its truth and its fix, in a crowd the truth last; a head the commands for the next
     slot, then its report. In one slot, its last, it may die in between, or land with a truth
-    alone. Autopilots report later.
+    alone. Autopilots report later. `spans` are those of `unspoken_spans`.
     """
     if not ends.cut:
         return {}
@@ -43,9 +45,22 @@ def untold_of(recording: Recording, ends: Ends) -> dict[str, set[str]]:
     later = autopilots(recording.mission).keys()
     return {
         "truth": {who[0] for who, slots in fixes.items() if _more(slots, truths.get(who)) > 1} - later,
-        "fix": {who[0] for who, slots in truths.items() if _more(slots, fixes.get(who)) > 1} - later,
+        "fix": ({who[0] for who, slots in truths.items() if _more(slots, fixes.get(who)) > 1} - later)
+        | _granting(plans, spans),
         "report": {who[0] for who, slots in planned.items() if _more(slots, reports.get(who)) > 1},
     }
+
+
+def _granting(plans: Sequence[Report], spans: Mapping[str, Sequence[tuple[int, float]]]) -> set[str]:
+    """Return the UAVs whose grants stand behind plans of more than one slot between a process that was cut off and its
+    successor: one of them has sent fixes.
+    """
+    granted: dict[str, set[int]] = {}
+    for report in plans if spans else ():
+        for uav in spans.keys() & set(report.grants):
+            if any(before < report.slot < after for before, after in spans[uav]):
+                granted.setdefault(uav, set()).add(report.slot)
+    return {uav for uav, slots in granted.items() if len(slots) > 1}
 
 
 def _slots_of(ends: Ends, said: Iterable[tuple[tuple[str, str], int]]) -> dict[tuple[str, str], set[int]]:
