@@ -10,7 +10,7 @@ from edc_swarm.analysis.guarantees.check import check
 from edc_swarm.mission.roster import complete_mission
 from edc_swarm.mission.validation import mission_from_dict
 from edc_swarm.planner.registry import make_planner
-from edc_swarm.protocol.messages import Fix, Message, MissionMessage, Report, Truth, mission_message
+from edc_swarm.protocol.messages import Command, Event, Fix, Message, MissionMessage, Report, Truth, mission_message
 from edc_swarm.recording.model import Recording
 from edc_swarm.simulation.simulator import Simulation
 
@@ -113,6 +113,25 @@ def test_commands_of_a_process_that_need_not_have_spoken_are_missed() -> None:
     found = statuses([m for m in messages if m.instance != "u001-2"])
     assert "broken" not in found.values()
     assert (found["G1"], found["G2"], found["G5"]) == ("not-judged", "not-judged", "not-judged")
+
+
+@pytest.mark.parametrize("uav", ["u001", "u003"])
+def test_commands_of_a_killed_head_that_nobody_flew_are_missed_by_its_report(uav: str) -> None:
+    """It was killed just after its first plan, and the claim of its successor discarded the commands."""
+    _, messages = flown(fault=["kill head @0.6s"])
+    assert statuses(messages)["G5"] == "held"
+    lacking = [m for m in messages if not (isinstance(m, Command) and (m.instance, m.uav) == ("u001-1", uav))]
+    found = statuses(lacking)
+    assert (found["G1"], found["G2"], found["G5"]) == ("not-judged", "not-judged", "not-judged")
+
+
+def test_the_events_of_a_killed_head_are_missed() -> None:
+    """It has taken office before its first plan, and said so."""
+    _, messages = flown(fault=["kill head @6s"])
+    assert statuses(messages)["G5"] == "held"
+    found = statuses([m for m in messages if not (isinstance(m, Event) and m.instance == "u001-1")])
+    assert found.pop("G5") == "not-judged"
+    assert set(found.values()) == {"held"}
 
 
 def test_a_process_that_nobody_heard_is_missed_although_its_successor_need_not_have_spoken() -> None:

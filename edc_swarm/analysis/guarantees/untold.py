@@ -33,20 +33,24 @@ def untold_of(
     """Return, by kind, the UAVs of which the last messages of a process without a last word are missing.
 
     In each slot a process publishes its truth and its fix, in a crowd the truth last; a head the commands for the next
-    slot, then its report. In one slot, its last, it may die in between, or land with a truth
+    slot to all that it has heard, then its report. In one slot, its last, it may die in between, or land with a truth
     alone. Autopilots report later. `spans` are those of `unspoken_spans`.
     """
     if not ends.cut:
         return {}
     truths = _slots_of(ends, (((truth.uav, truth.instance), truth.slot) for truth in recording.truths))
     fixes = _slots_of(ends, (((fix.uav, fix.instance), fix.slot) for fix in recording.fixes))
-    planned = _slots_of(ends, (((c.head, c.instance), c.slot - 1) for c in recording.commands))
+    orders = [((c.head, c.instance), c.uav, c.slot - 1) for c in recording.commands]
+    planned = _slots_of(ends, ((who, slot) for who, _, slot in orders))
     reports = _slots_of(ends, (((report.head, report.instance), report.slot) for report in recording.reports))
+    ordered = _slots_of(ends, (((*who, uav), slot) for who, uav, slot in orders))
+    reported = _slots_of(ends, (((r.head, r.instance, uav), r.slot) for r in plans for uav in r.heard))
     later = autopilots(recording.mission).keys()
     return {
         "truth": {who[0] for who, slots in fixes.items() if _more(slots, truths.get(who)) > 1} - later,
         "fix": ({who[0] for who, slots in truths.items() if _more(slots, fixes.get(who)) > 1} - later)
         | _granting(plans, spans),
+        "command": {who[0] for who, slots in reported.items() if _more(slots, ordered.get(who))},
         "report": {who[0] for who, slots in planned.items() if _more(slots, reports.get(who)) > 1},
     }
 
@@ -63,11 +67,11 @@ def _granting(plans: Sequence[Report], spans: Mapping[str, Sequence[tuple[int, f
     return {uav for uav, slots in granted.items() if len(slots) > 1}
 
 
-def _slots_of(ends: Ends, said: Iterable[tuple[tuple[str, str], int]]) -> dict[tuple[str, str], set[int]]:
-    """Return the slots in which each process without a last word said something."""
-    slots: dict[tuple[str, str], set[int]] = {}
+def _slots_of(ends: Ends, said: Iterable[tuple[tuple[str, ...], int]]) -> dict[tuple[str, ...], set[int]]:
+    """Return the slots in which each process without a last word said something (to a UAV: id, instance, UAV)."""
+    slots: dict[tuple[str, ...], set[int]] = {}
     for who, slot in said:
-        if who in ends.cut:
+        if who[:2] in ends.cut:
             slots.setdefault(who, set()).add(slot)
     return slots
 
