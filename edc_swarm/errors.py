@@ -77,7 +77,7 @@ class RecordingError(SwarmError):
     path
         The file.
     reason
-        The fault of the file, in the user's terms.
+        The fault of the file, in words that follow "it".
     """
 
     def __init__(self, path: str | Path, reason: str) -> None:

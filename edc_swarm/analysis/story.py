@@ -131,7 +131,7 @@ def _amend(happenings: list[Happening], states: list[bytes], uavs: list[str]) ->
         if each.kind not in AMENDED:
             continue
         last = len(states) - 1 if each.last_slot is None else each.last_slot
-        for slot in range(each.slot, last + 1):
+        for slot in range(each.slot, min(last + 1, len(states))):
             row = bytearray(states[slot])
             for uav in each.uavs:
                 if row[index[uav]] != codes["landed"] or each.kind == "unknown":

@@ -133,7 +133,7 @@ def tracks_of(recording: Recording, unrecorded: Collection[str] = ()) -> Tracks:
     cells, true_cells = _cells(fixes, index), _cells(truths, index)
     slots = 1 + max(int(cells[0].max(initial=-1)), int(true_cells[0].max(initial=-1)))
     if slots * len(roster) > MAX_UAV_SLOTS:
-        raise RecordingError("recording", f"slot {slots - 1} is beyond the longest mission that can be analysed")
+        raise RecordingError("recording", f"has a slot {slots - 1}, beyond the longest mission that can be analysed")
     shape = (slots, len(roster))
     heard, executed, energy_j = np.zeros(shape, bool), np.zeros(shape, bool), np.full(shape, np.nan)
     heard[cells] = True

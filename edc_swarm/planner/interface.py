@@ -16,8 +16,9 @@ if TYPE_CHECKING:
     import numpy as np
     from numpy.typing import NDArray
 
-    Points = Sequence[tuple[float, float]] | NDArray[np.float64]
+    Points = Sequence[Sequence[float]] | NDArray[np.float64]
     Scalars = Sequence[float] | NDArray[np.float64]
+    Numbers = Sequence[int] | NDArray[np.int64]
 
 Stopwatch = Callable[[], int]
 """Nanoseconds of a clock that only grows; constantly zero in the simulator."""
@@ -138,7 +139,7 @@ class PlanRequest:
     """
 
     slot: int
-    uav: Sequence[int]
+    uav: Numbers
     position_m: Points
     target_m: Points
     r_m: Scalars
@@ -157,10 +158,11 @@ class Plan:
     `status` is "no-qp-needed" if the preferred steps were safe, "failed" if the
     solver has no usable result and all hold; `problem` then has the reason, if one is known.
     `min_gap_m` is the least planned distance between two centres minus R. Times come from the injected
-    stopwatch, in milliseconds. A user's planner may leave times and `min_gap_m` at 0; the caller then fills them in.
+    stopwatch, in milliseconds. A user's planner may leave times and `min_gap_m` at 0; the caller then fills them in,
+    and makes tuples of its waypoints.
     """
 
-    waypoint_m: list[tuple[float, float]]
+    waypoint_m: Points
     status: PlanStatus
     min_gap_m: float = 0.0
     guidance_ms: float = 0.0

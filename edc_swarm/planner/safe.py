@@ -41,10 +41,10 @@ class SafeSteps:
 
     def __init__(
         self,
-        u_max_m: Sequence[float] | float,
+        u_max_m: Sequence[float] | Floats | float,
         stopwatch: Stopwatch = stopped,
         airspace: Airspace | None = None,
-        change_m: Sequence[float] | None = None,
+        change_m: Sequence[float] | Floats | None = None,
         *,
         lags: bool = True,
     ) -> None:

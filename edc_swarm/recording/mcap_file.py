@@ -97,7 +97,7 @@ class McapFile:
                 self._check_magic(stream)
                 yield from self._walked(stream)
         except OSError as error:
-            raise RecordingError(self.path, f"cannot be read ({error.strerror})") from None
+            raise RecordingError(self.path, f"cannot be read: {error.strerror}") from None
 
     def _walked(self, stream: BinaryIO) -> Iterator[Raw]:
         """Yield the messages of all complete records up to the footer."""
@@ -150,7 +150,7 @@ class McapFile:
             known = ", ".join(map(repr, CODECS))
             raise RecordingError(self.path, f"is compressed with {str(error)[:60]!r}; known are {known}") from None
         except (zstandard.ZstdError, RuntimeError, ValueError, struct.error, EOFError) as error:
-            self.problems.append(f"the chunk at byte {at} is unreadable ({error})")
+            self.problems.append(f"the chunk at byte {at} is unreadable: {error}")
             return
         yield from self._messages(plain)
 
@@ -168,7 +168,7 @@ class McapFile:
                 number, sequence, log_ns, sent_ns = unpack_head(data, begin)
                 channel = channels.get(number)
                 if channel is None:
-                    self.problems.append(f"a message of a channel that is not described ({number})")
+                    self.problems.append(f"a message of channel {number}, which is not described")
                 else:
                     yield channel, sequence, log_ns, sent_ns, data[begin + 22 : offset]
             else:

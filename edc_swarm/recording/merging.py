@@ -86,12 +86,12 @@ def merge(paths: Sequence[Path], stream: BinaryIO) -> Merged:
             continue
         files.append(file)
         if not _is_same(missions[-1], missions[0]):
-            raise RecordingError(path, f"it has {_named(missions[-1])}, but {files[0].path} has {_named(missions[0])}")
+            raise RecordingError(path, f"has {_named(missions[-1])}, but {files[0].path} has {_named(missions[0])}")
     if not files:
         raise RecordingError(paths[0], f"holds no mission, and none of {len(paths)} files does")
     topics = {channel for file in files for channel in file.channels}
     if len(topics) > MAX_CHANNELS:
-        raise RecordingError(files[-1].path, f"all together have {len(topics)} topics, more than {MAX_CHANNELS}")
+        raise RecordingError(files[-1].path, f"has, with the others, {len(topics)} topics, more than {MAX_CHANNELS}")
     found.problems = [f"{file.path}: {each}" for file in files for each in file.problems]
     writer = RecordingWriter(stream, files[0].metadata["run"])
     attachments = {name: attached for file in reversed(files) for name, attached in file.attachments.items()}

@@ -52,7 +52,9 @@ def read_recording(path: str | Path, *, salvage: bool = False) -> Recording:
     recording = Recording()
     _read_messages(file, recording)
     if file.problems and not salvage:
-        raise RecordingError(path, f"{file.problems[0]}; `edc-swarm recover` makes the complete part readable")
+        problem = file.problems[0]
+        found = problem if problem.startswith("torn") else f"damaged: {problem}"
+        raise RecordingError(path, f"is {found}; `edc-swarm recover` makes the complete part readable")
     recording.problems = file.problems
     _read_metadata(file, recording)
     recording.put_in_order()
@@ -212,7 +214,7 @@ def _check_version(file: McapFile) -> None:
     if run is None and file.problems and not file.channels:
         raise EarlyEndError(file.path, "; ".join(["holds no `run` metadata", *file.problems[:1]]))
     if run is None:
-        raise RecordingError(file.path, "is MCAP, but not a recording of edc-swarm (no `run` metadata)")
+        raise RecordingError(file.path, "is MCAP, but not a recording of edc-swarm: there is no `run` metadata")
     if run.get("format") != FORMAT:
         found = run.get("format", "none")
         raise RecordingError(file.path, f"has recording format {found}; this version reads {FORMAT}")
@@ -234,6 +236,6 @@ def _attached_mission(file: McapFile) -> MissionMessage:
     try:
         mission = decode("mission", file.attachments[MISSION_ATTACHMENT][1])
     except MessageError as error:
-        raise RecordingError(file.path, f"holds no mission ({error.reason})") from None
+        raise RecordingError(file.path, f"holds no mission: {error.reason}") from None
     assert isinstance(mission, MissionMessage)
     return mission

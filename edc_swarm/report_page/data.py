@@ -138,8 +138,11 @@ class Page(Struct, frozen=True, kw_only=True):
     cluster_colours: tuple[str, ...] = CLUSTER_COLOURS
 
     @classmethod
-    def of(cls, recording: Recording, heads: list[HeadTerm], timings: Sequence[Timing] = ()) -> Page:
-        """Return the data that the page shows of a recording."""
+    def of(cls, recording: Recording, heads: list[HeadTerm], timings: Sequence[Timing] = (), *, name: str = "") -> Page:
+        """Return the data that the page shows of a recording, which it calls `name`, else by the mission's name.
+
+        The mission of a run has a name of its own on the bus, which no reader knows.
+        """
         mission, columns = recording.mission, columns_of(recording, timings)
         slots, count = columns.step_m.shape
         every = max(1, -(-slots * count // MAX_ANIMATED))
@@ -152,7 +155,7 @@ class Page(Struct, frozen=True, kw_only=True):
         told = _told(story, mission)
         states = np.array([list(row) for row in story.states], np.uint8).reshape(-1, count)[:slots]
         return cls(
-            name=shown(mission.name),
+            name=shown(name or mission.name),
             uavs=columns.uavs,
             r_m=[entry.r_m for entry in mission.roster],
             extent_m=_extent_m(mission, columns, flown),

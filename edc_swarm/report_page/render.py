@@ -58,7 +58,7 @@ def render(
 def render_all(recordings: Sequence[Shown], assets: Assets) -> str:
     """Return the whole document of one recording, or of two side by side."""
     first = recordings[0]
-    names = [escape(each.page.name) for each in recordings]
+    names = [escape(f"{each.page.name}, {len(each.page.uavs)} UAVs") for each in recordings]
     return Template(assets.template).substitute(
         title=" and ".join(names),
         headlines="".join(f"<p>{escape(_headline(each, label))}</p>\n" for each, label in _labelled(recordings)),
@@ -190,7 +190,7 @@ def _broken(text: str) -> str:
 def _guarantee(result: GuaranteeResult) -> str:
     where = [escape(shown(line, MAX_LINE)) for line in (*result.where[:MAX_WHERE], *result.notes[:MAX_WHERE])]
     if len(result.where) > MAX_WHERE:
-        where.append(f"... {len(result.where)} in all")
+        where.append(f"... {escape(result.counted)}")
     items = f"<ul>{''.join(f'<li>{line}</li>' for line in where)}</ul>" if where else ""
     verdict = f'<span class="{result.status}">{escape(result.words)}</span>'
     return f"<tr><th scope=row>{result.guarantee} {escape(result.title)}</th><td>{verdict}{items}</td></tr>\n"

@@ -11,7 +11,7 @@ from edc_swarm.story.happening import Kind, Level
 from edc_swarm.story.heard import Heard
 from edc_swarm.story.log import Log
 from edc_swarm.story.places import Place, Why, hulls_of, why_no_step
-from edc_swarm.story.uav import CUT_OFF_SLOTS, HOLD_SLOTS, LONG_HOLD_SLOTS, Uav, why_not_flown
+from edc_swarm.story.uav import CUT_OFF_SLOTS, HOLD_SLOTS, LONG_HOLD_SLOTS, Ended, Uav, why_not_flown
 
 LOW_SHARE = 0.2
 """Share of the first charge below which a battery is low."""
@@ -39,10 +39,10 @@ class Fleet:
         self.uavs = {entry.uav: Uav(entry) for entry in mission.roster}
         self.late: list[str] = []
 
-    def stop(self, name: str, kind: Kind, how: str, at_s: float = 0.0) -> None:
-        """Note what stopped a UAV, and when; the happening follows once it is silent, and has no earlier time."""
+    def stop(self, name: str, ended: Ended) -> None:
+        """Note what stopped a UAV; the happening follows once it is silent, and has no earlier time."""
         if name in self.uavs:
-            self.uavs[name].ended = kind, how, at_s
+            self.uavs[name].ended = ended
 
     def land(self, name: str, how: str) -> None:
         """Tell once that a UAV has landed."""
@@ -87,11 +87,11 @@ class Fleet:
             return
         if not uav.is_silent():
             return
-        kind, how, at_s = uav.ended or ("silent", "no fix of it" if uav.fix else "no fix of it so far", 0.0)
-        since = self._log.slot - uav.silent_slots + 1
-        self._begin_span(uav, kind, Why("", how), since, at_s)
+        ended = uav.ended or Ended("silent", "no fix of it" if uav.fix else "no fix of it so far")
+        begun = ended.begun(self._log.slot - uav.silent_slots + 1)
+        self._begin_span(uav, ended.kind, Why("", ended.how), begun, ended.at_s)
         self._warn(uav)
-        uav.state = {"dead": "dead", "frozen": "frozen"}.get(kind, "silent")  # type: ignore[assignment]
+        uav.state = {"dead": "dead", "frozen": "frozen"}.get(ended.kind, "silent")  # type: ignore[assignment]
 
     def _hear(self, uav: Uav, fix: Fix, heard: Heard, before: Report | None) -> None:
         known = uav.fix

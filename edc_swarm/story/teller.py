@@ -15,9 +15,10 @@ from edc_swarm.mission.roles import OPERATOR
 from edc_swarm.protocol.events import EVENT_FORMS, EventKind
 from edc_swarm.protocol.messages import Event, Message, MissionMessage, Report
 from edc_swarm.story.fleet import Fleet
-from edc_swarm.story.happening import Happening, Level, State
+from edc_swarm.story.happening import Happening, Kind, Level, State
 from edc_swarm.story.heard import Heard, Inbox
 from edc_swarm.story.log import Log
+from edc_swarm.story.uav import Ended
 
 NO_PLAN_SLOTS = 3
 """Slots in a row without a plan after which no head plans."""
@@ -117,15 +118,15 @@ class ClusterTeller:
         match event.kind:
             case EventKind.FAULT:
                 self._log.tell("fault", detail=_shorter(event.detail), level="warning", time_s=time_s)
-                self._take_fault(event, time_s or 0.0)
+                self._take_fault(event)
             case EventKind.EXITED:
                 name, _, how = event.detail.partition(" ")
-                self._fleet.stop(name, "dead", f"its process {how}")
+                self._fleet.stop(name, Ended("dead", f"its process {how}"))
                 self._notice(name, f"{how}, and no fault had asked for it")
             case EventKind.OFF_BUS:
                 self._notice(event.detail, "has left the bus: its process, its host or its link")
             case EventKind.BATTERY_EMPTY if event.source in self._fleet.uavs:
-                self._fleet.stop(event.source, "silent", "its battery is empty")
+                self._fleet.stop(event.source, Ended("silent", "its battery is empty"))
                 self._log.tell("battery-empty", [event.source], "the battery is empty", level="warning")
             case EventKind.LANDED if event.source in self._fleet.uavs:
                 self._fleet.land(event.source, event.detail)
@@ -147,21 +148,23 @@ class ClusterTeller:
     def _take_untold(self, event: Event) -> None:
         """Take what another cluster's teller tells."""
         if event.kind == EventKind.FAULT:
-            self._take_fault(event, self._sent_s(event) or 0.0)
+            self._take_fault(event)
         if event.kind == EventKind.EXITED:
             name, _, how = event.detail.partition(" ")
-            self._fleet.stop(name, "dead", f"its process {how}")
+            self._fleet.stop(name, Ended("dead", f"its process {how}"))
         self._over = self._over or event.kind == EventKind.END
 
-    def _take_fault(self, event: Event, at_s: float) -> None:
-        fault = read_fault(event.detail, self._mission.dt_s)
+    def _take_fault(self, event: Event) -> None:
+        fault, at_s = read_fault(event.detail, self._mission.dt_s), self._sent_s(event)
+        # The slot of the time, whatever slot the event is told in: a story ends with the last slot that has a fix.
+        slot = event.slot if at_s is None else (event.sent_ns - self._mission.epoch_ns) // self._mission.slot_ns
         match fault:
-            case Kill(target=uav):
-                self._fleet.stop(uav, "dead", f"killed by a fault in slot {event.slot}", at_s)
-            case Freeze(target=uav):
-                self._fleet.stop(uav, "frozen", f"frozen by a fault in slot {event.slot}", at_s)
+            case Kill(target=uav) | Freeze(target=uav):
+                kind: Kind = "dead" if isinstance(fault, Kill) else "frozen"
+                how = f"{'killed' if kind == 'dead' else kind}{' mid-step' * fault.mid_step} by a fault in slot {slot}"
+                self._fleet.stop(uav, Ended(kind, how, at_s or 0.0, slot, fault.mid_step))
             case Restart(target=uav):
-                self._fleet.stop(uav, "dead", f"restarted by a fault in slot {event.slot}", at_s)
+                self._fleet.stop(uav, Ended("dead", f"restarted by a fault in slot {slot}", at_s or 0.0, slot))
             case _:
                 pass
 

@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping, Set
 from dataclasses import dataclass, field
+from typing import NamedTuple
 
 from msgspec import UNSET
 
@@ -28,6 +29,33 @@ STEP_M = 1e-6
 """A shorter step is none."""
 
 
+class Ended(NamedTuple):
+    """What is known to have stopped a UAV, a fault or the end of its process.
+
+    Attributes
+    ----------
+    kind, how
+        The happening that it leads to, and its words.
+    at_s, slot
+        Mission time and slot, where they are known.
+    mid_step
+        True if it strikes in the next step after that.
+    """
+
+    kind: Kind
+    how: str
+    at_s: float = 0.0
+    slot: int = -1
+    mid_step: bool = False
+
+    def begun(self, since: int) -> int:
+        """Return the slot in which it stopped a UAV without a fix since slot `since`: it may have been just after one.
+
+        What is further back stopped it for a time only, or without being the cause.
+        """
+        return self.slot if self.slot >= max(0, since if self.mid_step else since - 1) else since
+
+
 @dataclass(slots=True)
 class Uav:
     """The knowledge of one UAV as a slot is told.
@@ -35,7 +63,7 @@ class Uav:
     Attributes
     ----------
     ended
-        Kind and words of what is known to have stopped it, a fault or the end of its process, and its mission time.
+        What is known to have stopped it.
     other_slots
         Slots in a row in which it holds for another reason than the one that was told.
     span
@@ -45,7 +73,7 @@ class Uav:
     entry: RosterEntry
     fix: Fix | None = None
     state: State = "unknown"
-    ended: tuple[Kind, str, float] | None = None
+    ended: Ended | None = None
     silent_slots: int = 0
     unheard_slots: int = 0
     held_slots: int = 0

@@ -43,7 +43,7 @@ def print_guarantees(results: Sequence[GuaranteeResult], console: Console, limit
         for where in result.where[:limit]:
             console.print(f"    {shown(where, MAX_LINE)}", markup=False)
         if len(result.where) > limit:
-            console.print(f"    ... {len(result.where)} in all", markup=False)
+            console.print(f"    ... {result.counted}", markup=False)
     console.print(shown(safety(results), MAX_LINE), markup=False)
 
 

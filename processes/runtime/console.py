@@ -33,7 +33,7 @@ def complain(error: SwarmError | str) -> int:
     """Print one line about bad input, and return the exit status."""
     text = str(error)
     if isinstance(error, RecordingError):
-        text = f"recording = {str(error.path)!r}: must be a readable recording ({error.reason})"
+        text = f"recording = {str(error.path)!r}: must be a readable recording; it {error.reason}"
     note(f"error: {' '.join(text.split())}")
     return BAD_INPUT
 

@@ -52,6 +52,7 @@ class Display:
         self._progress = Progress(*columns, console=self._console, transient=True, disable=not voice.shows_bar)
         self._task = self._progress.add_task("", total=len(self._order), state="")
         self._beat_s = time.monotonic()
+        self._now: tuple[int, str] | None = None
 
     def __enter__(self) -> Display:
         self._progress.start()
@@ -67,12 +68,16 @@ class Display:
         if not (self._voice.tells_story or self._voice.shows_bar):
             return
         while teller.next_slot < until:
+            if self._now is not None and self._now[0] <= teller.next_slot:
+                self._say(teller.next_slot * self._mission.dt_s, "now", self._now[1])
+                self._now = None
             told = teller.close(teller.next_slot)
             if self._voice.tells_story:
                 self._tell(told)
-        if self._voice.tells_story and time.monotonic() - self._beat_s >= BEAT_S:
+        if self._voice.tells_story and self._now is None and time.monotonic() - self._beat_s >= BEAT_S:
             self._beat_s = time.monotonic()
-            self._say(max(0, monitor.slot) * self._mission.dt_s, "now", "  ".join(self._state(monitor, teller)))
+            # Fixes of slots that are still to be told have come: the line waits for them, so that times do not go back.
+            self._now = max(0, monitor.slot), "  ".join(self._state(monitor, teller))
         if self._voice.shows_bar:
             room = self._console.width - self._bar_columns
             state = fitting(self._state(monitor, teller), room)

@@ -10,7 +10,7 @@ from edc_swarm.analysis.guarantees.check import check
 from edc_swarm.mission.roster import complete_mission
 from edc_swarm.mission.validation import mission_from_dict
 from edc_swarm.planner.registry import make_planner
-from edc_swarm.protocol.messages import Fix, Message, MissionMessage, Report, Truth, mission_message
+from edc_swarm.protocol.messages import Command, Event, Fix, Message, MissionMessage, Report, Truth, mission_message
 from edc_swarm.recording.model import Recording
 from edc_swarm.simulation.simulator import Simulation
 
@@ -88,6 +88,50 @@ def test_a_process_that_nobody_heard_is_missed(instance: str) -> None:
     """By the faults u003 was killed and started again, so it has spoken as two processes."""
     found = statuses([m for m in said()[1] if m.instance != instance])
     assert set(found.values()) == {"not-judged"}
+
+
+@pytest.mark.parametrize("instance", ["u002-1", "u002-2"])
+def test_a_process_that_nobody_heard_is_missed_where_its_memory_was_lost(instance: str) -> None:
+    """The fixes of u002-2 tell no place, so nothing tells where u002-1 had flown to."""
+    _, messages = flown(seed=5, fault=["restart u002 lose-memory @5s"])
+    found = statuses([m for m in messages if m.instance != instance])
+    assert set(found.values()) == {"not-judged"}
+
+
+def test_a_process_that_need_not_have_spoken_is_missed_by_its_grants() -> None:
+    """The mission ends 4 s after u003 was started again, so it may have said nothing; but plans rest on its fixes."""
+    _, messages = flown(fault=["kill u003 @5s", "restart u003 @6s"], max_slots=20)
+    found = statuses([m for m in messages if m.instance != "u003-2"])
+    assert set(found.values()) == {"not-judged"}
+
+
+def test_commands_of_a_process_that_need_not_have_spoken_are_missed() -> None:
+    """u001-2 leads term 3, of which the record has no plan; the commands of u001-1 have numbers of their own."""
+    faults = ["kill head @3s", "restart u001 @4s", "kill u002 @6s"]
+    _, messages = flown(v_max_mps=2.0, fault=faults, max_slots=17)
+    assert any(isinstance(m, Report) and m.instance == "u001-2" and m.term == 3 for m in messages)
+    found = statuses([m for m in messages if m.instance != "u001-2"])
+    assert "broken" not in found.values()
+    assert (found["G1"], found["G2"], found["G5"]) == ("not-judged", "not-judged", "not-judged")
+
+
+@pytest.mark.parametrize("uav", ["u001", "u003"])
+def test_commands_of_a_killed_head_that_nobody_flew_are_missed_by_its_report(uav: str) -> None:
+    """It was killed just after its first plan, and the claim of its successor discarded the commands."""
+    _, messages = flown(fault=["kill head @0.6s"])
+    assert statuses(messages)["G5"] == "held"
+    lacking = [m for m in messages if not (isinstance(m, Command) and (m.instance, m.uav) == ("u001-1", uav))]
+    found = statuses(lacking)
+    assert (found["G1"], found["G2"], found["G5"]) == ("not-judged", "not-judged", "not-judged")
+
+
+def test_the_events_of_a_killed_head_are_missed() -> None:
+    """It has taken office before its first plan, and said so."""
+    _, messages = flown(fault=["kill head @6s"])
+    assert statuses(messages)["G5"] == "held"
+    found = statuses([m for m in messages if not (isinstance(m, Event) and m.instance == "u001-1")])
+    assert found.pop("G5") == "not-judged"
+    assert set(found.values()) == {"held"}
 
 
 def test_a_process_that_nobody_heard_is_missed_although_its_successor_need_not_have_spoken() -> None:

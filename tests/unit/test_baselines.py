@@ -99,10 +99,11 @@ def test_a_uav_that_ignores_one_neighbour_is_found(planner: str) -> None:
 def test_a_head_plans_for_all_and_keeps_clear_of_hulls(planner: str) -> None:
     """A hull ahead; the UAV that flies straight at it stops or turns, and never enters."""
     flight = mission(row("ab", 30.0, 60.0))
-    mind, place_m = make_planner(planner, flight), [(0.0, 0.0), (30.0, 0.0)]
+    mind, place_m = make_planner(planner, flight), np.array([(0.0, 0.0), (30.0, 0.0)])
     hull = Hull(2, 1.0, 18.0, 3.0, 18.0, 0.5, 5.0)
     for slot in range(30):
-        place_m = mind.plan(PlanRequest(slot, [0, 1], place_m, [(0, 60), (30, 60)], [5.0, 5.0], [hull])).waypoint_m
+        request = PlanRequest(slot, [0, 1], place_m, [(0, 60), (30, 60)], [5.0, 5.0], [hull])
+        place_m = np.array(mind.plan(request).waypoint_m)
         x_m, y_m = place_m[0]
         assert np.hypot(x_m - min(max(x_m, 1.0), 3.0), y_m - 18.0) >= 10.5 - 0.02
     assert place_m[1] == pytest.approx((30.0, 60.0), abs=0.1)

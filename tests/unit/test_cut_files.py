@@ -55,6 +55,13 @@ def said(capsys: pytest.CaptureFixture[str], command: str, path: Path, status: i
     return found if isinstance(found, dict) else {result["guarantee"]: result["status"] for result in found}
 
 
+def test_a_page_is_named_like_its_file(tmp_path: Path) -> None:
+    """With the number of UAVs; the mission of a run has a name of its own on the bus, which tells a reader nothing."""
+    page = tmp_path / "page.html"
+    assert main(["report", str(GOLDEN), "--out", str(page)]) == 0
+    assert "<h1>golden, 4 UAVs</h1>" in page.read_text()
+
+
 def test_the_whole_file_is_judged(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     """Rewritten by another tool, nothing of it changes."""
     path = rewritten(tmp_path / "whole.mcap", 1.0)

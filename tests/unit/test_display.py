@@ -47,6 +47,23 @@ def test_verbose_tells_details_and_quiet_nothing(capsys: pytest.CaptureFixture[s
         Voice(quiet=True, verbose=True)
 
 
+def test_the_state_is_said_in_its_turn(capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch) -> None:
+    """The monitor knows of slots that are still to be told; the line about them stands behind what came before."""
+    monkeypatch.setattr("processes.runtime.display.BEAT_S", 0.0)
+    monitor, teller = MissionMonitor(MISSION), Storyteller(MISSION)
+    with Display(MISSION, Voice()) as display:
+        for slot in range(12):
+            for uav in "abc":
+                said = fix(uav, slot, seq=slot, executing=True, arrived=slot > 5, energy_j=90.0, sent_ns=at(slot))
+                teller.hear(said)
+                monitor.hear_fix(said)
+            display.show(monitor, teller, slot - 1)
+    lines = [line.split()[0:3:2] for line in capsys.readouterr().err.splitlines()]
+    assert ["3.0", "arrived"] in lines
+    assert ["3.0", "now"] in lines
+    assert [float(time_s) for time_s, _ in lines] == sorted(float(time_s) for time_s, _ in lines)
+
+
 def test_a_slot_brings_a_bounded_number_of_lines(capsys: pytest.CaptureFixture[str]) -> None:
     """Events of another kind each make a line each, up to a limit; the last line counts the others."""
     monitor, teller = MissionMonitor(MISSION), Storyteller(MISSION)

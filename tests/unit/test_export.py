@@ -319,10 +319,10 @@ def good() -> None:
 UNREADABLE = "recording = 'a.mcap': must be a readable recording"
 UNWRITABLE = "must be where it can be written"
 REFUSED: list[tuple[list[Callable[[], object]], str, str]] = [
-    ([torn], "a.mcap", f"{UNREADABLE} (torn: "),
+    ([torn], "a.mcap", f"{UNREADABLE}; it is torn: "),
     ([mission_alone], "a.mcap", "recording = 'a.mcap': must be one that has the way of a UAV"),
     ([no_mission], "a.mcap", UNREADABLE),
-    ([Path("a.mcap").touch], "a.mcap", f"{UNREADABLE} (is empty)"),
+    ([Path("a.mcap").touch], "a.mcap", f"{UNREADABLE}; it is empty"),
     ([Path("a.mcap").mkdir], "a.mcap", UNREADABLE),
     ([partial(os.mkfifo, "a.mcap")], "a.mcap", UNREADABLE),
     ([], "a.mcap", UNREADABLE),

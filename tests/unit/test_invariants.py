@@ -518,6 +518,7 @@ def test_g3_tells_every_pair_once() -> None:
     messages = flight([[point] * 2 for point in ((0.0, 0.0), (9.0, 0.0), (4.0, 8.0))])
     pairs = [(v.kind, *v.uavs) for v in results(messages)["G3"].violations]
     assert pairs == [("overlap", "u0", "u1"), ("overlap", "u0", "u2"), ("overlap", "u1", "u2")]
+    assert compute_metrics(recorded(messages)).potential_collisions == len(pairs)
 
 
 def test_discs_that_touch_are_disjoint(messages: list[Message]) -> None:

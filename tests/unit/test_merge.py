@@ -172,7 +172,7 @@ def test_what_cannot_be_merged_is_one_line(tmp_path: Path, capsys: pytest.Captur
     link.symlink_to(whole)
     capsys.readouterr()
     for files, out, reason in (
-        ([whole, other], result, "must be a readable recording (it has mission "),
+        ([whole, other], result, "must be a readable recording; it has mission "),
         ([whole], result, "recordings = 1: must be from 2 to 100 files"),
         ([whole, GOLDEN, link], result, f"recordings = '{link}': must be another file than {whole}"),
         ([whole, GOLDEN], whole, "must be another file than those that are merged"),

@@ -1,7 +1,17 @@
 """Packed memory: what a forked child allocates copies few of the pages that it shares with its parent."""
 
+import os
+import socket
 import subprocess
 import sys
+
+import msgspec
+
+from edc_swarm.mission.configuration import Mission
+from edc_swarm.mission.roster import complete_mission
+from processes.host.fork_source import News, Ready
+from processes.host.packing import SMALL
+from processes.runtime.children import SINGLE_THREADED
 
 HOLES = 250
 """Holes of one size, each in another page: objects that die between others that live on."""
@@ -42,3 +52,24 @@ def test_a_child_of_packed_memory_copies_few_pages() -> None:
     loose_kb, packed_kb = copied_kb("loose"), copied_kb("packed")
     assert loose_kb > 2 * HOLES
     assert packed_kb < loose_kb / 4
+
+
+WARM = """
+import socket, sys
+from processes.host import fork_source, packing
+
+assert fork_source._warm(fork_source.ForkSource(socket.socket(fileno=int(sys.argv[1]))))
+print(len(packing._fillers))
+"""
+
+
+def test_the_fork_source_packs_its_memory_before_it_is_ready() -> None:
+    """It forks when it has said that it is ready, so whatever it packs later is of no use to its UAVs."""
+    ours, theirs = socket.socketpair(socket.AF_UNIX, socket.SOCK_SEQPACKET)
+    mission = msgspec.json.encode(complete_mission(Mission(uavs=2, planner="straight")))
+    with ours, theirs:
+        command, passed = [sys.executable, "-c", WARM, str(theirs.fileno())], [theirs.fileno()]
+        alone = {**os.environ, **SINGLE_THREADED}
+        done = subprocess.run(command, input=mission, capture_output=True, check=True, pass_fds=passed, env=alone)
+        assert isinstance(msgspec.json.decode(ours.recv(1000), type=News), Ready)
+    assert int(done.stdout) > SMALL

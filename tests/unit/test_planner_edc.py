@@ -271,16 +271,15 @@ def test_lengths_and_indices_are_checked() -> None:
 @pytest.mark.parametrize("r_m", [0.0, 5.0])
 def test_coincident_and_overlapping_uavs_do_not_crash(r_m: float) -> None:
     """Impossible positions give a plan in which no UAV closes in."""
-    position_m = [(0.0, 0.0), (0.0, 0.0), (3.0, 0.0)]
+    position_m = np.array([(0.0, 0.0), (0.0, 0.0), (3.0, 0.0)])
     target_m = [(40.0, 0.0), (-40.0, 0.0), (0.0, 0.0)]
     planner = make_planner("edc", Mission(uavs=3))
     for slot in range(3):
         plan = planner.plan(PlanRequest(slot, [0, 1, 2], position_m, target_m, [r_m] * 3))
         assert np.isfinite(plan.waypoint_m).all()
-        before, after = np.array(position_m), np.array(plan.waypoint_m)
+        before, position_m = position_m, np.array(plan.waypoint_m)
         if r_m:
-            assert length_m(after[0] - after[2]) >= length_m(before[0] - before[2]) - 1e-9
-        position_m = plan.waypoint_m
+            assert length_m(position_m[0] - position_m[2]) >= length_m(before[0] - before[2]) - 1e-9
 
 
 @pytest.mark.parametrize(("uavs", "rounds"), [(2, 1), (20, 3)])

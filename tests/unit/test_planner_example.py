@@ -12,7 +12,8 @@ from edc_swarm.mission.configuration import Mission
 from edc_swarm.protocol.events import EventKind
 from processes.experiments.measures import simulate
 
-EXAMPLES = Path(__file__).parents[2] / "examples"
+REPO = Path(__file__).parents[2]
+EXAMPLES = REPO / "examples"
 
 
 def test_example_flies_everyone_to_the_target(capsys: pytest.CaptureFixture[str]) -> None:
@@ -22,6 +23,15 @@ def test_example_flies_everyone_to_the_target(capsys: pytest.CaptureFixture[str]
     said = capsys.readouterr().out
     assert said.startswith("8 UAVs arrived")
     assert float(said.split()[-2]) >= 0
+
+
+def test_planner_of_the_docs_flies_as_written(monkeypatch: pytest.MonkeyPatch) -> None:
+    """It is a file of the examples, so mypy checks its types, and it brings everyone home."""
+    written = (REPO / "docs" / "planner.md").read_text().partition("```python\n")[2].partition("```")[0]
+    assert written == (EXAMPLES / "my_planner.py").read_text()
+    monkeypatch.syspath_prepend(EXAMPLES)
+    recording, _ = simulate(Mission(uavs=3, planner="my_planner:MyPlanner"))
+    assert compute_metrics(recording).completed
 
 
 def test_own_planner_brings_everyone_home_apart(monkeypatch: pytest.MonkeyPatch) -> None:

@@ -136,7 +136,7 @@ class Tiring(Lazy):
         """Straight to the target in one step."""
         if request.slot > 1:
             raise LookupError("no more ideas")
-        return Plan(np.array(request.target_m), "planned")  # type: ignore[arg-type]
+        return Plan(np.array(request.target_m), "planned")
 
 
 REQUEST = PlanRequest(1, [0, 4], [(0.0, 0.0), (50.0, 0.0)], [(0.0, 9.0), (50.0, -1.0)], [5.0, 5.0])

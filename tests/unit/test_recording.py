@@ -26,6 +26,7 @@ from edc_swarm.recording.reader import read_recording, recover
 from edc_swarm.recording.schemas import json_schema
 from edc_swarm.recording.sifting import sift
 from edc_swarm.recording.writer import RecordingWriter, TooLarge
+from processes.runtime.console import complain
 from tests.unit.synthetic import EPOCH_NS, flight, parallel
 
 KEYS = Keys("mission")
@@ -258,10 +259,14 @@ def test_bad_files_are_one_clear_line(tmp_path: Path, data: bytes, reason: str) 
     assert caught.value.path == path
 
 
-def test_a_missing_file_is_one_clear_line(tmp_path: Path) -> None:
-    """The error contains the operating system's reason."""
-    with pytest.raises(RecordingError, match="No such file"):
-        read_recording(tmp_path / "none.mcap")
+def test_a_missing_file_is_one_clear_line(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    """The error is a sentence with the operating system's reason, and without brackets in brackets."""
+    path = tmp_path / "none.mcap"
+    with pytest.raises(RecordingError, match="No such file") as caught:
+        read_recording(path)
+    assert complain(caught.value) == 2
+    said = f"error: recording = '{path}': must be a readable recording; it cannot be read: No such file or directory\n"
+    assert capsys.readouterr().err == said
 
 
 def test_other_formats_are_refused(tmp_path: Path, messages: list[Message]) -> None:

@@ -240,12 +240,14 @@ def test_safe_is_apart_and_in_the_zones(statuses: dict[str, Status], said: str) 
 
 
 def test_so_many_violations_are_told(messages: list[Message]) -> None:
-    """Beyond a limit, the page gives only the number of violations."""
+    """Beyond a limit, the page gives only the number of violations, and of which kinds they are."""
     for extra in (0, 1):
-        violations = [Violation("gap", f"x{number}.") for number in range(MAX_WHERE + extra)]
+        violations = [Violation("gap", f"x{number}.") for number in range(MAX_WHERE - 1 + extra)]
+        violations.append(Violation("unreadable", "x."))
         text = document(recorded(messages), [GuaranteeResult("G5", "No loss", "broken", violations)])
         assert text.count("<li>x") == MAX_WHERE
-        assert (f"<li>... {MAX_WHERE + 1} in all</li>" in text) == bool(extra)
+        counted = f"<li>... {MAX_WHERE + 1} violations in all: {MAX_WHERE} gap, 1 unreadable</li>"
+        assert (counted in text) == bool(extra)
 
 
 def test_a_list_of_the_roster_can_be_broken_into_lines(messages: list[Message]) -> None:

@@ -95,6 +95,36 @@ def test_what_follows_from_a_fault_stands_after_it() -> None:
     ]
 
 
+@pytest.mark.parametrize(
+    ("last", "fault", "slot", "time_s"),
+    [
+        (5, "kill c", 5, 2.7),
+        (3, "kill c", 5, 2.7),
+        (4, "kill c", 5, 2.7),
+        (5, "kill c mid-step", 6, 3.0),
+        (4, "kill c mid-step", 5, 2.7),
+        (9, "kill c", 10, 5.0),
+    ],
+)
+def test_slot_and_time_of_a_death_are_those_of_its_cause(last: int, fault: str, slot: int, time_s: float) -> None:
+    """It is killed just after its fix, or the fix before is lost; a fault that is long over is no cause of time."""
+    kill = Event(source="operator", slot=5, kind="fault", detail=f"{fault} @5", sent_ns=at(5) + 2 * 10**8)
+    messages = [*everyone(range(SLOTS), "c"), *(flown("c", t, 2) for t in range(last + 1)), *plans(range(SLOTS))]
+    story = told([*messages, kill])
+    dead = only(story, "dead")
+    assert (dead.slot, dead.time_s) == (slot, time_s)
+    assert dead.detail.endswith("by a fault in slot 5")
+    dead_slots = [t for t, states in enumerate(story.states) if STATES[states[2]] == "dead"]
+    assert dead_slots == list(range(slot, SLOTS))
+
+
+def test_a_fault_after_the_last_fix_keeps_its_slot() -> None:
+    """A story ends with the last slot that has a fix, and tells there what comes after."""
+    messages = [*everyone(range(6), "c"), *(flown("c", t, 2) for t in range(4)), *plans(range(6))]
+    dead = only(told([*messages, event("fault", 6, "kill c @6")]), "dead")
+    assert (dead.slot, dead.time_s, dead.detail) == (6, 3.0, "killed by a fault in slot 6")
+
+
 @pytest.mark.parametrize(("late_s", "time_s"), [(-60.0, 2.5), (60.0, 3.0)])
 def test_a_claim_is_told_in_its_slot_whatever_the_claimants_clock_says(late_s: float, time_s: float) -> None:
     """Clocks of hosts differ, and a fault can put one wrong."""

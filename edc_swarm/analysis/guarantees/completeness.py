@@ -44,7 +44,8 @@ def check_no_loss(evidence: Evidence) -> GuaranteeResult:
     No `closed` event, a fault ended the publisher  held, up to its last recorded message
     No message of a UAV killed after its start      not judged
     Others name what a killed UAV may have said     not judged
-    A killed UAV's fixes and truths end apart       not judged
+    A killed UAV's streams end apart                not judged
+    A killed head said nothing of taking office     not judged
     No `closed` event, for any other reason         not judged
     ==============================================  =======================================================
     """
@@ -106,10 +107,22 @@ def unproved(evidence: Evidence) -> str:
     reasons = []
     if untold := sorted(frozenset[str]().union(*evidence.untold.values())):
         reasons.append(f"by its other messages a killed process of {shown(_listed(untold))} has said more")
+    if mute := _mute_heads(evidence):
+        reasons.append(f"a killed process of {shown(_listed(mute))} led, and no event says that it took office")
     commands, grants = absent_commands(evidence), absent_grants(evidence)
     if commands or grants:
         reasons.append(f"fixes name {commands} commands and reports name {grants} grants that are not recorded")
     return "; ".join(reasons)
+
+
+def _mute_heads(evidence: Evidence) -> list[str]:
+    """Return the UAVs of which a killed process has led without any recorded event: it has published one before."""
+    if evidence.mission.control != "head":
+        return []
+    recording = evidence.recording
+    led = {(said.head, said.instance) for said in (*evidence.plans, *recording.commands)}
+    told = {(event.source, event.instance) for event in recording.events}
+    return sorted({uav for uav, _ in (led & evidence.ends.cut) - told})
 
 
 def _unfinished(evidence: Evidence) -> Iterator[str]:

@@ -19,23 +19,23 @@ G8        fixes                  where the discs are is unknown
 
 from __future__ import annotations
 
-import math
 import re
 from collections import defaultdict
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
-from itertools import pairwise, zip_longest
+from itertools import pairwise
 from operator import attrgetter
 
 import numpy as np
+from msgspec import UNSET
 from numpy.typing import NDArray
 
 from edc_swarm.analysis.autopilots import never_flew, unreported
+from edc_swarm.analysis.guarantees.untold import unspoken_spans, untold_of
 from edc_swarm.analysis.tracks import Tracks, tracks_of
 from edc_swarm.analysis.true_paths import TruePaths, true_paths
 from edc_swarm.foreign_text import listed
-from edc_swarm.mission.autopilots import autopilots
 from edc_swarm.mission.roster_entry import RosterEntry
 from edc_swarm.protocol.hindrance import Place, Point
 from edc_swarm.protocol.messages import Command, Fix, MissionMessage, Report, Truth, roster_index
@@ -79,6 +79,10 @@ class Evidence:
         Reports of slots with a plan, each once.
     ends
         How each publisher ended.
+    untold
+        By kind, the UAVs of which the last messages of a killed process are certainly missing.
+    spans
+        By UAV, the slots of the last fix of each process that was cut off, and of the first one of its successor.
     whole
         The mission of all clusters, with all faults; `mission` is that of one cluster where a cluster is judged.
     foreign
@@ -96,6 +100,8 @@ class Evidence:
     plans: list[Report]
     gaps: list[Gap]
     ends: Ends
+    untold: Mapping[str, set[str]]
+    spans: Mapping[str, Sequence[tuple[int, float]]]
     whole: MissionMessage
     foreign: Sequence[Place] = ()
     foreign_away: Sequence[tuple[RosterEntry, Point]] = ()
@@ -123,24 +129,7 @@ class Evidence:
 
     def fix_lost(self, uav: str, slot: int) -> bool:
         """Return True if the fix of `uav` in `slot` may be missing from the recording."""
-        return uav in self._fixes_lost or any(before < slot < after for before, after in self._last_words.get(uav, ()))
-
-    @cached_property
-    def untold(self) -> dict[str, set[str]]:
-        """By kind, the UAVs of which the last messages of a killed process are certainly missing."""
-        return _untold(self.recording, self.ends)
-
-    @cached_property
-    def _last_words(self) -> dict[str, list[tuple[int, float]]]:
-        """By UAV, the slots of the last fix of each process that was cut off, and of the first one of its successor."""
-        spans: dict[str, list[tuple[int, float]]] = {
-            uav: [(-1, math.inf)] for uav in self.ends.without_last_word if not self.fixes.get(uav)
-        }
-        for uav, fixes in self.fixes.items():
-            for fix, following in zip_longest(fixes, fixes[1:]):
-                if (uav, fix.instance) in self.ends.cut and (following is None or following.instance != fix.instance):
-                    spans.setdefault(uav, []).append((fix.slot, following.slot if following else math.inf))
-        return spans
+        return uav in self._fixes_lost or any(before < slot < after for before, after in self.spans.get(uav, ()))
 
     def start_lost(self, uav: str, slot: int) -> bool:
         """Return True if the place of `uav` at the start of `slot` is unknown, since the fix before may be missing."""
@@ -155,6 +144,11 @@ class Evidence:
             newest[key] = max(command.seq, newest.get(key, -1))
         return newest
 
+    @cached_property
+    def _leaders(self) -> set[tuple[str, int]]:
+        """The recorded heads and terms of plans and commands."""
+        return {(said.head, said.term) for said in (*self.plans, *self.recording.commands)}
+
     def command_lost(self, fix: Fix) -> bool:
         """Return True if the command that `fix` names may be missing from the recording, by its sequence number."""
         if any(
@@ -164,6 +158,9 @@ class Evidence:
         ):
             return True
         cut = [process for process in self.ends.cut if process[0] in self.index]
+        led = fix.command_term != fix.term or (fix.head, fix.term) in self._leaders
+        if not led and any(uav == fix.head for uav, _ in cut):
+            return True  # It led this term as a process of which nothing is recorded, whatever the numbers of another.
         return any(self._newest_command.get((*process, fix.uav), -1) < fix.command_seq for process in cut)
 
     def gap_notes(self) -> list[str]:
@@ -246,16 +243,20 @@ def gather(recording: Recording) -> Evidence:
     for command in recording.commands:
         commands[command.uav, command.slot].append(command)
     gaps, ends = find_gaps(recording), ends_of(recording)
+    plans, spans = plans_of(recording), unspoken_spans(fixes, ends)
+    untold = untold_of(recording, ends, plans, spans)
     return Evidence(
         recording=recording,
         mission=recording.mission,
         index=index,
-        tracks=_judgeable(recording, index, gaps, ends),
+        tracks=_judgeable(recording, index, gaps, ends, untold),
         fixes=fixes,
         commands=dict(commands),
-        plans=plans_of(recording),
+        plans=plans,
         gaps=gaps,
         ends=ends,
+        untold=untold,
+        spans=spans,
         whole=recording.mission,
     )
 
@@ -273,59 +274,30 @@ def _with_unknown_commands(recording: Recording) -> set[str]:
     return {fix.uav for fix in executed if (fix.uav, fix.slot, fix.command_term, fix.command_seq) not in said}
 
 
-def _untold(recording: Recording, ends: Ends) -> dict[str, set[str]]:
-    """Return, by kind, the UAVs of which the last messages of a process without a last word are missing.
-
-    In each slot a process publishes its truth and its fix, in a crowd the truth last; a head the commands for the next
-    slot, then its report. In one slot, its last, it may die in between, or land with a truth alone. Autopilots report
-    later.
-    """
-    if not ends.cut:
-        return {}
-    truths = _slots_of(ends, ((truth.uav, truth.instance, truth.slot) for truth in recording.truths))
-    fixes = _slots_of(ends, ((fix.uav, fix.instance, fix.slot) for fix in recording.fixes))
-    planned = _slots_of(ends, ((command.head, command.instance, command.slot - 1) for command in recording.commands))
-    reports = _slots_of(ends, ((report.head, report.instance, report.slot) for report in recording.reports))
-    later = autopilots(recording.mission).keys()
-    return {
-        "truth": {who[0] for who, slots in fixes.items() if _more(slots, truths.get(who)) > 1} - later,
-        "fix": {who[0] for who, slots in truths.items() if _more(slots, fixes.get(who)) > 1} - later,
-        "report": {who[0] for who, slots in planned.items() if _more(slots, reports.get(who)) > 1},
-    }
-
-
-def _slots_of(ends: Ends, said: Iterable[tuple[str, str, int]]) -> dict[tuple[str, str], set[int]]:
-    """Return the slots in which each process without a last word said something."""
-    slots: dict[tuple[str, str], set[int]] = {}
-    for source, instance, slot in said:
-        if (who := (source, instance)) in ends.cut:
-            slots.setdefault(who, set()).add(slot)
-    return slots
-
-
-def _more(slots: set[int], others: set[int] | None) -> int:
-    """Return how many of `slots` come after the last of `others`."""
-    last = max(others or (), default=-1)
-    return sum(slot > last for slot in slots)
-
-
-def _judgeable(recording: Recording, index: dict[str, int], gaps: list[Gap], ends: Ends) -> Tracks:
+def _judgeable(
+    recording: Recording, index: dict[str, int], gaps: list[Gap], ends: Ends, untold: Mapping[str, set[str]]
+) -> Tracks:
     """Return tracks in which every motion that is uncertain, since fixes or truths may be missing, is lost or NaN.
 
-    In a slot without a fix, a UAV with complete fixes held, and the place of one with incomplete fixes is unknown. No
-    number tells whether the last messages of a killed process are missing, so that is unknown where others are.
+    In a slot without a fix, a UAV with complete fixes held. The place of one with incomplete fixes is unknown, also if
+    its fix tells none, since it has lost its memory. No number tells whether the last messages of a killed process are
+    missing, so that is unknown where others are.
     """
     unknown_commands = _with_unknown_commands(recording)
     doubted = {uav for uav, _ in ends.cut if uav in index}
     holed = any(not gap.duplicate and (_KEY["fix"](gap.key) or _KEY["truth"](gap.key)) for gap in gaps)
-    if not (holed or unknown_commands or ends.unheard or any(_untold(recording, ends).values())):
+    if not (holed or unknown_commands or ends.unheard or any(untold.values())):
         doubted = set()
     tracks = tracks_of(recording, _lacking(gaps, ends, "command_to") | unknown_commands | doubted)
     no_fix = _holes(recording.fixes, "fix", index, gaps, ends, tracks.heard.shape)
     no_truth = _holes(recording.truths, "truth", index, gaps, ends, tracks.heard.shape)
     for uav in doubted:
         no_fix[:, index[uav]] = no_truth[:, index[uav]] = True
-    lost = tracks.lost | (~tracks.heard & no_fix)
+    placed = np.zeros_like(tracks.heard)
+    for fix in recording.fixes:
+        if fix.slot >= 0 and fix.uav in index and (fix.voter or fix.stray_m is not UNSET):
+            placed[fix.slot, index[fix.uav]] = True
+    lost = tracks.lost | (~placed & no_fix)
     if not (lost.any() or no_truth.any()):
         return tracks
     published = np.zeros_like(tracks.heard)

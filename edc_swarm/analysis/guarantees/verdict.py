@@ -5,6 +5,7 @@
 
 from __future__ import annotations
 
+from collections import Counter
 from collections.abc import Sequence
 from typing import Literal, get_args
 
@@ -88,6 +89,13 @@ class GuaranteeResult(Struct, frozen=True):
     def where(self) -> list[str]:
         """One line per violation, with slot, time and description."""
         return [str(violation) for violation in self.violations]
+
+    @property
+    def counted(self) -> str:
+        """The number of violations in words, and how many there are of each kind, the most frequent first."""
+        kinds = Counter(violation.kind for violation in self.violations)
+        each = ", ".join(f"{count} {kind}" for kind, count in kinds.most_common())
+        return f"{len(self.violations)} violations in all: {each}"
 
 
 def verdict(guarantee: str, title: str, violations: list[Violation], notes: list[str] | None = None) -> GuaranteeResult:

@@ -53,4 +53,5 @@ def report(
 def _shown(path: Path) -> Shown:
     whole, timings = read_recording(path), load_timings(path, note)
     metrics = compute_metrics(whole, timings)
-    return Shown(Page.of(whole, metrics.heads, timings), metrics, judged(whole), whole.run)
+    page = Page.of(whole, metrics.heads, timings, name=path.name.removesuffix(SUFFIX))
+    return Shown(page, metrics, judged(whole), whole.run)
