@@ -157,6 +157,21 @@ def _keep_thread_state() -> None:
     ctypes.pythonapi.PyGILState_Ensure()
 
 
+def subscribe(session: zenoh.Session, key: str, take: Callable[[zenoh.Sample], None]) -> zenoh.Subscriber[None]:
+    """Subscribe to what other processes publish on a key; `take` must only queue the sample."""
+    return session.declare_subscriber(key, hand_over(take), allowed_origin=zenoh.Locality.REMOTE)
+
+
+def ask_for(session: zenoh.Session, key: str, take: Callable[[zenoh.Sample], None]) -> None:
+    """Query what a process that joins late has missed on a key; `take` must only queue the sample."""
+
+    def take_reply(reply: zenoh.Reply) -> None:
+        if reply.ok is not None:
+            take(reply.ok)
+
+    session.get(key, hand_over(take_reply), consolidation=zenoh.ConsolidationMode.NONE)
+
+
 def put(session: zenoh.Session, key: str, payload: bytes, attachment: bytes | None = None) -> None:
     """Publish `payload` without blocking."""
     session.put(

@@ -14,7 +14,7 @@ import os
 import signal
 import sys
 import time
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
@@ -23,7 +23,7 @@ from typing import BinaryIO, NamedTuple
 import msgspec
 import zenoh
 
-from edc_swarm.errors import InputError, SwarmError
+from edc_swarm.errors import InputError
 from edc_swarm.mission.configuration import NS_PER_S
 from edc_swarm.mission.roles import OPERATOR, RECORDER
 from edc_swarm.protocol import retransmission
@@ -36,14 +36,14 @@ from edc_swarm.recording.sequences import tails_in
 from edc_swarm.recording.writer import Stamp, TooLarge
 from processes.bus.credentials import credentials
 from processes.bus.event_source import EventSource
-from processes.bus.operator_presence import OPERATOR_LOST_S, OperatorPresence
+from processes.bus.operator_presence import OperatorPresence
 from processes.bus.session import hand_over, open_client, put, query_in_background
 from processes.bus.subscriptions import Gate, Heard
 from processes.runtime.clock import MissionClock
-from processes.runtime.console import complain
+from processes.runtime.console import run_main
 from processes.runtime.inbox import SETTLE_S, Inbox
 from processes.runtime.output import held_for_writing
-from processes.runtime.parent import die_with_parent
+from processes.runtime.parent import end_with_parent
 from processes.runtime.priority import give_way
 from processes.services.backlog import Backlog
 from processes.services.orders import orders, outlast_operator
@@ -114,9 +114,9 @@ class Recorder:
         for key in self._keys.said_by(settings.uavs) if self._is_partial else [self._keys.everything]:
             self._session.declare_subscriber(key, hand_over(self._take))
         self._answers = {self._keys.orders(NAME): msgspec.json.encode(settings)}
-        self._away_s: Callable[[], float] | None = None
-        if not settings.parent:
-            self._away_s = partial(OperatorPresence(self._session).away_s, settings.mission)
+        self._mission = settings.mission
+        self._operators = None if settings.parent else OperatorPresence(self._session)
+        if self._operators is not None:
             for key in (self._keys.mission, *self._answers):
                 self._session.declare_queryable(key, hand_over(self._inbox.put))
         if not self._is_partial:
@@ -139,7 +139,7 @@ class Recorder:
                 self._end_s = min(self._end_s, time.monotonic())
             if time.monotonic() >= next_flush_s:
                 self._flush()
-                if self._is_deserted():
+                if self._operators is not None and self._operators.is_lost(self._mission):
                     self._end_s = min(self._end_s, time.monotonic())
                 next_flush_s = time.monotonic() + FLUSH_S
 
@@ -164,7 +164,9 @@ class Recorder:
             case zenoh.Query():
                 self._answer(item)
             case StopRecording():
-                self._stop_s = min(self._stop_s, time.monotonic() + (STOPPING_S if self._away_s else 0.0))
+                self._stop_s = min(
+                    self._stop_s, time.monotonic() + (STOPPING_S if self._operators else 0.0)
+                )
 
     def finish(self) -> None:
         """Complete the file with the facts of the run's end."""
@@ -180,13 +182,9 @@ class Recorder:
         """Publish an event of the recorder."""
         put(self._session, self._keys.event(NAME), encode(self._events.event(kind, detail)))
 
-    def _is_deserted(self) -> bool:
-        """Return True if the operator has been away for too long without a `closed` event."""
-        return self._away_s is not None and self._away_s() > OPERATOR_LOST_S
-
     def _is_stopped(self) -> bool:
         """Return True after `stop`, once the operator has left or its time is over."""
-        gone = self._away_s is None or self._away_s() > 0
+        gone = self._operators is None or self._operators.away_s(self._mission) > 0
         return self._stop_s < math.inf and (gone or time.monotonic() >= self._stop_s)
 
     def _answer(self, query: zenoh.Query) -> None:
@@ -306,8 +304,7 @@ def main() -> int:
     """Record one mission."""
     settings = orders(RecorderSettings, NAME)
     if settings.parent:
-        die_with_parent(settings.parent)
-        signal.signal(signal.SIGINT, signal.SIG_IGN)
+        end_with_parent(settings.parent)
     signal.signal(signal.SIGXFSZ, signal.SIG_IGN)
     recorder = None
     try:
@@ -335,7 +332,4 @@ def main() -> int:
 
 
 if __name__ == "__main__":
-    try:
-        sys.exit(main())
-    except SwarmError as error:
-        sys.exit(complain(error))
+    run_main(main)
