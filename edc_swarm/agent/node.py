@@ -73,7 +73,7 @@ class UavNode:
     airframe
         The emulated body, as last persisted.
     response_ms
-        Measured time to solve the reference slot QP, 0 if it was not measured.
+        Processor time in which this machine plans a reference slot, 0 if it was not measured.
     cpu_s
         Function that returns the processor time used so far, for the fix.
     body

@@ -164,9 +164,7 @@ class Recorder:
             case zenoh.Query():
                 self._answer(item)
             case StopRecording():
-                self._stop_s = min(
-                    self._stop_s, time.monotonic() + (STOPPING_S if self._operators else 0.0)
-                )
+                self._stop_s = min(self._stop_s, time.monotonic() + (STOPPING_S if self._operators else 0.0))
 
     def finish(self) -> None:
         """Complete the file with the facts of the run's end."""
