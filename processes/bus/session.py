@@ -72,7 +72,6 @@ def open_client(
     *,
     timeout_ms: int = -1,
     observer: bool = False,
-    lease_ms: int = SESSION_LEASE_MS,
 ) -> zenoh.Session:
     """Connect to the router at `endpoint`; wait without a time limit unless `timeout_ms` is given."""
     sys.setswitchinterval(OBSERVER_SWITCH_S if observer else SWITCH_S)
@@ -86,7 +85,6 @@ def open_client(
             "connect/retry": OBSERVER_RETRY if observer else CONNECT_RETRY,
             **(PATIENT if observer else {}),
         },
-        lease_ms,
         CLIENT_THREADS,
     )
 
@@ -107,7 +105,6 @@ def open_router(
     access: Mapping[str, Any] | None = None,
     *,
     link: str = "",
-    lease_ms: int = SESSION_LEASE_MS,
 ) -> zenoh.Session:
     """Open the session of a router that listens at `endpoint`; raise `zenoh.ZError` if it cannot listen.
 
@@ -127,7 +124,6 @@ def open_router(
             **({**LINKED, "connect/endpoints": [link]} if link else {}),
             **DEEP_QUEUE,
         },
-        lease_ms,
         ROUTER_THREADS,
     )
 
@@ -197,12 +193,12 @@ def is_connected(session: zenoh.Session) -> bool:
     return bool(session.info.routers_zid())
 
 
-def _open(settings: dict[str, Any], lease_ms: int, threads: str) -> zenoh.Session:
+def _open(settings: dict[str, Any], threads: str) -> zenoh.Session:
     """Open a session; the first one of a process sets its number of threads, and leaves its children's alone."""
     shared = {
         "scouting/multicast/enabled": False,
         "scouting/gossip/enabled": False,
-        "transport/link/tx/lease": lease_ms,
+        "transport/link/tx/lease": SESSION_LEASE_MS,
         "transport/link/rx/max_message_size": MAX_RECEIVED_BYTES,
         "transport/shared_memory/enabled": False,
     }
