@@ -29,7 +29,7 @@ from edc_swarm.mission.roles import OPERATOR, RECORDER
 from edc_swarm.protocol import retransmission
 from edc_swarm.protocol.codec import MAX_MISSION_BYTES, encode
 from edc_swarm.protocol.events import EventKind
-from edc_swarm.protocol.gap_repair import Holes, Publisher
+from edc_swarm.protocol.gap_repair import Gaps, Publisher
 from edc_swarm.protocol.keys import Keys, kind_of
 from edc_swarm.protocol.messages import Event
 from edc_swarm.recording.sequences import tails_in
@@ -106,7 +106,7 @@ class Recorder:
         self._reported = _Losses(0, 0)
         self._backlog = Backlog()
         self._gate = Gate(partial(self.tell, EventKind.MALFORMED))
-        self._holes = Holes(settings.mission, self.file.known)
+        self._gaps = Gaps(settings.mission, self.file.known)
         self._end_s = self._stop_s = math.inf
         give_way()  # Before Zenoh's threads begin, which inherit it.
         self._session = open_client(settings.endpoint, credentials(settings.certs, settings.certified), observer=True)
@@ -145,10 +145,10 @@ class Recorder:
 
     def _is_done(self) -> bool:
         """Return True if the mission has ended, and no message is outstanding or its deadline has passed."""
-        return self._end_s < math.inf and (not self._holes.outstanding or time.monotonic() >= self._end_s)
+        return self._end_s < math.inf and (not self._gaps.outstanding or time.monotonic() >= self._end_s)
 
     def _patience_s(self, next_flush_s: float) -> float:
-        next_ask_s = None if self._backlog.is_behind else self._holes.next_s
+        next_ask_s = None if self._backlog.is_behind else self._gaps.next_s
         due_s = min(next_flush_s, self._end_s, self._stop_s, next_ask_s if next_ask_s is not None else math.inf)
         return due_s - time.monotonic()
 
@@ -217,7 +217,7 @@ class Recorder:
         """
         if self._backlog.is_behind:
             return
-        for publisher, ask in self._holes.due(time.monotonic()):
+        for publisher, ask in self._gaps.due(time.monotonic()):
             if self._is_partial and not ask.wanted:
                 continue
             take = partial(self._take_reply, publisher)
@@ -242,7 +242,7 @@ class Recorder:
             if len(kept.payload) <= self.file.limit_bytes(kept.key)
             and _is_of(publisher, kept.seq, self.file.stamp(kept))
         ]
-        taken = self._holes.answered(publisher, msgspec.structs.replace(answer, found=consistent), time.monotonic())
+        taken = self._gaps.answered(publisher, msgspec.structs.replace(answer, found=consistent), time.monotonic())
         for kept in filter(lambda kept: self.file.has_place(kept.key), taken):
             self._write(Received(kept.key, kept.payload, self._clock.now_ns(), kept.stamp), fetched=True)
 
@@ -253,7 +253,7 @@ class Recorder:
         if not self.file.has_place(message.key):
             return
         stamp = self.file.stamp(message)
-        if self._holes.heard(message.key, stamp.instance, stamp.seq, message.payload, time.monotonic()):
+        if self._gaps.heard(message.key, stamp.instance, stamp.seq, message.payload, time.monotonic()):
             self._write(message)
 
     def _write(self, message: Received, *, fetched: bool = False) -> None:
@@ -269,7 +269,7 @@ class Recorder:
             return
         message = self._gate.admit(Heard(key, payload))
         if isinstance(message, Event) and message.kind == EventKind.CLOSED:
-            self._holes.closed(message.source, message.instance, tails_in(message), time.monotonic())
+            self._gaps.closed(message.source, message.instance, tails_in(message), time.monotonic())
             if message.source == OPERATOR:
                 self._end_s = min(self._end_s, time.monotonic() + CLOSING_S)
 
