@@ -132,8 +132,7 @@ class Foreign:
 
     def heard(self, slot: int) -> list[ForeignUav]:
         """Return the near UAVs whose fixes of `slot` have come, in roster order."""
-        newest, straying = self._knowledge.newest.values(), self._knowledge.straying
-        found = [fix for fix in newest if fix.slot == slot and fix.uav not in straying]
+        found = [fix for fix in self._knowledge.newest.values() if fix.slot >= slot and self._is_heard(fix.uav, slot)]
         return [self._seen(fix) for fix in sorted(found, key=lambda fix: self.tables.index[fix.uav])]
 
     def hulls(self, slot: int, *, strays: bool, own: Collection[Point] = ()) -> list[Hull]:
@@ -145,9 +144,8 @@ class Foreign:
         return [
             self._hull(uav, slot)
             for uav in (self._in_order(self._knowledge.straying) if strays else self._candidates(slot, box_m))
-            if self._knowledge.strays(uav) == strays
-            and (strays or self._knowledge.last_slot(uav) != slot)
-            and not self._knowledge.is_on_ground(uav, slot + 1)
+            if not (self._is_heard(uav, slot) or self._knowledge.is_on_ground(uav, slot + 1))
+            and self._knowledge.strays(uav) == strays
             and not self._is_far(uav, slot, box_m)
         ]
 
@@ -215,6 +213,9 @@ class Foreign:
         (left_m, low_m), (right_m, high_m) = box_m
         away_m = max(left_m - x_m, x_m - right_m, low_m - y_m, y_m - high_m)
         return away_m > self._near_m + span_m
+
+    def _is_heard(self, uav: str, slot: int) -> bool:
+        return self._knowledge.last_slot(uav) == slot and not self._knowledge.strays(uav)
 
     def _hull(self, uav: str, slot: int) -> Hull:
         if self._knowledge.strays(uav):

@@ -15,6 +15,7 @@ LONG_MODULES = {
 }
 """Modules that are longer today, and the lines that each may have: none may grow."""
 LARGE_CLASSES = {
+    "Foreign": 21,
     "Knowledge": 25,
     "Operator": 21,
     "Pilot": 23,
