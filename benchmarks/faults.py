@@ -23,7 +23,6 @@ from rich.progress import track
 
 from edc_swarm.analysis.guarantees.check import check
 from edc_swarm.analysis.metrics import Metrics, compute_metrics
-from edc_swarm.protocol.events import EventKind
 from edc_swarm.recording.model import Recording
 from edc_swarm.recording.reader import read_recording
 
@@ -49,10 +48,6 @@ class Flight:
         """True if every UAV that lives at the end is at its target, and none that lived has landed elsewhere."""
         away = self.metrics.not_home
         return all(who.uav in self.metrics.not_living and who.cause != "landed" for who in away)
-
-    def fault_slot(self, verb: str) -> int:
-        """Return the slot of the injected fault."""
-        return next(e.slot for e in self.recording.events if e.kind == EventKind.FAULT and e.detail.startswith(verb))
 
     def planned_between(self, first: int, last: int) -> int:
         """Return the number of reports with a plan for slots first..last."""

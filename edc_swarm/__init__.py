@@ -27,7 +27,7 @@ else:
 
     def __getattr__(name: str) -> object:
         """Return a public name, or the list of all; a package of this one is imported without the public names."""
-        from importlib import import_module, util  # noqa: PLC0415  (only for who uses a name)
+        from importlib import import_module, util  # noqa: PLC0415  (only where a name is used)
 
         special = name.startswith("__") and name != "__all__"
         if not special and (name == "__all__" or util.find_spec(f"{__name__}.{name}") is None):

@@ -88,6 +88,17 @@ class ClaimTiming:
     cut_off: bool = False
     vain_slots: int = 0
 
+    def head_may_be_back(self, slot: int, since_slot: int, heard_slot: int) -> bool:
+        """Return True if a standby leaves `slot` to the head, which may gather its quorum again.
+
+        It leaves one whole slot if it heard the head lately (in `heard_slot`), or if it was cut off from most UAVs
+        until now. After an outage of the router all UAVs suspect a head that still runs; after a claim that head and
+        the standby would outbid each other.
+        """
+        if self.head_gone:
+            return False
+        return self.cut_off or (heard_slot >= slot - 1 and slot <= since_slot + 1)
+
 
 class Election:
     """Election state of one UAV.
@@ -182,9 +193,11 @@ class Election:
                 self._adopt(theirs)
         self._claim_if_next()
 
-    def hear_command(self) -> None:
-        """Renew the lease: the head granted has sent this UAV a command."""
-        self._renew()
+    def renew_lease(self) -> None:
+        """Trust the head granted for another lease: it has sent this UAV a command, or a report with a quorum."""
+        self._lease.renew(self.slot)
+        self._timing.vain_slots = 0
+        self.candidates.note_lead()
 
     def hear_report(self, report: Report) -> None:
         """Process a report: a sign of life, a proof of a newer term, a claim or a handover.
@@ -203,7 +216,7 @@ class Election:
         elif report.has_quorum and report.term > self.term:
             self._adopt(theirs)
         if report.has_quorum and theirs == self.grant:
-            self._renew()
+            self.renew_lease()
             self.standbys = tuple(report.standby)
             self._hear_successor(report)
 
@@ -216,7 +229,7 @@ class Election:
 
     def planned(self) -> None:
         """Renew the own lease: a head with a quorum leads, and its claim has done its work."""
-        self._renew()
+        self.renew_lease()
         self.claim = None
 
     def pick_successor(self, heard: Sequence[Fix], everyone_heard: bool) -> Grant | None:
@@ -229,11 +242,6 @@ class Election:
         may_hand_over = everyone_heard and self.slot - self._granted_slot >= office_slots
         newest = list(self._knowledge.recent(self.slot - 2))
         return self.candidates.successor((self.term, self._uav), heard, newest, may_hand_over)
-
-    def _renew(self) -> None:
-        self._lease.renew(self.slot)
-        self._timing.vain_slots = 0
-        self.candidates.note_lead()
 
     def _adopt(self, grant: Grant) -> None:
         """Grant a higher term. Only this method changes the grant, so terms only grow."""
@@ -264,25 +272,15 @@ class Election:
             self._timing.since = None
             return
         since = self._timing.since = self.slot if self._timing.since is None else self._timing.since
-        if not self._earlier_standby_lives(since) and not self._head_may_be_back(since):
+        heard_slot = self._knowledge.last_slot(self.head)
+        may_be_back = self._timing.head_may_be_back(self.slot, since, heard_slot)
+        if not (may_be_back or self._earlier_standby_lives(since)):
             self._claim(self.term + 1, self._knowledge.suspecting(self.slot - 1, self.term, self._uav))
 
     def _claim(self, term: int, suspecting: Sequence[str]) -> None:
         """Grant oneself `term`, and say which others suspect the old head."""
         self._adopt((term, self._uav))
         self.claim = TermClaim(term, (self._uav, *suspecting))
-
-    def _head_may_be_back(self, since_slot: int) -> bool:
-        """Return True if the standby leaves this slot to the head, which may gather its quorum again.
-
-        It leaves one whole slot if it heard the head lately, or if it was cut off from most UAVs until now. After an
-        outage of the router all UAVs suspect a head that still runs; after a claim that head and the standby would
-        outbid each other.
-        """
-        if self._timing.head_gone:
-            return False
-        heard_lately = self._knowledge.last_slot(self.head) >= self.slot - 1
-        return self._timing.cut_off or (heard_lately and self.slot <= since_slot + 1)
 
     def _earlier_standby_lives(self, since_slot: int) -> bool:
         """Return True if a better standby was heard lately and still has time, one lease each, to claim."""

@@ -6,6 +6,8 @@ import math
 
 from edc_swarm.agent.knowledge import Grant
 from edc_swarm.agent.vehicle import Promise, Situation, Vehicle, refusal
+from edc_swarm.mission.faults import OrderLanding, VehicleFault
+from edc_swarm.protocol.events import EventKind
 from edc_swarm.protocol.messages import Command
 
 MAX_PENDING = 4
@@ -21,17 +23,12 @@ class Flight:
         The vehicle that flies.
     voter
         False for a UAV that lost its promise: it flies no command.
-
-    Attributes
-    ----------
-    ordered_down
-        True for a UAV that is to land: it flies no command, and lands once it rests.
     """
 
     def __init__(self, vehicle: Vehicle, voter: bool) -> None:
         self._vehicle = vehicle
         self.voter = voter
-        self.ordered_down = False
+        self._ordered_down = False
         self._pending: dict[int, Command] = {}
         self.flown: Command | None = None
         self.held_slots = 0
@@ -48,18 +45,40 @@ class Flight:
         """Discard the pending commands."""
         self._pending.clear()
 
+    def disturb(self, fault: VehicleFault) -> None:
+        """Let a fault act. A UAV that is ordered to land flies no command from now on, and lands once it rests."""
+        if isinstance(fault, OrderLanding):
+            self._ordered_down = True
+        else:
+            self._vehicle.disturb(fault)
+
+    def give_up(self) -> None:
+        """Give up the vote, and all commands: the vehicle follows them no more."""
+        self.voter = False
+        self.discard()
+
     def begin_slot(self, slot: int, slots: int, grant: Grant, late: bool) -> None:
         """Fly the pending command of `slot` if it is valid, else brake; the last call was `slots` slots ago."""
         self._vehicle.brake_until(slot)
         command = self._pending.pop(slot, None)
         refused = command is not None and refusal(command, self._situation(slot, command, grant, late)) is not None
-        if refused or self.ordered_down:
+        if refused or self._ordered_down:
             command = None
         self._pending = {later: kept for later, kept in self._pending.items() if later > slot}
         self._vehicle.begin_slot(slots, command)
         self.flown = command
         self.late_ticks += late
         self.held_slots += slots - 1 + (command is None)
+
+    def ending(self, slot: int) -> tuple[EventKind, str] | None:
+        """Return why the UAV lands in `slot`, as the event that says so; None if it flies on."""
+        if self._vehicle.energy_j <= 0.0:
+            return EventKind.BATTERY_EMPTY, ""
+        if self._ordered_down and self._vehicle.rests:
+            return EventKind.LANDED, "the operator ordered it to land"
+        if self._vehicle.must_land(slot):
+            return EventKind.LANDED, f"no accepted step since slot {self._vehicle.stepped_slot}"
+        return None
 
     def promise(self, slot: int, grant: Grant) -> Promise | None:
         """Return the promise to persist; None for a UAV that lost its promise."""

@@ -11,7 +11,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Collection
+from collections.abc import Collection, Set
 from functools import cached_property
 from typing import TYPE_CHECKING, Any
 
@@ -41,6 +41,8 @@ class Foreign:
 
     Attributes
     ----------
+    tables
+        Tables of the whole mission.
     near
         UAVs whose fixes this one needs as head, or soon may need.
     awaited
@@ -49,8 +51,8 @@ class Foreign:
 
     def __init__(self, mission: Mission, cluster: str, tables: MissionTables[Any] | None = None) -> None:
         self._mission = mission
-        self._tables = tables if tables is not None else MissionTables(mission)
-        self._own = self._tables.members(cluster).keys()
+        self.tables = tables if tables is not None else MissionTables(mission)
+        self._own = self.tables.members(cluster).keys()
         self._next_look = 0
         self._early: dict[str, Report] = {}
         self.near: frozenset[str] = frozenset()
@@ -60,20 +62,20 @@ class Foreign:
 
     @cached_property
     def _knowledge(self) -> Knowledge:
-        return Knowledge(self._tables.entries, self._tables.index)
+        return Knowledge(self.tables.entries, self.tables.index)
 
     @cached_property
     def _newest(self) -> NDArray[np.float64]:
         """Place and slot of the newest fix of every UAV, a column each; without one the start, and -1."""
         import numpy as np  # noqa: PLC0415 - a UAV that is not in office starts without it
 
-        starts_m = self._tables.starts_m
+        starts_m = self.tables.starts_m
         return np.vstack([starts_m, np.full(starts_m.shape[1], -1.0)])
 
     @cached_property
     def _near_m(self) -> float:
-        step_m, brake_m = self._tables.longest_m
-        widest_m = max((r_m for uav, r_m in self._tables.r_m.items() if uav not in self._own), default=0.0)
+        step_m, brake_m = self.tables.longest_m
+        widest_m = max((r_m for uav, r_m in self.tables.r_m.items() if uav not in self._own), default=0.0)
         # More than two UAVs can close in by in a slot: their steps, and the braking paths before and after them.
         return 2 * (max(self._mission.r_m, widest_m) + NEAR_SLOTS * step_m + 2 * brake_m)
 
@@ -83,7 +85,7 @@ class Foreign:
 
     def __contains__(self, uav: str) -> bool:
         """Return True for a UAV of another cluster."""
-        return uav not in self._own and uav in self._tables.entries
+        return uav not in self._own and uav in self.tables.entries
 
     def hear(self, message: Message, slot: int) -> bool:
         """Keep what a UAV of another cluster says; return False for any other message."""
@@ -106,14 +108,14 @@ class Foreign:
     def _note(self, uav: str) -> None:
         fix = self._knowledge.newest.get(uav)
         if fix is not None:
-            self._newest[:, self._tables.index[uav]] = fix.waypoint_x_m, fix.waypoint_y_m, fix.slot
+            self._newest[:, self.tables.index[uav]] = fix.waypoint_x_m, fix.waypoint_y_m, fix.slot
 
     def hear_report(self, report: Report, slot: int) -> None:
         """Keep the hulls of a foreign head's report, and who has landed by it, if a quorum of its cluster backs it.
 
         One of a slot after the receiver's `slot` waits for it: its hulls say where UAVs come to, not where they are.
         """
-        if not self._tables.backing.is_plan(report):
+        if not self.tables.backing.is_plan(report):
             return
         if report.slot > slot:
             self._early[report.head] = report
@@ -131,7 +133,7 @@ class Foreign:
     def heard(self, slot: int) -> list[ForeignUav]:
         """Return the near UAVs whose fixes of `slot` have come, in roster order."""
         found = [fix for fix in self._knowledge.newest.values() if fix.slot >= slot and self._is_heard(fix.uav, slot)]
-        return [self._seen(fix) for fix in sorted(found, key=lambda fix: self._tables.index[fix.uav])]
+        return [self._seen(fix) for fix in sorted(found, key=lambda fix: self.tables.index[fix.uav])]
 
     def hulls(self, slot: int, *, strays: bool, own: Collection[Point] = ()) -> list[Hull]:
         """Return where the others are at the end of `slot`, or in the next slot those that stray, in roster order.
@@ -141,8 +143,8 @@ class Foreign:
         box_m = _box_m(own)
         return [
             self._hull(uav, slot)
-            for uav in (self._straying() if strays else self._candidates(slot, box_m))
-            if not (self._is_heard(uav, slot) or self._is_gone(uav, slot))
+            for uav in (self._in_order(self._knowledge.straying) if strays else self._candidates(slot, box_m))
+            if not (self._is_heard(uav, slot) or self._knowledge.is_on_ground(uav, slot + 1))
             and self._knowledge.strays(uav) == strays
             and not self._is_far(uav, slot, box_m)
         ]
@@ -162,7 +164,7 @@ class Foreign:
         hulls = {
             uav: self._hull(uav, slot)
             for uav in self._candidates(slot, box_m)
-            if not (self._is_gone(uav, slot) or self._is_far(uav, slot, box_m))
+            if not (self._knowledge.is_on_ground(uav, slot + 1) or self._is_far(uav, slot, box_m))
         }
         if not hulls:
             return frozenset()
@@ -176,9 +178,9 @@ class Foreign:
                 near.append((away_m, uav))
         return frozenset(uav for _, uav in sorted(near)[:MAX_NEAR])
 
-    def _straying(self) -> list[str]:
-        """Return the foreign UAVs that stray, in roster order."""
-        return sorted(self._knowledge.straying - self._own, key=self._tables.index.__getitem__)
+    def _in_order(self, uavs: Set[str]) -> list[str]:
+        """Return the foreign ones of these UAVs, in roster order."""
+        return sorted(uavs - self._own, key=self.tables.index.__getitem__)
 
     def _candidates(self, slot: int, box_m: tuple[Point, Point] | None) -> list[str]:
         """Return the foreign UAVs in roster order, without most of those that are far from a rectangle (`_is_far`).
@@ -186,7 +188,7 @@ class Foreign:
         One look at all of them at once: to ask for each would take a head of a mission with thousands longer than its
         plan.
         """
-        tables = self._tables
+        tables = self.tables
         if box_m is None:
             return [uav for uav in tables.entries if uav not in self._own]
         import numpy as np  # noqa: PLC0415 - a UAV that is not in office starts without it
@@ -197,17 +199,17 @@ class Foreign:
         away_m = np.maximum(np.maximum(left_m - x_m, x_m - right_m), np.maximum(low_m - y_m, y_m - high_m))
         span_m = step_m * (1.0 + np.maximum(slot - newest_slot, 1.0)) + brake_m
         close = {self._mission.roster[index].uav for index in np.flatnonzero(away_m <= self._near_m + span_m + SLACK_M)}
-        return sorted((close | self._knowledge.straying) - self._own, key=tables.index.__getitem__)
+        return self._in_order(close | self._knowledge.straying)
 
     def _is_far(self, uav: str, slot: int, box_m: tuple[Point, Point] | None) -> bool:
-        """Return True if a UAV cannot be near a rectangle, by its newest fix or its start alone, which is soon said."""
+        """Return True if a UAV cannot be near a rectangle, by its newest fix or its start alone: a cheap test."""
         if box_m is None or self._knowledge.strays(uav):
             return False
-        fix, entry, step_m = self._knowledge.newest.get(uav), self._tables.entries[uav], self._tables.rules.u_max_m[uav]
+        fix, entry, step_m = self._knowledge.newest.get(uav), self.tables.entries[uav], self.tables.rules.u_max_m[uav]
         x_m, y_m = (entry.start_x_m, entry.start_y_m) if fix is None else (fix.waypoint_x_m, fix.waypoint_y_m)
         slots = slot - (-1 if fix is None else fix.slot)
         # Its last step leads to the waypoint; no braking path is longer than after a step at full speed.
-        span_m = step_m + self._tables.rules.reach_m(uav, max(slots, 1), step_m)
+        span_m = step_m + self.tables.rules.reach_m(uav, max(slots, 1), step_m)
         (left_m, low_m), (right_m, high_m) = box_m
         away_m = max(left_m - x_m, x_m - right_m, low_m - y_m, y_m - high_m)
         return away_m > self._near_m + span_m
@@ -215,18 +217,22 @@ class Foreign:
     def _is_heard(self, uav: str, slot: int) -> bool:
         return self._knowledge.last_slot(uav) == slot and not self._knowledge.strays(uav)
 
-    def _is_gone(self, uav: str, slot: int) -> bool:
-        return self._knowledge.is_on_ground(uav, slot + 1)
-
     def _hull(self, uav: str, slot: int) -> Hull:
         if self._knowledge.strays(uav):
-            return self._knowledge.stray_hull(uav, slot + 1, self._tables.free_m[uav])
-        return self._knowledge.place_after(uav, slot, self._tables.rules, self._tables.r_m[uav])
+            return self._knowledge.stray_hull(uav, slot + 1, self.tables.free_m[uav])
+        return self._knowledge.place_after(uav, slot, self.tables.rules, self.tables.r_m[uav])
 
     def _seen(self, fix: Fix) -> ForeignUav:
-        here_m, entry = (fix.waypoint_x_m, fix.waypoint_y_m), self._tables.entries[fix.uav]
-        aim_m, rest_m = fix.course.aim(entry, here_m, self._tables.rules.u_max_m[fix.uav], self._mission.dt_s)
+        here_m, entry = (fix.waypoint_x_m, fix.waypoint_y_m), self.tables.entries[fix.uav]
+        aim_m, rest_m = fix.course.aim(entry, here_m, self.tables.rules.u_max_m[fix.uav], self._mission.dt_s)
         return ForeignUav(self._knowledge.index[fix.uav], here_m, (fix.from_x_m, fix.from_y_m), aim_m, rest_m, fix.r_m)
+
+
+def places_m(cluster: Mission, knowledge: Knowledge) -> list[Point]:
+    """Return where the UAVs of a cluster are by their newest fixes; where they start, without one."""
+    places = {entry.uav: (entry.start_x_m, entry.start_y_m) for entry in cluster.roster}
+    places |= {fix.uav: (fix.waypoint_x_m, fix.waypoint_y_m) for fix in knowledge.newest.values()}
+    return list(places.values())
 
 
 def _box_m(places: Collection[Point]) -> tuple[Point, Point] | None:

@@ -21,11 +21,10 @@ from msgspec import UNSET
 
 from edc_swarm.agent.foreign import Foreign
 from edc_swarm.agent.knowledge import ABSENT_SLOTS, Grant, HullRules, Knowledge
-from edc_swarm.mission.braking import change_of, changes_m
+from edc_swarm.mission.braking import changes_m
 from edc_swarm.mission.configuration import Mission
 from edc_swarm.mission.failsafe import failsafe_of
 from edc_swarm.mission.roster_entry import RosterEntry
-from edc_swarm.mission.vehicle_budget import vehicle_of
 from edc_swarm.planner.interface import Hull, Plan, Planner, PlanRequest, plan_ms
 from edc_swarm.protocol.messages import Command, Fix, Report
 
@@ -87,18 +86,11 @@ class Head:
 
     @cached_property
     def _rules(self) -> HullRules:
-        mission, roster = self._mission, self._mission.roster
-        steps_m = {entry.uav: mission.step_m(entry) for entry in roster}
-        return HullRules(steps_m, mission.lag_slots, {entry.uav: change_of(mission, entry) for entry in roster})
+        return self._foreign.tables.rules
 
     @cached_property
     def _with_previous(self) -> bool:
         return self._mission.lag_slots > 0 or changes_m(self._mission) is not None
-
-    @cached_property
-    def _free_m(self) -> dict[str, float]:
-        mission = self._mission
-        return {entry.uav: vehicle_of(mission, entry).free_mps * mission.dt_s for entry in mission.roster}
 
     def take_office(self, grant: Grant) -> None:
         """Begin a term and forget the older one."""
@@ -170,7 +162,7 @@ class Head:
 
     def _hull(self, uav: str, slot: int) -> Hull:
         if self._knowledge.strays(uav):
-            return self._knowledge.stray_hull(uav, slot + 1, self._free_m[uav])
+            return self._knowledge.stray_hull(uav, slot + 1, self._foreign.tables.free_m[uav])
         office = self.office
         return self._knowledge.hull(uav, office.grant, office.t0, office.sent, self._rules)
 

@@ -45,8 +45,8 @@ class NoElection:
     def hear_fix(self, fix: Fix) -> None:
         """Ignore what a fix says of heads."""
 
-    def hear_command(self) -> None:
-        """Ignore a command as a sign of life."""
+    def renew_lease(self) -> None:
+        """Trust nobody for longer: a command comes from the UAV itself."""
 
     def hear_report(self, report: Report) -> None:
         """Ignore a report: nobody leads."""

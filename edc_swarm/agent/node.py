@@ -11,10 +11,8 @@ A slot, from inside (the rules are named in ARCHITECTURE.md):
    and waypoint; it publishes truth and fix;
 2. a head collects fixes until all are in, or until `tau_s` (later if the quorum is late); it plans the
    next slot once, publishes a command to each UAV heard, then the report;
-3. a message may change the grant or the suspicion: the UAV then persists its promise and retransmits its fix
-   within the slot. A UAV that expected a command for this slot and has none retransmits its fix once too, half of
-   `tau_s` into the slot: its last fix may be lost, and a head without a quorum of fixes cannot plan. If its tick was
-   later than a quarter of `tau_s` it does not: twice the fixes would keep an overloaded machine without commands.
+3. a message may change the grant or the suspicion: the UAV then persists its promise and sends its fix again within
+   the slot. A UAV that expected a command for this slot and has none sends its fix once more too (`announcer`).
 """
 
 from __future__ import annotations
@@ -23,6 +21,7 @@ from collections.abc import Callable, Sequence
 
 import msgspec
 
+from edc_swarm.agent.announcer import Announcer
 from edc_swarm.agent.effects import (
     Disturbed,
     Effect,
@@ -39,24 +38,23 @@ from edc_swarm.agent.effects import (
     WantPlanner,
 )
 from edc_swarm.agent.election import Election
-from edc_swarm.agent.flight import MAX_PENDING, Flight
-from edc_swarm.agent.foreign import Foreign
+from edc_swarm.agent.flight import Flight
+from edc_swarm.agent.foreign import Foreign, places_m
 from edc_swarm.agent.goals import course_of, is_new
 from edc_swarm.agent.knowledge import Grant, Knowledge
-from edc_swarm.agent.leadership import Leadership, startup_candidates
+from edc_swarm.agent.leadership import Leadership
 from edc_swarm.agent.local import LocalControl, NoElection
 from edc_swarm.agent.mission_tables import MissionTables
-from edc_swarm.agent.outgoing import M, Outgoing
+from edc_swarm.agent.outgoing import Outgoing
 from edc_swarm.agent.repetition import Repetition
 from edc_swarm.agent.slot_clock import SlotClock
 from edc_swarm.agent.vehicle import Airframe, Promise, Vehicle
 from edc_swarm.emulation.body import Body
 from edc_swarm.emulation.energy import compute_energy_j
-from edc_swarm.mission.faults import OrderLanding
 from edc_swarm.planner.interface import Planner, plan_ms
 from edc_swarm.protocol.events import EventKind
 from edc_swarm.protocol.goals import GoalAnswer
-from edc_swarm.protocol.messages import Command, Fix, Goal, Message, MissionMessage, Report, Truth
+from edc_swarm.protocol.messages import Command, Fix, Goal, Message, MissionMessage, Report
 
 
 class UavNode:
@@ -75,7 +73,7 @@ class UavNode:
     airframe
         The emulated body, as last persisted.
     response_ms
-        Measured time to solve the reference slot QP, 0 if it was not measured.
+        Processor time in which this machine plans a reference slot, 0 if it was not measured.
     cpu_s
         Function that returns the processor time used so far, for the fix.
     body
@@ -122,11 +120,19 @@ class UavNode:
             self._leadership = Leadership(own, uav, self._knowledge, election, self._clock, self._foreign)
         self._outgoing = Outgoing(own, uav, instance, voter, response_ms, cpu_s)
         self._repetition = Repetition(own, uav, self._clock)
-        self._said: tuple[Grant, bool] | None = None
+        self._announcer = Announcer(
+            self._outgoing,
+            self._vehicle,
+            self._flight,
+            self._knowledge,
+            self._election,
+            self._leadership,
+            self._repetition,
+            self._clock,
+            radio_j=mission.energy.radio_j_per_message,
+        )
         self._listening: Listen | None = None
-        self._again_ns: int | None = None
         self._refused_slot = -1
-        self._out: list[Effect] = []
 
     @property
     def grant(self) -> Grant:
@@ -164,10 +170,8 @@ class UavNode:
         if leadership.own_command is not None or leadership.plan_due(self.slot, now_ns):
             return now_ns
         due_ns = [clock.start_ns(clock.slot_at(now_ns) + 1)]
-        if self._again_ns is not None:
-            due_ns.append(max(self._again_ns, now_ns))
-        if self._repetition.next_ns is not None:
-            due_ns.append(max(self._repetition.next_ns, now_ns))
+        again_ns = (self._announcer.again_ns, self._repetition.next_ns)
+        due_ns += [max(at_ns, now_ns) for at_ns in again_ns if at_ns is not None]
         if leadership.collects(self.slot) and now_ns < leadership.deadline_ns(self.slot):
             due_ns.append(leadership.deadline_ns(self.slot))
         return min(due_ns)
@@ -198,25 +202,33 @@ class UavNode:
                 self._election.peer_gone(uav)
             case PlannerReady(planner):
                 self._leadership.planner = planner
-            case Disturbed(OrderLanding()):
-                self._flight.ordered_down = True
             case Disturbed(fault):
-                self._vehicle.disturb(fault)
+                self._flight.disturb(fault)
             case Strayed(why):
-                self._out.append(self.event(EventKind.STRAYED, why))
-                return self._begin_straying()
+                self._announcer.say_event(self.slot, EventKind.STRAYED, why)
+                self._strays = True
+                self._flight.give_up()
+                return [*self._announcer.take_effects(), Listen(False)]
             case Tick() if not began:
                 self._do_due(now_ns)
-        self._settle(now_ns)
-        self._tell_wishes()
-        out, self._out = self._out, []
-        return out
+        if not self.ended:
+            self._announcer.say_change(self.slot, now_ns)
+        return [*self._announcer.take_effects(), *self.wishes()]
 
     def wishes(self) -> list[Effect]:
-        """Return the effects by which this UAV prepares for its first slot: what it listens to, and a planner."""
-        self._tell_wishes()
-        out, self._out = self._out, []
-        return out
+        """Return what this UAV asks of its shell from now on: other messages to listen to, and a planner."""
+        wishes: list[Effect] = []
+        if self.ended:
+            return wishes
+        before, listens, near = self._listening, self._election.listens, self._foreign.near
+        if before is None or before.all_fixes != listens or before.near != near:
+            self._listening = Listen(listens, near)
+            if before is None or before.all_fixes != listens:
+                self._repetition.begin_listening()
+            wishes.append(self._listening)
+        if self._leadership.wants_planner():
+            wishes.append(WantPlanner(rehearsed=self.slot < 0 or not self.is_awaited))
+        return wishes
 
     def _do_due(self, now_ns: int) -> None:
         planner = self._leadership.planner
@@ -225,19 +237,12 @@ class UavNode:
                 self._plan_own(self._leadership, planner)
             else:
                 self._plan(self._leadership, planner, now_ns)
-        elif self._again_ns is not None and now_ns >= self._again_ns:
-            self._again_ns = None
-            self._say(now_ns, with_truth=False)
+        elif self._announcer.again_ns is not None and now_ns >= self._announcer.again_ns:
+            self._announcer.again_ns = None
+            self._announcer.say(self.slot, now_ns, with_truth=False)
         else:
             for copy in self._repetition.due(now_ns):
-                self._publish(copy)
-
-    def _begin_straying(self) -> list[Effect]:
-        """Give up command, vote and office: the UAV is unheard from now on, and only says where it is."""
-        self._strays, self._flight.voter, self._again_ns = True, False, None
-        self._flight.discard()
-        out, self._out = [*self._out, Listen(False)], []
-        return out
+                self._announcer.publish(copy)
 
     def _stray(self, now_ns: int) -> list[Effect]:
         """Say once a slot where the vehicle is, or how far it can be."""
@@ -245,14 +250,12 @@ class UavNode:
         if slot > self.slot:
             slots, self.slot = slot - self.slot, slot
             self._flight.begin_slot(slot, slots, self.grant, self._clock.is_late(slot, now_ns))
-            self._say_truth()
-            self._publish(self._outgoing.fix(self.slot, self._vehicle, self._flight, self._election))
-        out, self._out = self._out, []
-        return out
+            self._announcer.say_stray(slot)
+        return self._announcer.take_effects()
 
     def event(self, kind: EventKind, detail: str = "") -> Publish:
         """Return a stamped event of this UAV, for facts that only the shell sees."""
-        return Publish(self._outgoing.stamped(self._outgoing.event(self.slot, kind, detail)))
+        return self._announcer.event(self.slot, kind, detail)
 
     # --- the slot begins ---------------------------------------------------------------------
 
@@ -262,26 +265,23 @@ class UavNode:
         if slot <= self.slot or slot < 0:
             return False
         if (missed := self._leadership.missed(self.slot)) is not None:
-            self._publish(missed)
+            self._announcer.publish(missed)
         slots, self.slot = slot - self.slot, slot
         self._flight.begin_slot(slot, slots, self.grant, self._clock.is_late(slot, now_ns))
         self._knowledge.begin_slot(slot)
         self._election.begin_slot(slot)
-        self._look_around()
-        self._repetition.begin_slot(slot)
-        known = self._said is not None and self._said[0] == self.grant
-        lacks_command = known and self.grant[0] > 0 and self._flight.flown is None
-        again_ns = self._clock.start_ns(slot) + self._clock.tau_ns // 2
-        in_time = again_ns - now_ns >= self._clock.tau_ns // 4
-        self._again_ns = again_ns if lacks_command and in_time else None
-        if self._vehicle.energy_j <= 0.0:
-            self._end(EventKind.BATTERY_EMPTY)
-        elif self._flight.ordered_down and self._vehicle.rests:
-            self._end(EventKind.LANDED, "the operator ordered it to land")
-        elif self._vehicle.must_land(slot):
-            self._end(EventKind.LANDED, f"no accepted step since slot {self._vehicle.stepped_slot}")
+        if self._election.in_office and len(self._foreign):
+            self._foreign.begin_slot(slot)
+            self._foreign.look_around(slot, places_m(self._cluster, self._knowledge))
         else:
-            self._say(now_ns, with_truth=True)
+            self._foreign.look_around(slot, ())
+        self._repetition.begin_slot(slot)
+        self._announcer.begin_slot(slot, now_ns)
+        if (ending := self._flight.ending(slot)) is not None:
+            self.ended = True
+            self._announcer.say_end(slot, *ending)
+        else:
+            self._announcer.say(slot, now_ns, with_truth=True)
         return True
 
     def ground(self, unsaid: Sequence[Effect]) -> list[Effect]:
@@ -289,14 +289,6 @@ class UavNode:
         self.ended = True
         self._outgoing.take_back([effect.message for effect in unsaid if isinstance(effect, Publish)])
         return [self.event(EventKind.LANDED, "a step came too late"), Land()]
-
-    def _end(self, kind: EventKind, detail: str = "") -> None:
-        """End with an empty battery, or by the failsafe: the UAV lands at its waypoint and never flies again."""
-        self.ended, self._again_ns = True, None
-        self._persist()
-        self._say_truth()
-        self._out.append(self.event(kind, detail))
-        self._out.append(Land())
 
     # --- messages ----------------------------------------------------------------------------
 
@@ -306,28 +298,17 @@ class UavNode:
             case Fix() if message.uav != self.uav and message.uav in self._knowledge.roster:
                 self._leadership.gone.discard(message.uav)
                 if offset := self._clock.offset_of(message, now_ns):
-                    self._out.append(self.event(EventKind.CLOCK_OFFSET, offset))
+                    self._announcer.say_event(self.slot, EventKind.CLOCK_OFFSET, offset)
                 self._knowledge.hear_fix(message, self.slot)
                 self._election.hear_fix(message)
             case Command() if message.head != self.uav:
                 self._take_command(message)
             case Report() if message.head != self.uav:
                 self._take_report(message)
-            case Goal() if message.uav == self.uav and self._said is not None:
+            case Goal() if message.uav == self.uav and self._announcer.has_begun:
                 self._take_goal(message, now_ns)
             case _:
                 pass
-
-    def _look_around(self) -> None:
-        """Find the UAVs of other clusters whose fixes this UAV needs as head, or soon may need."""
-        if not (self._election.in_office and len(self._foreign)):
-            self._foreign.look_around(self.slot, ())
-            return
-        self._foreign.begin_slot(self.slot)
-        places = {entry.uav: (entry.start_x_m, entry.start_y_m) for entry in self._cluster.roster}
-        fixes = self._knowledge.newest.values()
-        places |= {fix.uav: (fix.waypoint_x_m, fix.waypoint_y_m) for fix in fixes}
-        self._foreign.look_around(self.slot, places.values())
 
     def _take_command(self, command: Command) -> None:
         """Keep a command of the head granted for a later slot; ignore all others.
@@ -337,9 +318,10 @@ class UavNode:
         if command.uav != self.uav or (command.term, command.head) != self.grant:
             return
         if command.slot >= self.slot:
-            self._election.hear_command()
+            self._election.renew_lease()
         if command.slot == self.slot:
-            self._again_ns = None  # It comes too late: the head is slow, not deaf, and more fixes would slow it down.
+            # It comes too late: the head is slow, not deaf, and more fixes would slow it down.
+            self._announcer.again_ns = None
         if command.slot > self.slot and self._flight.keep(command):
             self._repetition.take_command(command)
             self._outgoing.wgs84(self._vehicle.next_position_m)  # Half the work of a tick, done while there is time.
@@ -359,47 +341,11 @@ class UavNode:
         reason = self._vehicle.refusal_of(goal) if self._flight.voter else "it has lost its memory, and flies no more"
         if not reason:
             self._vehicle.course = course_of(goal)
-            self._say(now_ns, with_truth=False)
+            self._announcer.say(self.slot, now_ns, with_truth=False)
         elif self._refused_slot < self.slot:
             self._refused_slot = self.slot
             answer = msgspec.json.encode(GoalAnswer(self.uav, goal.number, reason)).decode()
-            self._out.append(self.event(EventKind.GOAL_REFUSED, answer))
-
-    # --- the grant ---------------------------------------------------------------------------
-
-    def _settle(self, now_ns: int) -> None:
-        """Publish a changed grant or suspicion at once: persist, fix, then the claim if there is one."""
-        if self.slot < 0 or self._said is None or self.ended:
-            return
-        if self._said != (self.grant, self._election.suspects):
-            self._say(now_ns, with_truth=False)
-
-    def _say(self, now_ns: int, *, with_truth: bool) -> None:
-        """Persist the promise, then publish the truth if asked, the fix, and the claim that has no quorum yet.
-
-        After a change of the grant the UAV first discards the pending commands, and takes office if it leads.
-        """
-        if self._said is None or self._said[0] != self.grant:
-            self._flight.discard()
-            self._repetition.drop()
-            if self._leadership.take_office(self.slot, now_ns):
-                self._out.append(self.event(EventKind.TAKES_OFFICE, f"term {self.grant[0]}"))
-        self._persist()
-        if with_truth:
-            self._say_truth()
-        made = self._outgoing.fix(self.slot, self._vehicle, self._flight, self._election)
-        fix = self._publish(self._repetition.fix_with_missed(made))
-        self._knowledge.hear_fix(fix, self.slot)
-        self._said = (self.grant, self._election.suspects)
-        if not self.leads and self._repetition.repeat_fix(fix, now_ns):
-            self._again_ns = None
-        if self._election.claim is not None:
-            claim = self._publish(self._outgoing.claim(self.slot, self._election.claim))
-            self._repetition.repeat_claim(claim, now_ns)
-
-    def _say_truth(self) -> None:
-        for truth in self._outgoing.truths(self.slot, self._vehicle):
-            self._publish(truth)
+            self._announcer.say_event(self.slot, EventKind.GOAL_REFUSED, answer)
 
     # --- the head ----------------------------------------------------------------------------
 
@@ -408,50 +354,25 @@ class UavNode:
         plan = local.plan(self.slot, planner, self._vehicle)
         self._vehicle.spend(compute_energy_j(plan_ms(plan) / 1e3, self._mission.head))
         if local.is_new(plan.problem):
-            self._out.append(self.event(EventKind.PLANNER_FAILED, plan.problem))
+            self._announcer.say_event(self.slot, EventKind.PLANNER_FAILED, plan.problem)
 
     def _plan(self, leadership: Leadership, planner: Planner, now_ns: int) -> None:
         outcome = leadership.head.plan(self.slot, planner)
         commands = [self._repetition.command_with_missed(command) for command in outcome.commands]
         for command in commands:
-            stamped = self._publish(command)
+            stamped = self._announcer.publish(command)
             if command.uav == self.uav:
                 leadership.own_command = stamped
         self._vehicle.spend(compute_energy_j(outcome.report.plan_ms / 1e3, self._mission.head))
         leadership.planned()
-        report = self._publish(leadership.with_succession(outcome.report))
+        report = self._announcer.publish(leadership.with_succession(outcome.report))
         self._election.hear_report(report)
         self._repetition.repeat_plan(commands, report, now_ns)
         if leadership.is_new(outcome.problem):
-            self._out.append(self.event(EventKind.PLANNER_FAILED, outcome.problem))
-
-    # --- effects -----------------------------------------------------------------------------
-
-    def _tell_wishes(self) -> None:
-        if self.ended:
-            return
-        before, listens, near = self._listening, self._election.listens, self._foreign.near
-        if before is None or before.all_fixes != listens or before.near != near:
-            self._listening = Listen(listens, near)
-            if before is None or before.all_fixes != self._listening.all_fixes:
-                self._repetition.begin_listening()
-            self._out.append(self._listening)
-        if self._leadership.wants_planner():
-            self._out.append(WantPlanner(rehearsed=self.slot < 0 or not self.is_awaited))
-
-    def _persist(self) -> None:
-        self._out.append(Persist(self._flight.promise(self.slot, self.grant), self._vehicle.airframe))
-
-    def _publish(self, message: M) -> M:
-        stamped = self._outgoing.stamped(message)
-        self._out.append(Publish(stamped))
-        if not isinstance(message, Truth):
-            self._vehicle.spend(self._mission.energy.radio_j_per_message)
-        return stamped
+            self._announcer.say_event(self.slot, EventKind.PLANNER_FAILED, outcome.problem)
 
 
 __all__ = [
-    "MAX_PENDING",
     "Disturbed",
     "Effect",
     "Land",
@@ -466,5 +387,4 @@ __all__ = [
     "Tick",
     "UavNode",
     "WantPlanner",
-    "startup_candidates",
 ]

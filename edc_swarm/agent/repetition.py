@@ -38,7 +38,7 @@ SILENCE_SLOTS = 2
 WINDOW = 64
 """Newest sequence numbers of a stream that count."""
 MOST_MISSED = 16
-"""Most numbers that one hole counts: an outage that is over says little about the next message."""
+"""Most numbers that one gap counts: an outage that is over says little about the next message."""
 WORST_LOSS = 0.99
 """Greatest loss that is reckoned with."""
 FIX_SHARE = 0.9
@@ -63,7 +63,7 @@ class Stream:
     width: int = 1
 
     def hear(self, seq: int) -> None:
-        """Count a number: the next one, one after a hole, or one that comes late or twice."""
+        """Count a number: the next one, one after a gap, or one that comes late or twice."""
         ahead = seq - self.last
         if ahead > 0:
             steps = min(ahead, MOST_MISSED + 1)

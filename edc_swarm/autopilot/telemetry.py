@@ -100,7 +100,6 @@ class Telemetry:
         self.battery_share: float | None = None
         self.prearm_ok: bool | None = None
         self.home: tuple[float, float, float] | None = None
-        self.landed_state = 0
         self.track: deque[Sighting] = deque(maxlen=MAX_TRACK)
         self.texts: deque[str] = deque(maxlen=TEXTS_KEPT)
         self.acks: dict[int, int] = {}
@@ -178,8 +177,6 @@ class Telemetry:
                 self.battery_share = fields["battery_remaining"] / 100
             case "HOME_POSITION":
                 self.home = fields["latitude"] / 1e7, fields["longitude"] / 1e7, fields["altitude"] / 1e3
-            case "EXTENDED_SYS_STATE":
-                self.landed_state = int(fields["landed_state"])
             case "STATUSTEXT":
                 self.texts.append(str(fields["text"]).strip("\0 "))
             case "COMMAND_ACK":

@@ -20,7 +20,7 @@ else:
 
     def __getattr__(name: str) -> object:
         """Return a public name from its module."""
-        from importlib import import_module  # noqa: PLC0415  (only for who uses a name)
+        from importlib import import_module  # noqa: PLC0415  (only where a name is used)
 
         modules = {"SafeSteps": "safe", "make_planner": "registry"}
         if name not in __all__:

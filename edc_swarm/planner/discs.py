@@ -20,8 +20,6 @@ from edc_swarm.solver.certificate import limited_waypoints
 
 CLEARANCE_M = 1e-3
 """Distance that the baselines keep beyond touching: pyrvo computes with 24 bits, solvers end near a limit."""
-KNOWN_SLOTS = 1
-"""A step is known only of a UAV whose place a slot earlier is."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -114,10 +112,10 @@ class Sight:
         return discs
 
     def _steps_m(self, arrays: Arrays) -> Floats:
-        """Return the last step (n, 2) of each UAV; 0 where it is not known."""
+        """Return the last step (n, 2) of each UAV in metres; 0 if nobody has told where it was one slot earlier."""
         if arrays.previous_m is not None:
             return arrays.position_m - arrays.previous_m
-        known = self._place_m if arrays.slot == self._slot + KNOWN_SLOTS else {}
+        known = self._place_m if arrays.slot == self._slot + 1 else {}
         here_m: list[tuple[float, float]] = [(x, y) for x, y in arrays.position_m.tolist()]
         before_m = [known.get(k, here) for k, here in zip(arrays.uav.tolist(), here_m, strict=True)]
         return arrays.position_m - np.array(before_m, dtype=np.float64).reshape(-1, 2)

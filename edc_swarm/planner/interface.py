@@ -44,7 +44,7 @@ class Hull:
     radius_m
         Distance from the segment in metres, 0 for a UAV on it.
     r_m
-        GPS error radius of that UAV, which a plan keeps in addition.
+        Radius of that UAV's disc, which a plan keeps in addition.
     """
 
     uav: int
@@ -69,7 +69,7 @@ class Neighbour:
     step_x_m, step_y_m
         Step that it flew in the slot of that fix.
     r_m
-        GPS error radius.
+        Radius of its disc in metres.
     age_slots
         Slots from the end of that step to the start of the slot to plan, 0 for a fix of the slot before. The planner
         extrapolates as its method says.
@@ -97,7 +97,7 @@ class ForeignUav:
     target_m, rest_m
         Point that it flies to now, and the length of the way beyond.
     r_m
-        GPS error radius.
+        Radius of its disc in metres.
     """
 
     uav: int
@@ -123,9 +123,9 @@ class PlanRequest:
     target_m
         (n, 2) point that each UAV flies to now: its target, or a point of its route.
     r_m
-        (n,) GPS error radii.
+        (n,) radii of the discs.
     hulls
-        Hulls of all other UAVs of the roster.
+        Hulls of the other UAVs of the cluster that are in the airspace, and of foreign UAVs that stray.
     previous_m
         (n, 2) centres one slot earlier when `lag_slots` is 1 or a vehicle has inertia, else None.
     rest_m

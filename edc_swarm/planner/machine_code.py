@@ -50,9 +50,9 @@ def library_path(folder: Path = Path(__file__).parent) -> Path:
     return folder / f"kernels-{os.uname().machine}.so"
 
 
-def digest_of_sources(folder: Path = Path(__file__).parent) -> str:
+def digest_of_sources() -> str:
     """Return the digest of the files from which the library is made."""
-    return hashlib.sha256(b"".join((folder / name).read_bytes() for name in SOURCES)).hexdigest()
+    return hashlib.sha256(b"".join((Path(__file__).parent / name).read_bytes() for name in SOURCES)).hexdigest()
 
 
 def functions_of_library(path: Path) -> dict[str, Callable[..., Any]]:

@@ -1,6 +1,6 @@
 """Repair of sequence gaps in the recorder's input: a state machine that reads no clock.
 
-The recorder finds a gap (a hole) when the next message on its key arrives, or when the event `closed` names a later
+The recorder finds a gap when the next message on its key arrives, or when the event `closed` names a later
 last number. It gathers the gaps of one moment, then asks their publisher to retransmit. After an answer it asks at
 once for the rest; without an answer it backs off (`WAITS_S`). After `MAX_TRIES` failed attempts it asks again only
 when the publisher shows another gap; the missing messages stay a gap. The recorder trusts no number: an unknown
@@ -27,9 +27,9 @@ MAX_AT_ONCE = 32
 """Most publishers with a request under way, and most requests in each `GATHER_S`, however fast the answers are."""
 MAX_SPANS = 100
 """Most spans in one request."""
-MAX_HOLE = 20_000
+MAX_GAP = 20_000
 """Longest gap to repair; of a longer one only the end, since no publisher keeps more."""
-MAX_HOLES = 50_000
+MAX_GAPS = 50_000
 """Most gaps under repair; any further ones stay gaps."""
 MAX_STREAMS = 200_000
 
@@ -44,14 +44,14 @@ class _Stream:
 
     publisher: _Asked
     expected: int = 0
-    holes: list[tuple[int, int]] = field(default_factory=list)
+    gaps: list[tuple[int, int]] = field(default_factory=list)
     fetched: dict[int, int] = field(default_factory=dict)
 
     def fill(self, seq: int) -> bool:
         """Remove `seq` from the gaps; return True if it was in one."""
-        for i, (first, last) in enumerate(self.holes):
+        for i, (first, last) in enumerate(self.gaps):
             if first <= seq <= last:
-                self.holes[i : i + 1] = [s for s in ((first, seq - 1), (seq + 1, last)) if s[0] <= s[1]]
+                self.gaps[i : i + 1] = [s for s in ((first, seq - 1), (seq + 1, last)) if s[0] <= s[1]]
                 return True
         return False
 
@@ -68,11 +68,11 @@ class _Asked:
 
     def spans(self) -> list[Span]:
         """Return the first gaps."""
-        holes = (Span(key, *hole) for key, stream in self.streams.items() for hole in stream.holes)
-        return list(islice(holes, MAX_SPANS))
+        gaps = (Span(key, *gap) for key, stream in self.streams.items() for gap in stream.gaps)
+        return list(islice(gaps, MAX_SPANS))
 
 
-class Holes:
+class Gaps:
     """Gaps in the streams of one mission. Times are seconds of one clock; requests go to `known` publishers only."""
 
     def __init__(self, mission: str, known: Container[str]) -> None:
@@ -161,16 +161,16 @@ class Holes:
         return any(each.name[0] in self._known and each.spans() for each in self._wanting.values())
 
     def _fill(self, stream: _Stream, seq: int) -> bool:
-        before = len(stream.holes)
+        before = len(stream.gaps)
         was_missing = stream.fill(seq)
-        self._count += len(stream.holes) - before
+        self._count += len(stream.gaps) - before
         return was_missing
 
     def _open(self, stream: _Stream, last: int, now_s: float) -> None:
         """Open the gap stream.expected..last."""
-        if self._count < MAX_HOLES:
+        if self._count < MAX_GAPS:
             self._count += 1
-            stream.holes.append((max(stream.expected, last - MAX_HOLE + 1), last))
+            stream.gaps.append((max(stream.expected, last - MAX_GAP + 1), last))
             self._want(stream.publisher, now_s)
 
     def _want(self, publisher: _Asked, now_s: float) -> None:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable
 from dataclasses import dataclass, field, replace
 from typing import Any
 
@@ -106,23 +106,12 @@ class Recording:
         }
 
     @classmethod
-    def from_messages(
-        cls,
-        messages: Iterable[Message],
-        mission: MissionMessage | None = None,
-        run: Mapping[str, str] | None = None,
-        run_end: Mapping[str, str] | None = None,
-    ) -> Recording:
-        """Return a recording of `messages`, in the order in which the reader of a file with them returns them.
-
-        `mission` is needed only if none of the messages is the mission.
-        """
-        recording = cls(run=dict(run or {}), run_end=dict(run_end or {}))
+    def from_messages(cls, messages: Iterable[Message]) -> Recording:
+        """Return a recording of `messages`, in the order in which the reader of a file with them returns them."""
+        recording = cls()
         lists = recording.lists()
         for message in messages:
             lists[type(message)].append(message)
-        if mission is not None and not recording.missions:
-            recording.missions.append(mission)
         recording.put_in_order()
         return recording
 

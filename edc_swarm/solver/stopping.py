@@ -13,7 +13,6 @@ in them: its variable z is the way from q to the new stopping point, and z = 0 i
 
 from __future__ import annotations
 
-import math
 from dataclasses import dataclass
 
 import numpy as np
@@ -141,8 +140,3 @@ class Momentum:
             low, high = np.where(good, middle, low), np.where(good, high, middle)
             best_m = np.where((beyond & good)[:, None], trial_m, best_m)
         return best_m
-
-
-def greatest_step_m(stopping_m: float, change_m: float) -> float:
-    """Return the longest step after which a UAV still rests within `stopping_m` of its start."""
-    return float(step_of(np.array(stopping_m), np.array(change_m))) if math.isfinite(change_m) else stopping_m

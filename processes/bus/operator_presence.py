@@ -64,8 +64,12 @@ class OperatorPresence:
 
     def check_there(self, mission: str) -> None:
         """Raise `SwarmError` if the operator has been away for more than `OPERATOR_LOST_S`."""
-        if self.away_s(mission) > OPERATOR_LOST_S:
+        if self.is_lost(mission):
             raise SwarmError(f"the operator of mission {mission} has been away for {OPERATOR_LOST_S:g} s")
+
+    def is_lost(self, mission: str) -> bool:
+        """Return True if the operator has been away for so long that it comes back no more."""
+        return self.away_s(mission) > OPERATOR_LOST_S
 
     def away_s(self, mission: str) -> float:
         """Return the seconds for which the mission has been without an operator, 0 while it has one."""

@@ -72,7 +72,6 @@ def open_client(
     *,
     timeout_ms: int = -1,
     observer: bool = False,
-    lease_ms: int = SESSION_LEASE_MS,
 ) -> zenoh.Session:
     """Connect to the router at `endpoint`; wait without a time limit unless `timeout_ms` is given."""
     sys.setswitchinterval(OBSERVER_SWITCH_S if observer else SWITCH_S)
@@ -86,7 +85,6 @@ def open_client(
             "connect/retry": OBSERVER_RETRY if observer else CONNECT_RETRY,
             **(PATIENT if observer else {}),
         },
-        lease_ms,
         CLIENT_THREADS,
     )
 
@@ -107,7 +105,6 @@ def open_router(
     access: Mapping[str, Any] | None = None,
     *,
     link: str = "",
-    lease_ms: int = SESSION_LEASE_MS,
 ) -> zenoh.Session:
     """Open the session of a router that listens at `endpoint`; raise `zenoh.ZError` if it cannot listen.
 
@@ -127,7 +124,6 @@ def open_router(
             **({**LINKED, "connect/endpoints": [link]} if link else {}),
             **DEEP_QUEUE,
         },
-        lease_ms,
         ROUTER_THREADS,
     )
 
@@ -157,6 +153,21 @@ def _keep_thread_state() -> None:
     ctypes.pythonapi.PyGILState_Ensure()
 
 
+def subscribe(session: zenoh.Session, key: str, take: Callable[[zenoh.Sample], None]) -> zenoh.Subscriber[None]:
+    """Subscribe to what other processes publish on a key; `take` must only queue the sample."""
+    return session.declare_subscriber(key, hand_over(take), allowed_origin=zenoh.Locality.REMOTE)
+
+
+def ask_for(session: zenoh.Session, key: str, take: Callable[[zenoh.Sample], None]) -> None:
+    """Query what a process that joins late has missed on a key; `take` must only queue the sample."""
+
+    def take_reply(reply: zenoh.Reply) -> None:
+        if reply.ok is not None:
+            take(reply.ok)
+
+    session.get(key, hand_over(take_reply), consolidation=zenoh.ConsolidationMode.NONE)
+
+
 def put(session: zenoh.Session, key: str, payload: bytes, attachment: bytes | None = None) -> None:
     """Publish `payload` without blocking."""
     session.put(
@@ -182,12 +193,12 @@ def is_connected(session: zenoh.Session) -> bool:
     return bool(session.info.routers_zid())
 
 
-def _open(settings: dict[str, Any], lease_ms: int, threads: str) -> zenoh.Session:
+def _open(settings: dict[str, Any], threads: str) -> zenoh.Session:
     """Open a session; the first one of a process sets its number of threads, and leaves its children's alone."""
     shared = {
         "scouting/multicast/enabled": False,
         "scouting/gossip/enabled": False,
-        "transport/link/tx/lease": lease_ms,
+        "transport/link/tx/lease": SESSION_LEASE_MS,
         "transport/link/rx/max_message_size": MAX_RECEIVED_BYTES,
         "transport/shared_memory/enabled": False,
     }

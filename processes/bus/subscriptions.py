@@ -23,7 +23,7 @@ from edc_swarm.protocol.admission import Admission
 from edc_swarm.protocol.codec import MAX_MESSAGE_BYTES, MAX_MISSION_BYTES, decode, limit_bytes
 from edc_swarm.protocol.keys import Keys
 from edc_swarm.protocol.messages import Command, Fix, Message, MissionMessage, Report
-from processes.bus.session import hand_over
+from processes.bus.session import ask_for, hand_over, subscribe
 from processes.runtime.inbox import Inbox
 
 MAX_POSTPONED = 100_000
@@ -91,7 +91,7 @@ class UavSubscriptions:
     def ask_for_mission(self) -> None:
         """Query the messages that a late joiner has missed: the mission, and the faults in force."""
         for key in (self._keys.mission, self._keys.event(OPERATOR)):
-            self._session.get(key, hand_over(self._take_reply), consolidation=zenoh.ConsolidationMode.NONE)
+            ask_for(self._session, key, partial(self._take_sample, self._inbox.put))
 
     def join_cluster(self, mission: Mission, uav: str) -> None:
         """Let "all fixes" mean those of the UAV's own cluster."""
@@ -135,16 +135,11 @@ class UavSubscriptions:
         self._hears_truths = True
 
     def _subscribe(self, key: str, put: Callable[[Item, int], None] | None = None) -> zenoh.Subscriber[None]:
-        handler = hand_over(partial(self._take_sample, put or self._inbox.put))
-        return self._session.declare_subscriber(key, handler, allowed_origin=zenoh.Locality.REMOTE)
+        return subscribe(self._session, key, partial(self._take_sample, put or self._inbox.put))
 
     def _take_sample(self, put: Callable[[Item, int], None], sample: zenoh.Sample) -> None:
         heard = heard_from(sample)
         put(heard, len(heard.payload))
-
-    def _take_reply(self, reply: zenoh.Reply) -> None:
-        if reply.ok is not None:
-            self._take_sample(self._inbox.put, reply.ok)
 
     def _take_token(self, sample: zenoh.Sample) -> None:
         uav, instance = str(sample.key_expr).split("/")[-2:]

@@ -19,9 +19,9 @@ import msgspec
 import zenoh
 from msgspec import Struct
 
-from processes.bus.session import hand_over, open_client, put
+from processes.bus.session import open_client, put, subscribe
 from processes.runtime.inbox import Inbox
-from processes.runtime.parent import die_with_parent
+from processes.runtime.parent import end_with_parent
 
 FIX_BYTES, COMMAND_BYTES = 620, 380
 """Sizes of a fix and of a command."""
@@ -78,7 +78,7 @@ class BaselineProcess:
         def take(sample: zenoh.Sample) -> None:
             inbox.put(_Received(sample.payload.to_bytes(), time.monotonic_ns()))
 
-        self._session.declare_subscriber(self._key(key), hand_over(take), allowed_origin=zenoh.Locality.REMOTE)
+        subscribe(self._session, self._key(key), take)
 
     def _key(self, key: str) -> str:
         return f"{self._settings.root}/{key}"
@@ -125,8 +125,7 @@ class BaselineProcess:
 def main() -> int:
     """Take part in one measurement until SIGTERM. The liveliness token, declared last, shows that it listens."""
     settings = msgspec.json.decode(sys.stdin.buffer.read(), type=BaselineSettings)
-    die_with_parent(settings.parent)
-    signal.signal(signal.SIGINT, signal.SIG_IGN)
+    end_with_parent(settings.parent)
     signal.signal(signal.SIGTERM, lambda *_: os._exit(0))
     bare = BaselineProcess(settings)
     bare.run()

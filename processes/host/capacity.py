@@ -31,8 +31,8 @@ CHECKED_UAVS = 100
 """Smallest swarm that is checked: any machine of two cores carries fewer UAVs at the default slot."""
 
 
-def check_capacity(mission: Mission, given: str) -> None:
-    """Raise `InputError` if this machine is too slow for the mission; `given` is the option or field to change.
+def check_capacity(mission: Mission) -> None:
+    """Raise `InputError` if this machine is too slow for the mission.
 
     Only missions of at least `CHECKED_UAVS` UAVs are measured, which takes a tenth of a second.
     """
@@ -43,7 +43,7 @@ def check_capacity(mission: Mission, given: str) -> None:
     if uavs > carried:
         enough_s = stretched_slot_s(mission) / mission.time_scale
         raise InputError(
-            given,
+            "--uavs",
             uavs,
             f"at most about {carried}: this machine carries no more at {slot_s:g} s a slot; "
             f"use --slot {enough_s * mission.time_scale:g}, --overload stretch, or --overload fly",

@@ -11,7 +11,7 @@ from pathlib import Path
 import msgspec
 import zenoh
 
-from edc_swarm.agent.node import startup_candidates
+from edc_swarm.agent.leadership import startup_candidates
 from edc_swarm.errors import InputError, SwarmError
 from edc_swarm.mission.roles import JOIN, OPERATOR, RECORDER, ROUTER
 from edc_swarm.protocol.claims import IdClaim, Issued

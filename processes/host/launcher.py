@@ -137,7 +137,7 @@ class Launcher:
         if name in {VIZ, GROUND}:
             deaths.take(name, status)
         elif name == RECORDER and status == CANNOT_WRITE:
-            self._loop.failure = output.cannot_write(output.tail(RECORDER, 1))
+            self._loop.failure = output.cannot_write(output.last_line(RECORDER))
         elif name == RECORDER and self._state.times.publishing_at_s is not None:
             deaths.take(name, status)  # No recorder is left: end in order, and keep the messages recorded so far.
             self._loop.interrupted = True

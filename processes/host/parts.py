@@ -83,7 +83,7 @@ class Parts:
             self._loop.wait(lambda: ROUTER in self.ready or ROUTER not in self.children, "the router")
             if ROUTER in self.ready:
                 return
-        said = self._setup.output.tail(ROUTER, 1)
+        said = self._setup.output.last_line(ROUTER)
         raise InputError("--listen", self.endpoint, f"an address to listen on ({said})")
 
     def _spawn_router(self) -> None:

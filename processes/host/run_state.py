@@ -80,7 +80,7 @@ class RunState:
         """Let the run fail because the process `name` has ended; the first of several ends is the cause."""
         if self.operator is not None:
             self.operator.publish_event(EventKind.EXITED, f"{name} {how_ended(status)}")
-        said = self.setup.output.tail(name, 1) or SILENT
+        said = self.setup.output.last_line(name) or SILENT
         self.loop.failure = self.loop.failure or PartEndedError(f"the {who} {how_ended(status)}: {said}")
 
     def publish_end(self, why: str) -> None:

@@ -23,7 +23,7 @@ from edc_swarm.protocol.messages import Command, Event, Fix, Goal, MissionMessag
 from edc_swarm.story.teller import Storyteller
 from processes.bus.event_source import EventSource
 from processes.bus.outbox import Outbox
-from processes.bus.session import hand_over
+from processes.bus.session import hand_over, subscribe
 from processes.bus.subscriptions import MAX_TOKENS, Gate, Heard, Token, heard_from
 from processes.operator.registration import Registration
 from processes.runtime.clock import MissionClock
@@ -106,7 +106,7 @@ class Operator:
     def _declare(self) -> None:
         keys, session = self._keys, self._session
         for key in (keys.all_fixes, keys.all_reports, keys.command("*", "*"), keys.event("*")):
-            session.declare_subscriber(key, hand_over(self._take), allowed_origin=zenoh.Locality.REMOTE)
+            subscribe(session, key, self._take)
         for key in (keys.mission, keys.event(OPERATOR)):
             session.declare_queryable(key, hand_over(self._inbox.put))
         self._registration.declare(session, self._inbox)

@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import sys
+from collections.abc import Callable
+from typing import NoReturn
 
 import msgspec
 from rich.console import Console
@@ -36,6 +38,14 @@ def complain(error: SwarmError | str) -> int:
         text = f"recording = {str(error.path)!r}: must be a readable recording; it {error.reason}"
     note(f"error: {' '.join(text.split())}")
     return BAD_INPUT
+
+
+def run_main(main: Callable[[], int]) -> NoReturn:
+    """Run the main function of a process and end with its status, or with one line about what is wrong."""
+    try:
+        sys.exit(main())
+    except SwarmError as error:
+        sys.exit(complain(error))
 
 
 def print_json(value: object) -> None:

@@ -76,9 +76,9 @@ class Output:
         """Return the path of the log file of the process `name`."""
         return self.logs / f"{name}.log"
 
-    def tail(self, name: str, lines: int = 8) -> str:
-        """Return the last lines of the log of the process `name`, "" if there are none."""
-        return log_tail(self.log(name), lines)
+    def last_line(self, name: str) -> str:
+        """Return the last line of the log of the process `name`, "" if there is none."""
+        return log_tail(self.log(name), 1)
 
     def recover_part(self) -> list[str]:
         """Recover the recording of a recorder that died; return what is missing, one line each."""

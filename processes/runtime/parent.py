@@ -21,3 +21,9 @@ def die_with_parent(parent_pid: int) -> None:
         raise OSError(ctypes.get_errno(), "prctl(PR_SET_PDEATHSIG)")
     if os.getppid() != parent_pid:
         os.kill(os.getpid(), signal.SIGKILL)
+
+
+def end_with_parent(parent_pid: int) -> None:
+    """Die with the parent, and ignore Ctrl-C, which the terminal sends to all: the parent ends its parts in order."""
+    die_with_parent(parent_pid)
+    signal.signal(signal.SIGINT, signal.SIG_IGN)

@@ -8,7 +8,6 @@ user allowed commands, an event that the operator acts on.
 from __future__ import annotations
 
 import signal
-import sys
 import time
 from collections import Counter
 from dataclasses import dataclass
@@ -18,7 +17,6 @@ import msgspec
 import zenoh
 from msgspec import Struct
 
-from edc_swarm.errors import SwarmError
 from edc_swarm.ground_station.frames import Request
 from edc_swarm.ground_station.view import GroundView
 from edc_swarm.mission.roles import GROUND, OPERATOR
@@ -29,12 +27,12 @@ from edc_swarm.protocol.messages import Event, MissionMessage
 from processes.bus.credentials import credentials
 from processes.bus.event_source import EventSource
 from processes.bus.outbox import Outbox
-from processes.bus.session import hand_over, open_client
+from processes.bus.session import ask_for, open_client, subscribe
 from processes.bus.subscriptions import Gate, Heard, heard_from
 from processes.runtime.clock import MissionClock
-from processes.runtime.console import complain
+from processes.runtime.console import run_main
 from processes.runtime.inbox import SETTLE_S, Inbox
-from processes.runtime.parent import die_with_parent
+from processes.runtime.parent import end_with_parent
 from processes.services.mavlink_link import MavlinkLink
 from processes.services.orders import orders
 
@@ -83,10 +81,9 @@ class GroundStation:
         self._link = MavlinkLink(settings.host, settings.port)
         self._session = open_client(settings.endpoint, credentials(settings.certs, NAME), observer=True)
         self._outbox = Outbox(self._session, keys.again(NAME, self._events.instance), self._inbox, KEPT_EVENTS_BYTES)
-        heard = hand_over(self._take)
         for key in (keys.mission, keys.all_fixes, keys.event("*")):
-            self._session.declare_subscriber(key, heard, allowed_origin=zenoh.Locality.REMOTE)
-        self._session.get(keys.mission, hand_over(self._take_reply), consolidation=zenoh.ConsolidationMode.NONE)
+            subscribe(self._session, key, self._take)
+        ask_for(self._session, keys.mission, self._take)
         self._token = self._session.liveliness().declare_token(keys.alive(NAME, self._events.instance))
         self._link.listen(self._inbox.put)
 
@@ -154,16 +151,11 @@ class GroundStation:
         heard = heard_from(sample)
         self._inbox.put(heard, len(heard.payload))
 
-    def _take_reply(self, reply: zenoh.Reply) -> None:
-        if reply.ok is not None:
-            self._take(reply.ok)
-
 
 def main() -> int:
     """Run the bridge for one mission, and return the exit status."""
     settings = orders(GroundSettings, NAME)
-    die_with_parent(settings.parent)
-    signal.signal(signal.SIGINT, signal.SIG_IGN)
+    end_with_parent(settings.parent)
     station = GroundStation(settings)
     signal.signal(signal.SIGTERM, lambda *_: station.stop())
     station.show()
@@ -171,7 +163,4 @@ def main() -> int:
 
 
 if __name__ == "__main__":
-    try:
-        sys.exit(main())
-    except SwarmError as error:
-        sys.exit(complain(error))
+    run_main(main)

@@ -14,7 +14,7 @@ import os
 import signal
 import sys
 import time
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
@@ -23,27 +23,27 @@ from typing import BinaryIO, NamedTuple
 import msgspec
 import zenoh
 
-from edc_swarm.errors import InputError, SwarmError
+from edc_swarm.errors import InputError
 from edc_swarm.mission.configuration import NS_PER_S
 from edc_swarm.mission.roles import OPERATOR, RECORDER
 from edc_swarm.protocol import retransmission
 from edc_swarm.protocol.codec import MAX_MISSION_BYTES, encode
 from edc_swarm.protocol.events import EventKind
-from edc_swarm.protocol.gap_repair import Holes, Publisher
+from edc_swarm.protocol.gap_repair import Gaps, Publisher
 from edc_swarm.protocol.keys import Keys, kind_of
 from edc_swarm.protocol.messages import Event
 from edc_swarm.recording.sequences import tails_in
 from edc_swarm.recording.writer import Stamp, TooLarge
 from processes.bus.credentials import credentials
 from processes.bus.event_source import EventSource
-from processes.bus.operator_presence import OPERATOR_LOST_S, OperatorPresence
+from processes.bus.operator_presence import OperatorPresence
 from processes.bus.session import hand_over, open_client, put, query_in_background
 from processes.bus.subscriptions import Gate, Heard
 from processes.runtime.clock import MissionClock
-from processes.runtime.console import complain
+from processes.runtime.console import run_main
 from processes.runtime.inbox import SETTLE_S, Inbox
 from processes.runtime.output import held_for_writing
-from processes.runtime.parent import die_with_parent
+from processes.runtime.parent import end_with_parent
 from processes.runtime.priority import give_way
 from processes.services.backlog import Backlog
 from processes.services.orders import orders, outlast_operator
@@ -106,7 +106,7 @@ class Recorder:
         self._reported = _Losses(0, 0)
         self._backlog = Backlog()
         self._gate = Gate(partial(self.tell, EventKind.MALFORMED))
-        self._holes = Holes(settings.mission, self.file.known)
+        self._gaps = Gaps(settings.mission, self.file.known)
         self._end_s = self._stop_s = math.inf
         give_way()  # Before Zenoh's threads begin, which inherit it.
         self._session = open_client(settings.endpoint, credentials(settings.certs, settings.certified), observer=True)
@@ -114,9 +114,9 @@ class Recorder:
         for key in self._keys.said_by(settings.uavs) if self._is_partial else [self._keys.everything]:
             self._session.declare_subscriber(key, hand_over(self._take))
         self._answers = {self._keys.orders(NAME): msgspec.json.encode(settings)}
-        self._away_s: Callable[[], float] | None = None
-        if not settings.parent:
-            self._away_s = partial(OperatorPresence(self._session).away_s, settings.mission)
+        self._mission = settings.mission
+        self._operators = None if settings.parent else OperatorPresence(self._session)
+        if self._operators is not None:
             for key in (self._keys.mission, *self._answers):
                 self._session.declare_queryable(key, hand_over(self._inbox.put))
         if not self._is_partial:
@@ -139,16 +139,16 @@ class Recorder:
                 self._end_s = min(self._end_s, time.monotonic())
             if time.monotonic() >= next_flush_s:
                 self._flush()
-                if self._is_deserted():
+                if self._operators is not None and self._operators.is_lost(self._mission):
                     self._end_s = min(self._end_s, time.monotonic())
                 next_flush_s = time.monotonic() + FLUSH_S
 
     def _is_done(self) -> bool:
         """Return True if the mission has ended, and no message is outstanding or its deadline has passed."""
-        return self._end_s < math.inf and (not self._holes.outstanding or time.monotonic() >= self._end_s)
+        return self._end_s < math.inf and (not self._gaps.outstanding or time.monotonic() >= self._end_s)
 
     def _patience_s(self, next_flush_s: float) -> float:
-        next_ask_s = None if self._backlog.is_behind else self._holes.next_s
+        next_ask_s = None if self._backlog.is_behind else self._gaps.next_s
         due_s = min(next_flush_s, self._end_s, self._stop_s, next_ask_s if next_ask_s is not None else math.inf)
         return due_s - time.monotonic()
 
@@ -164,7 +164,7 @@ class Recorder:
             case zenoh.Query():
                 self._answer(item)
             case StopRecording():
-                self._stop_s = min(self._stop_s, time.monotonic() + (STOPPING_S if self._away_s else 0.0))
+                self._stop_s = min(self._stop_s, time.monotonic() + (STOPPING_S if self._operators else 0.0))
 
     def finish(self) -> None:
         """Complete the file with the facts of the run's end."""
@@ -180,13 +180,9 @@ class Recorder:
         """Publish an event of the recorder."""
         put(self._session, self._keys.event(NAME), encode(self._events.event(kind, detail)))
 
-    def _is_deserted(self) -> bool:
-        """Return True if the operator has been away for too long without a `closed` event."""
-        return self._away_s is not None and self._away_s() > OPERATOR_LOST_S
-
     def _is_stopped(self) -> bool:
         """Return True after `stop`, once the operator has left or its time is over."""
-        gone = self._away_s is None or self._away_s() > 0
+        gone = self._operators is None or self._operators.away_s(self._mission) > 0
         return self._stop_s < math.inf and (gone or time.monotonic() >= self._stop_s)
 
     def _answer(self, query: zenoh.Query) -> None:
@@ -221,7 +217,7 @@ class Recorder:
         """
         if self._backlog.is_behind:
             return
-        for publisher, ask in self._holes.due(time.monotonic()):
+        for publisher, ask in self._gaps.due(time.monotonic()):
             if self._is_partial and not ask.wanted:
                 continue
             take = partial(self._take_reply, publisher)
@@ -246,7 +242,7 @@ class Recorder:
             if len(kept.payload) <= self.file.limit_bytes(kept.key)
             and _is_of(publisher, kept.seq, self.file.stamp(kept))
         ]
-        taken = self._holes.answered(publisher, msgspec.structs.replace(answer, found=consistent), time.monotonic())
+        taken = self._gaps.answered(publisher, msgspec.structs.replace(answer, found=consistent), time.monotonic())
         for kept in filter(lambda kept: self.file.has_place(kept.key), taken):
             self._write(Received(kept.key, kept.payload, self._clock.now_ns(), kept.stamp), fetched=True)
 
@@ -257,7 +253,7 @@ class Recorder:
         if not self.file.has_place(message.key):
             return
         stamp = self.file.stamp(message)
-        if self._holes.heard(message.key, stamp.instance, stamp.seq, message.payload, time.monotonic()):
+        if self._gaps.heard(message.key, stamp.instance, stamp.seq, message.payload, time.monotonic()):
             self._write(message)
 
     def _write(self, message: Received, *, fetched: bool = False) -> None:
@@ -273,7 +269,7 @@ class Recorder:
             return
         message = self._gate.admit(Heard(key, payload))
         if isinstance(message, Event) and message.kind == EventKind.CLOSED:
-            self._holes.closed(message.source, message.instance, tails_in(message), time.monotonic())
+            self._gaps.closed(message.source, message.instance, tails_in(message), time.monotonic())
             if message.source == OPERATOR:
                 self._end_s = min(self._end_s, time.monotonic() + CLOSING_S)
 
@@ -306,8 +302,7 @@ def main() -> int:
     """Record one mission."""
     settings = orders(RecorderSettings, NAME)
     if settings.parent:
-        die_with_parent(settings.parent)
-        signal.signal(signal.SIGINT, signal.SIG_IGN)
+        end_with_parent(settings.parent)
     signal.signal(signal.SIGXFSZ, signal.SIG_IGN)
     recorder = None
     try:
@@ -335,7 +330,4 @@ def main() -> int:
 
 
 if __name__ == "__main__":
-    try:
-        sys.exit(main())
-    except SwarmError as error:
-        sys.exit(complain(error))
+    run_main(main)

@@ -7,9 +7,7 @@ With `live_port` it also serves the Foxglove WebSocket protocol; as `live` it do
 from __future__ import annotations
 
 import signal
-import sys
 import time
-from collections.abc import Callable
 from dataclasses import dataclass
 from functools import partial
 
@@ -17,7 +15,6 @@ import msgspec
 import zenoh
 from msgspec import Struct
 
-from edc_swarm.errors import SwarmError
 from edc_swarm.mission.roles import OPERATOR, VISUALISER
 from edc_swarm.protocol.codec import encode
 from edc_swarm.protocol.events import EventKind
@@ -28,14 +25,14 @@ from edc_swarm.viz.channels import ROOT
 from edc_swarm.viz.scenery import Scenery, Shown
 from processes.bus.credentials import credentials
 from processes.bus.event_source import EventSource
-from processes.bus.operator_presence import OPERATOR_LOST_S, OperatorPresence
+from processes.bus.operator_presence import OperatorPresence
 from processes.bus.outbox import Outbox
-from processes.bus.session import hand_over, open_client
+from processes.bus.session import ask_for, open_client, subscribe
 from processes.bus.subscriptions import Gate, Heard, heard_from
 from processes.runtime.clock import MissionClock
-from processes.runtime.console import complain
+from processes.runtime.console import run_main
 from processes.runtime.inbox import SETTLE_S, Inbox
-from processes.runtime.parent import die_with_parent
+from processes.runtime.parent import end_with_parent
 from processes.runtime.priority import give_way
 from processes.services.live import HOST, Live, Subscribed
 from processes.services.orders import orders, outlast_operator
@@ -129,17 +126,16 @@ class Visualiser:
             self._live = Live(settings.live_host, settings.live_port, self._inbox.put_always)
         give_way()  # Before Zenoh's threads begin, which inherit it.
         self._session = open_client(settings.endpoint, credentials(settings.certs, NAME), observer=True)
-        keys, heard = self._keys, hand_over(self._take)
+        keys = self._keys
         self._outbox = Outbox(self._session, keys.again(NAME, self._events.instance), self._inbox, KEPT_SCENES_BYTES)
         self._scenes = SceneStream(self._outbox, keys.root, self._events.instance) if settings.records else None
         for key in (keys.mission, f"{keys.root}/uav/**", f"{keys.root}/head/**", keys.event("*")):
-            self._session.declare_subscriber(key, heard, allowed_origin=zenoh.Locality.REMOTE)
-        self._session.get(keys.mission, hand_over(self._take_reply), consolidation=zenoh.ConsolidationMode.NONE)
+            subscribe(self._session, key, self._take)
+        ask_for(self._session, keys.mission, self._take)
         if settings.records:
             self._token = self._session.liveliness().declare_token(keys.alive(NAME, self._events.instance))
-        self._away_s: Callable[[], float] | None = None
-        if not settings.parent:
-            self._away_s = partial(OperatorPresence(self._session).away_s, settings.mission)
+        self._mission = settings.mission
+        self._operators = None if settings.parent else OperatorPresence(self._session)
 
     def stop(self) -> None:
         """Request the end; may be called from a signal handler."""
@@ -154,12 +150,8 @@ class Visualiser:
             if (jump := self._clock.jump()) is not None:
                 self._tell(EventKind.CLOCK_JUMP, jump)
             self._outbox.flush()
-            self._over |= self._is_deserted()
+            self._over |= self._operators is not None and self._operators.is_lost(self._mission)
         self._close()
-
-    def _is_deserted(self) -> bool:
-        """Return True if the operator has been away for too long without a `closed` event."""
-        return self._away_s is not None and self._away_s() > OPERATOR_LOST_S
 
     def _patience_s(self) -> float:
         due_ns = self._scenery.next_ns
@@ -215,18 +207,13 @@ class Visualiser:
         heard = heard_from(sample)
         self._inbox.put(_Received(heard.key, heard.payload, self._clock.now_ns()), len(heard.payload))
 
-    def _take_reply(self, reply: zenoh.Reply) -> None:
-        if reply.ok is not None:
-            self._take(reply.ok)
-
 
 def main() -> int:
     """Run the visualiser for one mission, and return the exit status."""
 
     settings = orders(VizSettings, NAME)
     if settings.parent:
-        die_with_parent(settings.parent)
-        signal.signal(signal.SIGINT, signal.SIG_IGN)
+        end_with_parent(settings.parent)
     visualiser = Visualiser(settings)
     signal.signal(signal.SIGTERM, lambda *_: visualiser.stop())
     visualiser.show()
@@ -236,7 +223,4 @@ def main() -> int:
 
 
 if __name__ == "__main__":
-    try:
-        sys.exit(main())
-    except SwarmError as error:
-        sys.exit(complain(error))
+    run_main(main)

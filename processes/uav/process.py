@@ -40,7 +40,6 @@ from edc_swarm.agent.vehicle import Airframe, comes_too_late
 from edc_swarm.autopilot.pilot import Said
 from edc_swarm.emulation.links import LinkEmulator, have_range
 from edc_swarm.errors import InputError, SwarmError
-from edc_swarm.mission.configuration import NS_PER_S
 from edc_swarm.planner.interface import Planner
 from edc_swarm.protocol.claims import LAUNCHED, instance_name
 from edc_swarm.protocol.events import EventKind
@@ -58,24 +57,10 @@ from processes.uav.autopilot_part import AutopilotPart
 from processes.uav.flight import Flight, rehearse
 from processes.uav.local_faults import LocalFaults
 from processes.uav.planner_loader import SlowPlanner, load_planner
-from processes.uav.publisher import TRUTH_DELAY_S, Publisher
+from processes.uav.publisher import Publisher
 from processes.uav.response_time import measured_response_ms
 from processes.uav.state import UavState
-
-IDLE_S = 1.0
-"""Longest wait of the loop while there is no mission."""
-RETRY_S = 0.02
-"""Longest wait of the loop while messages wait for a router."""
-STANDBY_SETTLE_S = 0.01
-"""Time in which a standby lets the fixes of a slot's start gather."""
-HEAD_SETTLE_S = 20e-6
-"""The same for a head, for each UAV of the mission: as long as it takes to read a few fixes of so many."""
-READS_COMMAND = 0.7
-"""Part of a slot after which a UAV reads its command without the head's report, which comes after all commands."""
-CROWD = 100
-"""Smallest swarm in which a UAV keeps its truth until it hears its head, or until it reads its command without."""
-SPARE_S = 0.005
-"""Least time to the next task in which the UAV answers a retransmission request."""
+from processes.uav.wake_ups import WakeUps
 
 
 class UavSettings(Struct, frozen=True, kw_only=True):
@@ -124,6 +109,7 @@ class UavProcess:
         self._outbox = Outbox(self._session, keys.again(settings.uav, self._instance), self._inbox)
         self._publisher = Publisher(keys, self._outbox, self._clock)
         self._subscriptions = UavSubscriptions(self._session, keys, settings.uav, self._inbox)
+        self._wake_ups = WakeUps(self._clock, self._inbox, self._outbox, self._publisher, self._subscriptions)
         self._token = self._session.liveliness().declare_token(keys.alive(settings.uav, self._instance))
         self._subscriptions.ask_for_mission()
 
@@ -134,10 +120,10 @@ class UavProcess:
     def run(self) -> None:
         """Work until the order to leave, then publish the last sequence numbers and end."""
         while not self._leaving:
-            items = self._wait()
+            items = self._wake_ups.wait(self._peers.next_ns)
             for item in items:
                 self._take(item)
-            if items and self._in_crowd and not self._subscriptions.hears_swarm:
+            if items and self._wake_ups.in_crowd and not self._subscriptions.hears_swarm:
                 self._publisher.send_truth()
             self._deliver_postponed()
             self._check_peers()
@@ -145,47 +131,6 @@ class UavProcess:
             self._check_clock()
             self._outbox.flush()
         self._close()
-
-    def _wait(self) -> list[Item]:
-        timeout_s = min(self._timeout_s(), RETRY_S if self._outbox.holds_back else IDLE_S)
-        if self._publisher.delays_truth:
-            timeout_s = min(timeout_s, TRUTH_DELAY_S if self._subscriptions.hears_swarm else self._reads_s())
-        if self._inbox.quiet_until_s:
-            timeout_s = min(timeout_s, self._inbox.quiet_until_s + SPARE_S - time.monotonic())
-        if self._outbox.is_asked and timeout_s > SPARE_S:
-            self._outbox.answer()
-            timeout_s = 0.0
-        start_s = time.monotonic()
-        items = self._inbox.wait(timeout_s, min(self._settle_s, max(timeout_s, 0.0)))
-        self._outbox.note_delay(time.monotonic() - start_s - timeout_s)
-        if not items:
-            self._publisher.send_truth()
-        return items
-
-    @property
-    def _in_crowd(self) -> bool:
-        """True if the fixes of a slot's start take so long that no truth may come between them."""
-        return self._flight is not None and len(self._flight.mission.roster) >= CROWD
-
-    def _reads_s(self) -> float:
-        """Return the time until the UAV reads its command without a report, at least a moment."""
-        return max(TRUTH_DELAY_S, self._flight.left_s(READS_COMMAND, self._clock.now_ns())) if self._flight else IDLE_S
-
-    @property
-    def _settle_s(self) -> float:
-        """Time in which a UAV that hears all fixes lets them gather; a standby leaves the processor to the head."""
-        if self._flight is None or not self._subscriptions.hears_fixes:
-            return 0.0
-        gathers_s = HEAD_SETTLE_S * len(self._flight.mission.roster)
-        return min(STANDBY_SETTLE_S, gathers_s if self._flight.node.leads else STANDBY_SETTLE_S)
-
-    def _timeout_s(self) -> float:
-        if self._flight is None:
-            return IDLE_S
-        now_ns = self._clock.now_ns()
-        self._flight.wake_ns = self._flight.node.wakeup_ns(now_ns)
-        wakeups = (self._flight.wake_ns, self._flight.postbox.next_ns, self._peers.next_ns)
-        return (min(when for when in wakeups if when is not None) - now_ns) / NS_PER_S
 
     # --- taking in ---------------------------------------------------------------------------
 
@@ -267,7 +212,7 @@ class UavProcess:
         if have_range(mission):
             self._subscriptions.listen_to_truths()
         faults = LocalFaults(mission, entry.uav, postbox.links, self._clock)
-        self._flight = Flight(mission, node, postbox, faults, autopilot)
+        self._flight = self._wake_ups.flight = Flight(mission, node, postbox, faults, autopilot)
         self._carry_out(node.wishes())
 
     def _obey(self, event: Event) -> None:
@@ -309,19 +254,9 @@ class UavProcess:
         """Step the node with a `Tick` if the wake-up time that it named before the wait has come."""
         if self._flight is not None and self._clock.now_ns() >= self._flight.wake_ns:
             self._step(Tick())
-            self._await_report(self._flight)
+            self._wake_ups.await_report(self._flight)
         if self._flight is not None and self._flight.leave_ns is not None:
             self._leaving = self._leaving or self._clock.now_ns() >= self._flight.leave_ns
-
-    def _await_report(self, flight: Flight) -> None:
-        """Let what comes in wait for the head's report: one wake-up for all of it. Emulated links keep their own times.
-
-        A follower leaves its command, a standby that trusts its head also the fixes of all: its work on them would
-        delay the fixes of others, and the head.
-        """
-        hears = self._subscriptions.hears_swarm and not flight.node.trusts
-        if not (hears or flight.postbox.links.has_rules):
-            self._inbox.quiet_until_s = time.monotonic() + flight.left_s(READS_COMMAND, self._clock.now_ns())
 
     def _check_clock(self) -> None:
         if self._flight is not None and (jump := self._clock.jump()) is not None:
@@ -355,7 +290,7 @@ class UavProcess:
                     load_planner(self._flight.mission, take, rehearsed=rehearsed)
                 case Land():
                     self._leaving = True
-        if not (self._subscriptions.hears_swarm or self._in_crowd):
+        if not (self._subscriptions.hears_swarm or self._wake_ups.in_crowd):
             self._publisher.send_truth()
         self._outbox.flush()
         self._take_precedence()

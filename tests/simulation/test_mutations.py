@@ -19,6 +19,7 @@ import pytest
 from numpy.typing import NDArray
 
 from edc_swarm.agent import slot_clock, vehicle
+from edc_swarm.agent.announcer import Announcer
 from edc_swarm.agent.election import Election
 from edc_swarm.agent.head import Head, Office
 from edc_swarm.agent.knowledge import Knowledge
@@ -115,7 +116,8 @@ def goal_acknowledged_before_it_is_persisted(patch: Patch) -> None:
 
     def mutant(self: UavNode, goal: Any, now_ns: int) -> None:
         take(self, goal, now_ns)
-        self._out[:] = [effect for effect in self._out if not isinstance(effect, Persist)]
+        effects = self._announcer.take_effects()
+        self._announcer._effects = [effect for effect in effects if not isinstance(effect, Persist)]
 
     patch.setattr(UavNode, "_take_goal", mutant)
 
@@ -142,21 +144,21 @@ def late_command_accepted(patch: Patch) -> None:
     def mutant(self: UavNode, command: Command) -> None:
         take(self, command)
         ours = command.uav == self.uav and (command.term, command.head) == self.grant
-        if ours and command.slot == self.slot and self._flight.flown is None and self._said is not None:
+        if ours and command.slot == self.slot and self._flight.flown is None and self._announcer.has_begun:
             self._flight.flown = command
             self._vehicle.from_m = self._vehicle.waypoint_m
             self._vehicle.waypoint_m = (command.target_x_m, command.target_y_m)
-            self._said = None
+            self._announcer._said = None
 
     patch.setattr(UavNode, "_take_command", mutant)
-    settle = UavNode._settle
+    say = Announcer.say_change
 
-    def settled(self: UavNode, now_ns: int) -> None:
-        if self._said is None and self._flight.flown is not None and self.slot >= 0 and not self.ended:
-            self._say(now_ns, with_truth=True)
-        settle(self, now_ns)
+    def said(self: Announcer, slot: int, now_ns: int) -> None:
+        if not self.has_begun and self._flight.flown is not None and slot >= 0:
+            self.say(slot, now_ns, with_truth=True)
+        say(self, slot, now_ns)
 
-    patch.setattr(UavNode, "_settle", settled)
+    patch.setattr(Announcer, "say_change", said)
 
 
 def frozen_uav_executes_late(patch: Patch) -> None:
@@ -405,7 +407,7 @@ def limit_forgotten_over_a_restart(patch: Patch) -> None:
     begin = UavNode._begin_slots
 
     def mutant(self: UavNode, now_ns: int) -> bool:
-        if self._said is None:
+        if not self._announcer.has_begun:
             self._vehicle.stepped_slot = max(self._vehicle.stepped_slot, self._clock.slot_at(now_ns) - 1)
         return begin(self, now_ns)
 

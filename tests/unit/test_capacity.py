@@ -30,16 +30,16 @@ def two_cores(monkeypatch: pytest.MonkeyPatch) -> None:
 @pytest.mark.usefixtures("two_cores")
 def test_a_swarm_that_is_too_large_is_refused() -> None:
     """2 cores x 70 % x 0.5 s / 3 ms are 233 UAVs; the message names what helps, in one line."""
-    capacity.check_capacity(swarm(233), "--uavs")
+    capacity.check_capacity(swarm(233))
     with pytest.raises(InputError) as caught:
-        capacity.check_capacity(swarm(234), "--uavs")
+        capacity.check_capacity(swarm(234))
     said = str(caught.value)
     assert "about 233: this machine carries no more at 0.5 s a slot" in said
     assert "--slot 0.6, --overload stretch, or --overload fly" in said
     assert "\n" not in said
-    capacity.check_capacity(swarm(234, dt_s=0.6), "--uavs")
+    capacity.check_capacity(swarm(234, dt_s=0.6))
     with pytest.raises(InputError):
-        capacity.check_capacity(swarm(150, time_scale=2.0), "--uavs")
+        capacity.check_capacity(swarm(150, time_scale=2.0))
 
 
 @pytest.mark.usefixtures("two_cores")

@@ -82,7 +82,7 @@ def test_the_lease() -> None:
     voter = trusting("d")
     assert not voter.slot(6).slot(7).election.suspects
     assert voter.slot(8).election.suspects
-    voter.election.hear_command()
+    voter.election.renew_lease()
     assert not voter.slot(9).slot(10).election.suspects
     assert voter.slot(11).election.suspects
     voter.election.hear_report(report(11))

@@ -11,21 +11,15 @@ ROOT = Path(__file__).resolve().parents[2]
 MAX_LINES = 400
 MAX_METHODS = 20
 LONG_MODULES = {
-    "edc_swarm/agent/node.py": 470,
     "edc_swarm/planner/guidance_kernel.py": 1400,  # A kernel: compiled as one module.
-    "processes/uav/process.py": 427,
 }
 """Modules that are longer today, and the lines that each may have: none may grow."""
 LARGE_CLASSES = {
-    "Election": 22,
-    "Foreign": 22,
+    "Foreign": 21,
     "Knowledge": 25,
     "Operator": 21,
     "Pilot": 23,
-    "Recorder": 21,
     "Scenery": 27,
-    "UavNode": 30,
-    "UavProcess": 26,
     "VehicleView": 21,
 }
 """Classes that have more methods and properties today, and how many each may have: none may grow."""

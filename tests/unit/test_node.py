@@ -8,8 +8,8 @@ from typing import Any
 import msgspec
 import pytest
 
+from edc_swarm.agent.flight import MAX_PENDING
 from edc_swarm.agent.node import (
-    MAX_PENDING,
     Effect,
     Land,
     Listen,

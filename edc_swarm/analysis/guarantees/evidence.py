@@ -289,8 +289,8 @@ def _judgeable(
     if not (holed or unknown_commands or ends.unheard or any(untold.values())):
         doubted = set()
     tracks = tracks_of(recording, _lacking(gaps, ends, "command_to") | unknown_commands | doubted)
-    no_fix = _holes(recording.fixes, "fix", index, gaps, ends, tracks.heard.shape)
-    no_truth = _holes(recording.truths, "truth", index, gaps, ends, tracks.heard.shape)
+    no_fix = _may_be_missing(recording.fixes, "fix", index, gaps, ends, tracks.heard.shape)
+    no_truth = _may_be_missing(recording.truths, "truth", index, gaps, ends, tracks.heard.shape)
     for uav in doubted:
         no_fix[:, index[uav]] = no_truth[:, index[uav]] = True
     placed = np.zeros_like(tracks.heard)
@@ -313,7 +313,7 @@ def _judgeable(
     )
 
 
-def _holes(
+def _may_be_missing(
     said: Sequence[Fix] | Sequence[Truth],
     kind: str,
     index: dict[str, int],
@@ -322,24 +322,24 @@ def _holes(
     shape: tuple[int, ...],
 ) -> NDArray[np.bool_]:
     """Return (S, K) slots whose message of `kind` may be missing, by the sequence numbers around them."""
-    holes = np.zeros(shape, bool)
+    missing = np.zeros(shape, bool)
     lacking = _lacking(gaps, ends, kind) & index.keys()
     streams: dict[tuple[str, str], list[tuple[int, int]]] = {}
     for message in said if lacking else ():
         if message.uav in lacking:
             streams.setdefault((message.uav, message.instance), []).append((message.seq, message.slot))
     for uav in lacking - {uav for uav, _ in streams}:
-        holes[:, index[uav]] = True
+        missing[:, index[uav]] = True
     tails = {(gap.key, gap.instance): gap.last for gap in gaps if not gap.duplicate}
     for (uav, instance), numbers in streams.items():
         numbers.sort()
         for (before, slot), (seq, next_slot) in pairwise([(-1, -1), *numbers]):
             if seq > before + 1:
-                holes[slot + 1 : next_slot, index[uav]] = True
+                missing[slot + 1 : next_slot, index[uav]] = True
         newest, slot = numbers[-1]
         if uav in ends.unended or tails.get((f"uav/{uav}/{kind}", instance), -1) > newest:
-            holes[slot + 1 :, index[uav]] = True
-    return holes
+            missing[slot + 1 :, index[uav]] = True
+    return missing
 
 
 def _named(uavs: set[str] | frozenset[str]) -> str:

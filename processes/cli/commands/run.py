@@ -131,7 +131,7 @@ def _carried(options: MissionOptions, file: Path | None, overload: Overload) -> 
     """Return the mission if this machine carries it, or as `overload` says."""
     mission = options.mission(file)
     if overload == "refuse":
-        check_capacity(mission, "--uavs")
+        check_capacity(mission)
     elif overload == "stretch" and (slot_s := stretched_slot_s(mission)) > mission.dt_s:
         note(f"the slot is stretched from {mission.dt_s:g} to {slot_s:g} s, which this machine carries")
         return options.with_slot(slot_s).mission(file)

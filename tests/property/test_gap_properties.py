@@ -5,7 +5,7 @@ from __future__ import annotations
 from hypothesis import given
 from hypothesis import strategies as st
 
-from edc_swarm.protocol.gap_repair import GATHER_S, MAX_TRIES, WAITS_S, Holes
+from edc_swarm.protocol.gap_repair import GATHER_S, MAX_TRIES, WAITS_S, Gaps
 from edc_swarm.protocol.keys import Keys
 from edc_swarm.protocol.retransmission import OVERHEAD_BYTES, Ask, Kept, Ring, Span
 
@@ -27,7 +27,7 @@ class Bus:
 
     def __init__(self, kept: int) -> None:
         self.ring = Ring(kept * (OVERHEAD_BYTES + 1))
-        self.holes = Holes("m", {"a"})
+        self.gaps = Gaps("m", {"a"})
         self.seqs = dict.fromkeys(STREAMS, -1)
         self.recorded: list[tuple[str, int]] = []
         self.late: list[tuple[str, int]] = []
@@ -46,23 +46,23 @@ class Bus:
 
     def arrive(self, key: str, seq: int) -> None:
         """Let a message come by itself."""
-        if self.holes.heard(key, "1-x", seq, b"x", self.now_s):
+        if self.gaps.heard(key, "1-x", seq, b"x", self.now_s):
             self.recorded.append((key, seq))
 
     def turn(self, after_s: float, *, asks_arrive: bool = True, twice: bool = False) -> None:
         """Let time pass, carry asks, and answers once or twice."""
         self.now_s += after_s
-        for name, ask in self.holes.due(self.now_s):
+        for name, ask in self.gaps.due(self.now_s):
             self.asks += 1
             self.released |= ask == Ask([])
             if asks_arrive:
                 for _ in range(2 if twice else 1):
-                    taken = self.holes.answered(name, self.ring.answer(ask), self.now_s)
+                    taken = self.gaps.answered(name, self.ring.answer(ask), self.now_s)
                     self.recorded += [(kept.key, kept.seq) for kept in taken]
 
     def settle(self) -> None:
         """Let the publisher close and everything be asked for that still is."""
-        self.holes.closed(*US, self.seqs, self.now_s)
+        self.gaps.closed(*US, self.seqs, self.now_s)
         for _ in range(100 + MAX_TRIES):
             self.turn(GATHER_S)
 
@@ -83,18 +83,18 @@ def test_each_message_once_or_gone(said: list[Said], kept: int, data: st.DataObj
     still_kept = bus.ring.answer(Ask([Span(key, 0, last) for key, last in bus.seqs.items()]))
     newest = {(one.key, one.seq) for one in still_kept.found}
     assert newest <= set(bus.recorded) <= everything
-    assert not bus.holes.outstanding
+    assert not bus.gaps.outstanding
     assert bus.released or not said
 
 
 @given(said)
 def test_silence_costs_a_bounded_number_of_asks(said: list[Said]) -> None:
-    """A publisher that never answers is asked so often for each hole that it shows, and then left alone."""
+    """A publisher that never answers is asked so often for each gap that it shows, and then left alone."""
     bus = Bus(kept=1)
     for key, fate, *_ in said:
         bus.publish(key, fate)
     for _ in range(2 * MAX_TRIES):
         bus.turn(LONG_S, asks_arrive=False)
     assert bus.asks <= MAX_TRIES
-    assert not bus.holes.outstanding
-    assert bus.holes.next_s is None
+    assert not bus.gaps.outstanding
+    assert bus.gaps.next_s is None

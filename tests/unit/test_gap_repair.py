@@ -1,4 +1,4 @@
-"""Holes in what was heard: seen, asked for, filled, given up. Transcripts: what comes, and what is asked."""
+"""Gaps in what was heard: seen, asked for, filled, given up. Transcripts: what comes, and what is asked."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ from itertools import pairwise
 import pytest
 
 from edc_swarm.protocol import gap_repair
-from edc_swarm.protocol.gap_repair import GATHER_S, MAX_AT_ONCE, MAX_HOLE, MAX_TRIES, WAITS_S, Holes
+from edc_swarm.protocol.gap_repair import GATHER_S, MAX_AT_ONCE, MAX_GAP, MAX_TRIES, WAITS_S, Gaps
 from edc_swarm.protocol.keys import Keys, source_of
 from edc_swarm.protocol.retransmission import Answer, Ask, Kept, Span
 
@@ -18,28 +18,28 @@ US = ("a", "1-x")
 
 
 class Watch:
-    """Holes of mission m, in which a, b and the operator are known, and a clock."""
+    """Gaps of mission m, in which a, b and the operator are known, and a clock."""
 
     def __init__(self) -> None:
         self.known = {"a", "b", "operator", "viz"}
-        self.holes = Holes("m", self.known)
+        self.gaps = Gaps("m", self.known)
         self.now_s = 100.0
 
     def hear(self, *seqs: int, key: str = FIX, instance: str = "1-x", payload: bytes = b"bytes") -> list[bool]:
         """Messages come by themselves; which of them are to be recorded."""
-        return [self.holes.heard(key, instance, seq, payload, self.now_s) for seq in seqs]
+        return [self.gaps.heard(key, instance, seq, payload, self.now_s) for seq in seqs]
 
     def asks(self, after_s: float = 0.0) -> list[tuple[tuple[str, str], Ask]]:
         """The requests due some time later."""
         self.now_s += after_s
-        return self.holes.due(self.now_s)
+        return self.gaps.due(self.now_s)
 
     def answer(
         self, found: Sequence[tuple[str, int]], gone: Sequence[tuple[str, int]] = (), who: tuple[str, str] = US
     ) -> list[int]:
         """An answer comes; the numbers that are to be recorded."""
         kept = [Kept(key, seq, b"bytes") for key, seq in found]
-        return [one.seq for one in self.holes.answered(who, Answer(kept, list(gone)), self.now_s)]
+        return [one.seq for one in self.gaps.answered(who, Answer(kept, list(gone)), self.now_s)]
 
 
 @pytest.fixture
@@ -52,18 +52,18 @@ def test_nothing_is_asked_where_nothing_is_missing(watch: Watch) -> None:
     """No request is due."""
     assert watch.hear(0, 1, 2) == [True] * 3
     assert watch.asks(10.0) == []
-    assert (watch.holes.next_s, watch.holes.outstanding) == (None, False)
+    assert (watch.gaps.next_s, watch.gaps.outstanding) == (None, False)
 
 
-def test_a_hole_is_asked_for_and_filled(watch: Watch) -> None:
+def test_a_gap_is_asked_for_and_filled(watch: Watch) -> None:
     """Exactly what is missing, of both keys at once, and then no more."""
     watch.hear(0, 3)
     watch.hear(2, key=TRUTH)
     assert watch.asks() == []
-    assert watch.holes.outstanding
+    assert watch.gaps.outstanding
     assert watch.asks(GATHER_S) == [(US, Ask([Span(FIX, 1, 2), Span(TRUTH, 0, 1)]))]
     assert watch.answer([(FIX, 1), (FIX, 2), (TRUTH, 0), (TRUTH, 1)]) == [1, 2, 0, 1]
-    assert not watch.holes.outstanding
+    assert not watch.gaps.outstanding
     assert watch.asks(10.0) == []
 
 
@@ -82,7 +82,7 @@ def test_what_cannot_be_had_any_more_is_given_up(watch: Watch) -> None:
     watch.hear(3)
     watch.asks(GATHER_S)
     assert watch.answer([(FIX, 2)], [(FIX, 0), (FIX, 1)]) == [2]
-    assert not watch.holes.outstanding
+    assert not watch.gaps.outstanding
     assert watch.asks(10.0) == []
 
 
@@ -91,17 +91,17 @@ def test_silence_is_asked_again_and_again_and_then_no_more(watch: Watch) -> None
     watch.hear(1)
     watch.now_s += GATHER_S
     times_s = []
-    while watch.holes.outstanding:
+    while watch.gaps.outstanding:
         assert watch.asks() in ([], [(US, Ask([Span(FIX, 0, 0)]))])
         times_s.append(watch.now_s)
-        watch.now_s = watch.holes.next_s or watch.now_s
+        watch.now_s = watch.gaps.next_s or watch.now_s
     assert [later - at for at, later in pairwise(times_s)] == pytest.approx(WAITS_S)
     assert len(times_s) == MAX_TRIES + 1
     assert watch.asks(100.0) == []
 
 
-def test_another_hole_wakes_a_publisher_that_was_given_up(watch: Watch) -> None:
-    """It lives after all: old holes and new are asked for."""
+def test_another_gap_wakes_a_publisher_that_was_given_up(watch: Watch) -> None:
+    """It lives after all: old gaps and new are asked for."""
     watch.hear(1)
     for _ in range(MAX_TRIES + 2):
         watch.asks(10.0)
@@ -111,7 +111,7 @@ def test_another_hole_wakes_a_publisher_that_was_given_up(watch: Watch) -> None:
     assert watch.asks(GATHER_S) == [(US, Ask([Span(FIX, 0, 0), Span(FIX, 3, 3)]))]
 
 
-def test_a_hole_during_an_ask_waits_for_the_answer(watch: Watch) -> None:
+def test_a_gap_during_an_ask_waits_for_the_answer(watch: Watch) -> None:
     """The recorder does not repeat a request that is under way."""
     watch.hear(1)
     watch.asks(GATHER_S)
@@ -132,7 +132,7 @@ def test_nothing_is_recorded_twice(watch: Watch) -> None:
     assert watch.answer([(TRUTH, 0)], [(EVENT, 0)]) == []
 
 
-def test_what_comes_by_itself_in_the_midst_of_a_hole_leaves_both_ends(watch: Watch) -> None:
+def test_what_comes_by_itself_in_the_midst_of_a_gap_leaves_both_ends(watch: Watch) -> None:
     """They are asked for, and found."""
     watch.hear(0, 6)
     assert watch.hear(3) == [True]
@@ -152,8 +152,8 @@ def test_what_really_was_said_twice_is_recorded_twice(watch: Watch) -> None:
 def test_the_last_word_tells_of_a_tail(watch: Watch) -> None:
     """It names keys without any message too, and may name keys without the mission."""
     watch.hear(0)
-    watch.holes.closed("a", "1-x", {FIX: 1, EVENT: 0}, watch.now_s)
-    watch.holes.closed("viz", "9-y", {"viz/uavs": 0}, watch.now_s)
+    watch.gaps.closed("a", "1-x", {FIX: 1, EVENT: 0}, watch.now_s)
+    watch.gaps.closed("viz", "9-y", {"viz/uavs": 0}, watch.now_s)
     assert watch.asks(GATHER_S) == [
         (US, Ask([Span(FIX, 1, 1), Span(EVENT, 0, 0)])),
         (("viz", "9-y"), Ask([Span(f"{KEYS.root}/viz/uavs", 0, 0)])),
@@ -166,9 +166,9 @@ def test_who_has_closed_is_told_when_nothing_is_wanted_any_more(watch: Watch) ->
     """At once where nothing is missing, otherwise with the last answer; and once."""
     watch.hear(0, 2)
     watch.hear(0, key=KEYS.fix("b"), instance="2-x")
-    watch.holes.closed("b", "2-x", {KEYS.fix("b"): 0}, watch.now_s)
+    watch.gaps.closed("b", "2-x", {KEYS.fix("b"): 0}, watch.now_s)
     assert watch.asks() == [(("b", "2-x"), Ask([]))]
-    watch.holes.closed("a", "1-x", {FIX: 2}, watch.now_s)
+    watch.gaps.closed("a", "1-x", {FIX: 2}, watch.now_s)
     assert watch.asks(GATHER_S) == [(US, Ask([Span(FIX, 1, 1)]))]
     watch.answer([(FIX, 1)])
     assert watch.asks() == [(US, Ask([]))]
@@ -178,7 +178,7 @@ def test_who_has_closed_is_told_when_nothing_is_wanted_any_more(watch: Watch) ->
 def test_nobody_closes_for_another(watch: Watch) -> None:
     """The last word of b says nothing about the messages of a."""
     watch.hear(0)
-    watch.holes.closed("b", "1-x", {FIX: 10}, watch.now_s)
+    watch.gaps.closed("b", "1-x", {FIX: 10}, watch.now_s)
     assert watch.asks(10.0) == []
 
 
@@ -189,7 +189,7 @@ def test_instances_are_publishers_of_their_own(watch: Watch) -> None:
     assert watch.asks(GATHER_S) == [(US, Ask([Span(FIX, 1, 1)])), (("a", "2-x"), Ask([Span(FIX, 1, 1)]))]
 
 
-def test_a_hole_during_an_ask_is_asked_for_as_often_as_any(watch: Watch) -> None:
+def test_a_gap_during_an_ask_is_asked_for_as_often_as_any(watch: Watch) -> None:
     """A publisher that has not answered yet shows that it lives: the ask under way is the first for all of it."""
     watch.hear(1)
     for after_s in (GATHER_S, *WAITS_S[:2]):
@@ -202,7 +202,7 @@ def test_strangers_are_not_asked_before_they_are_known(watch: Watch) -> None:
     """They delay no request to others either."""
     watch.hear(1, key=KEYS.fix("z"))
     assert watch.asks(10.0) == []
-    assert (watch.holes.outstanding, watch.holes.next_s) == (False, None)
+    assert (watch.gaps.outstanding, watch.gaps.next_s) == (False, None)
     watch.known.add("z")
     assert watch.asks() == [(("z", "1-x"), Ask([Span(KEYS.fix("z"), 0, 0)]))]
 
@@ -214,11 +214,11 @@ def test_what_nobody_counts_is_left_alone(watch: Watch) -> None:
     assert watch.asks(10.0) == []
 
 
-def test_only_the_end_of_a_huge_hole_is_asked_for(watch: Watch) -> None:
+def test_only_the_end_of_a_huge_gap_is_asked_for(watch: Watch) -> None:
     """An invented number makes no endless work."""
     watch.hear(1 << 50)
     ((_, ask),) = watch.asks(GATHER_S)
-    assert ask.wanted == [Span(FIX, (1 << 50) - MAX_HOLE, (1 << 50) - 1)]
+    assert ask.wanted == [Span(FIX, (1 << 50) - MAX_GAP, (1 << 50) - 1)]
 
 
 def test_so_many_are_asked_at_once_and_no_more(watch: Watch) -> None:
@@ -228,8 +228,8 @@ def test_so_many_are_asked_at_once_and_no_more(watch: Watch) -> None:
     for name in names:
         watch.hear(1, key=KEYS.fix(name))
     assert len(watch.asks(GATHER_S)) == MAX_AT_ONCE
-    assert watch.holes.next_s is not None
-    assert watch.holes.next_s > watch.now_s
+    assert watch.gaps.next_s is not None
+    assert watch.gaps.next_s > watch.now_s
     for name in names[:-1]:
         watch.hear(3, key=KEYS.fix(name))
     assert watch.asks(GATHER_S) == []
@@ -252,7 +252,7 @@ def test_requests_are_bounded_in_time(watch: Watch) -> None:
 
 
 def test_who_is_not_asked_yet_takes_nobodys_turn(watch: Watch) -> None:
-    """However many holes are still being gathered."""
+    """However many gaps are still being gathered."""
     names = [f"u{number}" for number in range(MAX_AT_ONCE)]
     watch.known.update(names)
     watch.hear(1)
@@ -262,9 +262,9 @@ def test_who_is_not_asked_yet_takes_nobodys_turn(watch: Watch) -> None:
     assert [name for name, _ in watch.asks()] == [US]
 
 
-def test_holes_are_bounded(watch: Watch, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_gaps_are_bounded(watch: Watch, monkeypatch: pytest.MonkeyPatch) -> None:
     """Messages beyond the limit stay a gap."""
-    monkeypatch.setattr(gap_repair, "MAX_HOLES", 2)
+    monkeypatch.setattr(gap_repair, "MAX_GAPS", 2)
     watch.hear(1, 3, 5)
     ((_, ask),) = watch.asks(GATHER_S)
     assert ask.wanted == [Span(FIX, 0, 0), Span(FIX, 2, 2)]
