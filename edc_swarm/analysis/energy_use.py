@@ -12,10 +12,8 @@ from edc_swarm.recording.model import Recording
 from edc_swarm.recording.repeats import plans_of
 
 
-def propulsion_j(columns: Columns, arrival: NDArray[np.int64], first: int | None) -> float:
+def propulsion_j(columns: Columns, arrival: NDArray[np.int64], first: int) -> float:
     """Return the propulsion energy of all UAVs, each from the first commanded slot until it arrives or dies."""
-    if first is None:
-        return 0.0
     slot = np.arange(len(columns.step_m))[:, None]
     return float(np.sum(columns.slot_j[(slot >= first) & (slot <= arrival) & columns.alive]))
 

@@ -130,10 +130,10 @@ def compute_metrics(recording: Recording, timings: Sequence[Timing] = ()) -> Met
     slots = 1 + max((fix.slot for fix in recording.fixes), default=-1) or None
     duration_s = None if slots is None else mission.dt_s * slots
     commanded = _commanded(recording, tracks)
-    first = min(commanded, default=None)
+    first = min(commanded, default=None) if known.motion else None
     last = int(arrival[living].max()) if settled else tracks.slots - 1
-    makespan_s = _makespan_s(mission, arrival[living], first) if settled and known.motion else None
-    held = _held(columns, at_target, first, last)
+    makespan_s = _makespan_s(mission, arrival[living], first) if settled and first is not None else None
+    held = _held(columns, at_target, first, last) if first is not None else None
     heads, astray = heads_of(recording), not_home(recording, tracks, living)
     unknown = [who.uav for who in astray if who.is_unknown]
     separation = _separation(evidence, known)
@@ -167,7 +167,7 @@ def compute_metrics(recording: Recording, timings: Sequence[Timing] = ()) -> Met
         ),
         makespan_s=makespan_s,
         makespan_ratio=_makespan_ratio(makespan_s, _least_s(mission, voyages, _reached_m(columns, arrival))[living]),
-        energy_propulsion_j=propulsion_j(columns, arrival, first) if known.motion else None,
+        energy_propulsion_j=propulsion_j(columns, arrival, first) if first is not None else None,
         energy_compute_j=compute_j(recording, columns) if known.reports else None,
         energy_straight_j=straight_energy_j(mission),
         plan_ms=_quantiles(columns.plan_ms),
@@ -175,9 +175,9 @@ def compute_metrics(recording: Recording, timings: Sequence[Timing] = ()) -> Met
         fix_to_step_ms=_quantiles(fix_to_step_ms(recording)),
         fix_age_ms=age_of(sawtooth_of(fix_updates(recording))) if known.motion else Age(),
         command_age_ms=age_of(sawtooth_of(command_updates(recording))) if known.motion else Age(),
-        slots_held=int(held.sum()) if known.motion else None,
-        slots_held_by=holds_by_cause(recording, tracks, held) if known.motion and known.reports else None,
-        slots_missed=_slots_missed(commanded, first, last) if known.motion else None,
+        slots_held=int(held.sum()) if held is not None else None,
+        slots_held_by=holds_by_cause(recording, tracks, held) if held is not None and known.reports else None,
+        slots_missed=_slots_missed(commanded, first, last) if first is not None else None,
         ticks_late_pct=_ticks_late_pct(recording, int(tracks.heard.sum())) if known.fixes else None,
         messages=recording.message_count,
         gaps=_gaps(evidence),
@@ -226,8 +226,8 @@ def _commanded(recording: Recording, tracks: Tracks) -> set[int]:
     return {command.slot for command in recording.commands}
 
 
-def _slots_missed(commanded: set[int], first: int | None, last: int) -> int:
-    return len(set(range(first, last + 1)) - commanded) if first is not None else 0
+def _slots_missed(commanded: set[int], first: int, last: int) -> int:
+    return len(set(range(first, last + 1)) - commanded)
 
 
 def _faults_undone(recording: Recording, duration_s: float | None, known: Known) -> list[str]:
@@ -251,9 +251,9 @@ def _arrival_slots(at_target: NDArray[np.bool_]) -> NDArray[np.int64]:
     return np.where(away.any(axis=0), last_away, -1)
 
 
-def _makespan_s(mission: Mission, arrival: NDArray[np.int64], first: int | None) -> float | None:
+def _makespan_s(mission: Mission, arrival: NDArray[np.int64], first: int) -> float:
     """Return the time from the start of the first commanded slot to the arrival of the last UAV."""
-    return None if first is None else max(0.0, (int(arrival.max()) + 1 - first) * mission.dt_s - mission.guard_s)
+    return max(0.0, (int(arrival.max()) + 1 - first) * mission.dt_s - mission.guard_s)
 
 
 def _reached_m(columns: Columns, arrival: NDArray[np.int64]) -> Floats:
@@ -368,10 +368,10 @@ def _quantiles(values: Floats) -> Quantiles:
     return Quantiles(float(p50), float(p99), float(most))
 
 
-def _held(columns: Columns, at_target: NDArray[np.bool_], first: int | None, last: int) -> NDArray[np.bool_]:
+def _held(columns: Columns, at_target: NDArray[np.bool_], first: int, last: int) -> NDArray[np.bool_]:
     """Return (S, K): True in the slots first..last where a UAV away from its target executes no command."""
     held = ~columns.executed & ~at_target[:-1] & columns.alive
-    held[: len(held) if first is None else first] = False
+    held[:first] = False
     held[last + 1 :] = False
     return held
 

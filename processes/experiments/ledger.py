@@ -12,18 +12,14 @@ import hashlib
 import importlib
 import importlib.util
 import inspect
-import multiprocessing
 import os
-import signal
 import sys
 import time
 from collections.abc import Callable, Iterable, Iterator, Sequence
-from concurrent.futures import FIRST_COMPLETED, Future, ProcessPoolExecutor, wait
-from concurrent.futures.process import BrokenProcessPool
+from concurrent.futures import FIRST_COMPLETED, Future, wait
 from contextlib import ExitStack, contextmanager, suppress
 from functools import lru_cache
 from itertools import islice
-from multiprocessing.process import BaseProcess
 from pathlib import Path
 from types import TracebackType
 from typing import Any, BinaryIO, Protocol
@@ -35,8 +31,8 @@ import edc_swarm
 from edc_swarm.errors import InputError, SwarmError
 from edc_swarm.experiments.sweeps import Run
 from edc_swarm.extras import install_command, version_of
+from processes.experiments.workers import workers
 from processes.runtime.output import unwritten
-from processes.runtime.parent import die_with_parent
 from processes.runtime.run_count import run_count
 
 RUNS_FILE = "runs.jsonl"
@@ -264,16 +260,8 @@ class Local:
             yield from ((run, *make(run, code_of(run))) for run in runs)
             return
         end_if_imported_by_worker()
-        spawn = multiprocessing.get_context("spawn")
-        before = set(multiprocessing.active_children())
-        with ProcessPoolExecutor(jobs, mp_context=spawn, initializer=begin_worker, initargs=(os.getpid(),)) as pool:
-            try:
-                yield from _windowed(lambda run: _submitted(pool, run), runs, jobs * IN_FLIGHT)
-            except BrokenProcessPool:
-                raise SweepError(WORKER_DIED) from None
-            except BaseException:
-                _end(pool, set(multiprocessing.active_children()) - before)
-                raise
+        with workers(jobs, SweepError(WORKER_DIED)) as pool:
+            yield from _windowed(lambda run: pool.submit(make, run, code_of(run)), runs, jobs * IN_FLIGHT)
 
 
 def _windowed(
@@ -287,33 +275,6 @@ def _windowed(
         for future in done:
             yield (pending.pop(future), *future.result())
             pending.update((submit(run), run) for run in islice(waiting, 1))
-
-
-def _submitted(pool: ProcessPoolExecutor, run: Run) -> Future[tuple[Any, float]]:
-    with sigint_blocked():
-        return pool.submit(make, run, code_of(run))
-
-
-@contextmanager
-def sigint_blocked() -> Iterator[None]:
-    """Block SIGINT in this context, so that workers that start in it inherit the block from their first moment."""
-    before = signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGINT})
-    try:
-        yield
-    finally:
-        signal.pthread_sigmask(signal.SIG_SETMASK, before)
-
-
-def begin_worker(parent_pid: int) -> None:
-    """Prepare a worker: it ends with the command, which alone receives Ctrl-C."""
-    die_with_parent(parent_pid)
-
-
-def _end(pool: ProcessPoolExecutor, workers: Iterable[BaseProcess]) -> None:
-    """Terminate the workers without waiting for their current runs."""
-    pool.shutdown(wait=False, cancel_futures=True)
-    for worker in workers:
-        worker.kill()
 
 
 class Dask:

@@ -38,6 +38,9 @@ A router must have forwarded the event before it dies, and a process that freeze
 slot's start would hold messages that it has counted but not sent.
 """
 
+HEARD_SLOTS = 2
+"""Slots after which an operator that takes over has heard a report, if there is a head."""
+
 TOLD_OF_FAULTS = frozenset({EventKind.FAULT, EventKind.FAULT_WITHOUT_TARGET, EventKind.HOST_REQUEST})
 """Kinds of the events that an injector publishes: one for each fault, and one for each request to another host."""
 
@@ -61,8 +64,9 @@ class Injector:
 
     An injector that takes over goes on after the last of the events `told` by the operator before it. It carries out
     at once what fell into the time without an operator: a fault that no event tells, and the end of a death or a
-    freeze. A fault that would be over by now has no target any more. With None it does not know what was told,
-    and takes every fault before now as carried out.
+    freeze. A fault that would be over by now has no target any more, and one of a head waits for `HEARD_SLOTS` slots,
+    until the operator has heard who leads. With None it does not know what was told, and takes every fault before now
+    as carried out.
     """
 
     HANDLERS: FaultHandlers[Injector] = FaultHandlers()
@@ -74,6 +78,7 @@ class Injector:
         self._due: list[tuple[int, int, Callable[[], None]]] = []
         self._faults = parse_faults(mission)
         self._frozen_until_s: dict[str, float] = {}
+        self._hears_until_s = self.now_s + HEARD_SLOTS * mission.dt_s if self.now_s > 0 else -math.inf
         until_s = self.now_s if told is None else max(map(self._told_s, told), default=-math.inf)
         for fault in (fault for fault in self._faults if fault.at_s > until_s):
             self._at(fault.at_s, partial(self.inject if fault.end_s > self.now_s else self._leave_out, fault))
@@ -121,6 +126,9 @@ class Injector:
         assert bus.monitor is not None
         roster = [entry.uav for entry in self._mission.roster]
         concrete = resolve(fault, bus.monitor.head, bus.monitor.standbys, roster, bus.monitor.in_office)
+        if concrete is None and self.now_s < self._hears_until_s:
+            self._at(self._hears_until_s, partial(self.inject, fault))
+            return
         if concrete is None or (isinstance(concrete, Restart) and concrete.target == RECORDER):
             self._leave_out(fault)
             return

@@ -25,6 +25,7 @@ from edc_swarm.errors import InputError
 from edc_swarm.experiments.figures import catalogue
 from edc_swarm.experiments.sweeps import Run
 from edc_swarm.mission.configuration import Mission
+from processes.cli.commands.fuzz import WORKER_DIED
 from processes.cli.main import main
 from processes.experiments.ledger import (
     MEASURING,
@@ -39,6 +40,7 @@ from processes.experiments.ledger import (
     open_scheduler,
     sweep,
 )
+from processes.experiments.workers import workers
 
 RUNS = [Run("fly", Mission(uavs=3, seed=seed)) for seed in range(8)]
 SWEEP = """
@@ -83,6 +85,12 @@ def children(pid: int) -> list[int]:
     """Return the child processes of `pid`."""
     said = subprocess.run(["ps", "-o", "pid=", "--ppid", str(pid)], capture_output=True, text=True, check=False)
     return [int(word) for word in said.stdout.split()]
+
+
+def workers_of(pid: int) -> list[int]:
+    """Return the worker processes of `pid`."""
+    said = subprocess.run(["ps", "-wwo", "pid=,args=", "--ppid", str(pid)], capture_output=True, text=True, check=False)
+    return [int(line.split()[0]) for line in said.stdout.splitlines() if "spawn_main" in line]
 
 
 def alive(pid: int) -> bool:
@@ -199,6 +207,36 @@ def test_a_worker_that_dies_ends_the_sweep_with_a_word() -> None:
     runs = [Run(f"{__name__}:die", Mission(seed=seed)) for seed in range(2)]
     with pytest.raises(SweepError, match="a worker process died"):
         list(Local(2).results(runs))
+
+
+def test_a_worker_of_the_fuzzer_that_dies_ends_it_with_a_word(tmp_path: Path) -> None:
+    """The kernel kills a worker when memory is exhausted: the user sees one line."""
+    said = tmp_path / "said"
+    with said.open("wb") as stream:
+        command = [sys.executable, "-m", "processes.cli.main", "fuzz", "--runs", "1000", "--jobs", "2"]
+        process = subprocess.Popen(command, stderr=stream)
+    try:
+        wait_for(lambda: workers_of(process.pid), "workers")
+        os.kill(workers_of(process.pid)[0], signal.SIGKILL)
+        assert process.wait(timeout=60) == 1
+    finally:
+        process.kill()
+    assert said.read_text().splitlines()[-1] == f"error: {WORKER_DIED}"
+    assert "Traceback" not in said.read_text()
+
+
+def test_an_interrupt_ends_workers_in_mid_work() -> None:
+    """Nobody waits for what they do, which may take minutes."""
+    with pytest.raises(KeyboardInterrupt):
+        _interrupted()
+    assert not workers_of(os.getpid())
+
+
+def _interrupted() -> None:
+    with workers(2, SweepError("died")) as pool:
+        calls = [pool.submit(time.sleep, 600.0) for _ in range(8)]
+        wait_for(lambda: workers_of(os.getpid()) and any(call.running() for call in calls), "work")
+        raise KeyboardInterrupt
 
 
 def test_a_script_that_sweeps_in_every_worker_ends_with_a_word(tmp_path: Path) -> None:

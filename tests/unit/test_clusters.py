@@ -148,9 +148,10 @@ def test_a_foreign_uav_is_where_its_fix_of_the_slot_says_and_nowhere_else() -> N
     foreign.hear_fix(fix("b0", 4, (0.0, 38.0)), 4)
     assert [(seen.uav, seen.position_m) for seen in foreign.heard(4)] == [(3, (0.0, 38.0))]
     assert [hull.uav for hull in foreign.hulls(4, strays=False)] == [4]
-    assert foreign.heard(5) == []
-    later = {hull.uav: hull.radius_m for hull in foreign.hulls(6, strays=False)}
-    assert later == {3: pytest.approx(2 * 2.5), 4: pytest.approx(7 * 2.5)}
+    for slot in (5, 6):
+        assert foreign.heard(slot) == []
+        later = {hull.uav: hull.radius_m for hull in foreign.hulls(slot, strays=False)}
+        assert later == {3: pytest.approx((slot - 4) * 2.5), 4: pytest.approx((slot + 1) * 2.5)}
 
 
 def test_a_head_waits_for_near_foreign_uavs_that_it_has_heard_lately() -> None:

@@ -12,7 +12,7 @@ from edc_swarm.mission.configuration import NS_PER_S, Mission
 from edc_swarm.mission.roster import complete_mission
 from edc_swarm.protocol.events import EventKind
 from edc_swarm.protocol.messages import Event, MissionMessage, mission_message
-from processes.operator.fault_injector import Injector
+from processes.operator.fault_injector import HEARD_SLOTS, Injector
 
 FAULTS = ["kill u001 @4s for 10s", "freeze u002 @5s for 20s", "restart u003 @8s", "gps u001 outage @9s for 2s"]
 
@@ -77,6 +77,7 @@ def takes_over(events: list[Event] | None, *times_s: float) -> list[list[tuple[s
 BEFORE = [KILLED, FROZEN]
 RESTARTED = [("fault", "restart u003 @8s"), ("start", "u003")]
 OUTAGE = ("fault", "gps u001 outage @9s for 2s")
+LEFT_OUT = ("fault-without-target", "kill head @4s")
 OVER = ("fault-without-target", "gps u001 outage @9s for 2s")
 
 
@@ -104,6 +105,21 @@ def test_takeover(
 ) -> None:
     """Every fault and every end is carried out once, at its time or at once if no operator was there at its time."""
     assert takes_over(events, *times_s) == expected
+
+
+@pytest.mark.parametrize(("head", "done"), [("u002", ("fault", "kill u002 @4s")), ("", LEFT_OUT)])
+def test_a_fault_of_the_head_waits_until_an_operator_that_takes_over_knows_the_head(
+    head: str, done: tuple[str, str]
+) -> None:
+    """It has heard no report as it begins; a fault that finds no head after two slots has no target."""
+    seat = Seat(10.0)
+    seat.head, of_head = "", mission_message(complete_mission(Mission(uavs=3, fault=["kill head @4s"])), 0)
+    injector = Injector(of_head, cast("Any", seat), [])
+    injector.inject_due()
+    assert seat.done == []
+    seat.now_s, seat.head = 10.0 + HEARD_SLOTS * of_head.dt_s, head
+    injector.inject_due()
+    assert seat.done[0] == done
 
 
 def test_the_first_operator_injects_all() -> None:

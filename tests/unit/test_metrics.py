@@ -215,6 +215,19 @@ def test_held_and_missed_slots() -> None:
     assert (torn.slots_held, torn.slots_missed, torn.gaps) == (None, None, 2)
 
 
+def test_a_mission_without_any_command_has_no_commanded_slots() -> None:
+    """Where nobody was ever commanded, nothing was measured: no held or missed slots, and no energy, is not 0."""
+    idle = [m for m in flight([[path[0]] * 9 for path in parallel()]) if not isinstance(m, Command | Report)]
+    change(idle, {}, Fix, executing=False, command_term=-1, command_seq=-1)
+    idle = list(whole(idle))
+    send_far(idle, {"u0", "u1", "u2"})
+    m = metrics(idle)
+    assert (m.slots, m.path_m, m.arrived) == (9, 0.0, 0)
+    assert (m.slots_held, m.slots_held_by, m.slots_missed, m.energy_propulsion_j) == (None,) * 4
+    rows = dict(metric_rows(m))
+    assert (rows["slots"], rows["slots held"]) == ("9 (4.5 s), - without commands", "-")
+
+
 def test_slots_count_until_completion(messages: list[Message]) -> None:
     """Slots without commands after completion are not missed; an unfinished mission counts to its last slot."""
     last = whole(m for m in messages if not (isinstance(m, Command) and m.slot == 8))

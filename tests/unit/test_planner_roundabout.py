@@ -48,6 +48,22 @@ def test_all_pass_the_centre_of_a_circle_on_the_same_side(uavs: int) -> None:
     assert np.ptp(length_m(bend_m)) < 1e-6
 
 
+@pytest.mark.parametrize(("uavs", "bends"), [(6, False), (7, True), (300, True), (301, False)])
+def test_few_and_very_many_fly_straight(uavs: int, bends: bool) -> None:
+    """Fewer than seven are near the optimum without, and more than 300 would take too long to compare."""
+    start_m = circle(uavs, max(40.0, 10.5 * uavs / (2 * math.pi)))
+    assert (bends_m(start_m, -start_m) != start_m).any() == bends
+
+
+@pytest.mark.parametrize("scale_m", [1e-6, 1.0, 1e6])
+def test_any_places_have_a_roundabout_or_none(scale_m: float) -> None:
+    """Places on one line, on one point, or next to each other give finite bends."""
+    place = np.arange(24.0).reshape(12, 2)
+    line, point = np.stack([place[:, 0], np.zeros(12)], axis=-1), np.zeros((12, 2))
+    for start_m, goal_m in ((line, -line), (line, line[::-1]), (place, point), (point, place), (point, point)):
+        assert np.isfinite(bends_m(scale_m * start_m, scale_m * goal_m)).all()
+
+
 def test_it_turns_about_the_crowd_and_leaves_the_others_alone() -> None:
     """The centre is that of the UAVs that fly; one at its goal stays."""
     beside_m = np.array([[200.0, 0.0], [200.0, 50.0]])

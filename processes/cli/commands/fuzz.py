@@ -3,16 +3,17 @@
 from __future__ import annotations
 
 import os
+from collections import deque
 from collections.abc import Iterator
-from concurrent.futures import ProcessPoolExecutor
 from dataclasses import dataclass
-from multiprocessing import get_context
+from itertools import islice
 
 from cyclopts import Parameter
 from msgspec import Struct
 
 from edc_swarm.errors import InputError
-from processes.experiments.ledger import begin_worker, sigint_blocked
+from processes.experiments.workers import workers
+from processes.runtime.children import PartEndedError
 from processes.runtime.console import note, print_json
 from processes.runtime.run_count import run_count
 
@@ -20,6 +21,7 @@ MAX_FUZZ_RUNS = 10_000_000
 MAX_FAILURES_SHOWN = 20
 RUNS_AHEAD = 8
 """Runs that each worker gets ahead of time."""
+WORKER_DIED = "a worker process died, perhaps out of memory: fewer --jobs need less"
 
 
 class Found(Struct):
@@ -110,12 +112,12 @@ def _search(options: FuzzOptions, kept: tuple[int, ...] | None) -> Iterator[Foun
     if jobs == 1:
         yield from (_run((seed, kept, options.clusters)) for seed in seeds)
         return
-    with ProcessPoolExecutor(jobs, get_context("spawn"), begin_worker, (os.getpid(),)) as pool:
-        window = jobs * RUNS_AHEAD
-        for start in range(0, len(seeds), window):
-            with sigint_blocked():
-                found = pool.map(_run, [(seed, kept, options.clusters) for seed in seeds[start : start + window]])
-            yield from found
+    with workers(jobs, PartEndedError(WORKER_DIED)) as pool:
+        waiting = iter(seeds)
+        ahead = deque(pool.submit(_run, (seed, kept, options.clusters)) for seed in islice(waiting, jobs * RUNS_AHEAD))
+        while ahead:
+            yield ahead.popleft().result()
+            ahead.extend(pool.submit(_run, (seed, kept, options.clusters)) for seed in islice(waiting, 1))
 
 
 def _run(job: tuple[int, tuple[int, ...] | None, bool]) -> Found | None:
