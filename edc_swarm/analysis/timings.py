@@ -43,7 +43,7 @@ def content_hash(recording_path: str | Path) -> str:
         with Path(recording_path).open("rb") as stream:
             return hashlib.file_digest(stream, "sha256").hexdigest()
     except OSError as error:
-        raise RecordingError(recording_path, f"cannot be read ({error.strerror})") from None
+        raise RecordingError(recording_path, f"cannot be read: {error.strerror}") from None
 
 
 def _ignore(_: str) -> None:
@@ -66,9 +66,9 @@ def load_timings(recording_path: str | Path, warn: Callable[[str], None] = _igno
     except FileNotFoundError:
         return []
     except OSError as error:
-        raise RecordingError(path, f"cannot be read ({error.strerror})") from None
+        raise RecordingError(path, f"cannot be read: {error.strerror}") from None
     except (msgspec.DecodeError, UnicodeDecodeError) as error:
-        raise RecordingError(path, f"holds no timings ({error})") from None
+        raise RecordingError(path, f"holds no timings: {error}") from None
     if isinstance(timings, Timings) and timings.recording == content_hash(recording_path):
         return timings.plans
     warn(f"warning: {path} is not known to belong to {recording_path}: plan times are unknown")

@@ -97,7 +97,7 @@ class McapFile:
                 self._check_magic(stream)
                 yield from self._walked(stream)
         except OSError as error:
-            raise RecordingError(self.path, f"cannot be read ({error.strerror})") from None
+            raise RecordingError(self.path, f"cannot be read: {error.strerror}") from None
 
     def _walked(self, stream: BinaryIO) -> Iterator[Raw]:
         """Yield the messages of all complete records up to the footer."""

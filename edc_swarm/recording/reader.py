@@ -234,6 +234,6 @@ def _attached_mission(file: McapFile) -> MissionMessage:
     try:
         mission = decode("mission", file.attachments[MISSION_ATTACHMENT][1])
     except MessageError as error:
-        raise RecordingError(file.path, f"holds no mission ({error.reason})") from None
+        raise RecordingError(file.path, f"holds no mission: {error.reason}") from None
     assert isinstance(mission, MissionMessage)
     return mission

@@ -229,7 +229,7 @@ def locked_for_reading(part: Path) -> Iterator[None]:
     except BlockingIOError:
         raise RecordingError(part, "is being written by a run in progress") from None
     except OSError as error:
-        raise RecordingError(part, f"cannot be read ({_why(error)})") from None
+        raise RecordingError(part, f"cannot be read: {_why(error)}") from None
 
 
 @contextmanager
