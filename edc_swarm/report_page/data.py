@@ -294,7 +294,7 @@ def _plots(mission: MissionMessage, columns: Columns) -> list[Plot]:
         Plot("Least gap between two discs", "m", [_series("least gap", slots_s, gap_m)], 0.0, "overlap"),
         Plot(f"Plan time{of_heads}", "ms", [plan], limit_ms, "limit"),
         Plot("From fix to command", "ms", _latencies(mission, columns)),
-        Plot("Energy used by all, waiting at targets too", "kJ", [_series("energy", slots_s, _used_j(columns) / 1e3)]),
+        Plot("Energy used by all, at targets too", "kJ", [_series("energy", slots_s, _used_j(columns) / 1e3)]),
     ]
 
 

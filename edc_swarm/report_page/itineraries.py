@@ -16,17 +16,19 @@ class Itinerary(Struct, frozen=True):
     """One UAV's routes in the order in which it flew them, the one of the roster first.
 
     A turn (slot, route, leg) says that from `slot` on the UAV flew to point `leg` of `routes[route]`; before its first
-    turn it flew to the first point of the roster's route.
+    turn it flew to the first point of the roster's route. `goals` has the number of each route's goal, 0 for the
+    roster's.
     """
 
     routes: list[list[Point]]
+    goals: list[int]
     turns: list[tuple[int, int, int]]
 
 
 def itineraries(recording: Recording) -> list[Itinerary]:
     """Return the itineraries in roster order, as the fixes tell them."""
     roster = recording.mission.roster
-    index, made = roster_index(roster), [Itinerary([list(entry.points)], []) for entry in roster]
+    index, made = roster_index(roster), [Itinerary([list(entry.points)], [0], []) for entry in roster]
     newest: list[tuple[int, int]] = [(0, 0)] * len(roster)
     count = 0
     for fix in sorted((fix for fix in recording.fixes if _tells(fix, index)), key=lambda fix: fix.slot):
@@ -36,6 +38,7 @@ def itineraries(recording: Recording) -> list[Itinerary]:
         own, leg = made[k], course.leg
         if course.goal > newest[k][0]:
             own.routes.append(list(course.route))
+            own.goals.append(course.goal)
             leg = 0
         elif course.goal:
             leg = len(own.routes[-1]) - len(course.route)

@@ -28,9 +28,9 @@ const createMap = (page, canvas, theme, layers) => {
   const recorded = (k, i) => page.state_names[states[i * K + k]] ?? "unknown";
   // The route that UAV k flies at time t (its goal), and the point of it that it flies to.
   const goalOf = (k, t) => {
-    const { routes, turns } = page.itineraries[k];
+    const { routes, goals, turns } = page.itineraries[k];
     const [, route, leg] = turns.findLast((turn) => turn[0] * page.slot_s <= t + 1e-9) ?? [0, 0, 0];
-    return { points: routes[route], leg: Math.min(leg, routes[route].length - 1), number: route };
+    return { points: routes[route], leg: Math.min(leg, routes[route].length - 1), number: goals[route] };
   };
   const isThere = (k, at) => {
     const { points, leg } = goalOf(k, timeS), target = points[points.length - 1];
@@ -132,11 +132,10 @@ const createMap = (page, canvas, theme, layers) => {
     if (excludes && g.measureText(zone.name).width < v.scale * width) write(g, zone.name, "10px", v.x(x), v.y(y), colour);
   };
   const drawLinks = (g, v, at, i) => {
-    g.setLineDash([]);
     for (let k = 0; k < K; k++) {
       const age = ages[i * K + k], head = leaderOf(k, i);
       if (head < 0 || k === head || landed(k, i) || age === 255) continue;
-      g.strokeStyle = theme.of(age === 0 ? "--green" : age < 5 ? "--amber" : "--vermillion");
+      g.strokeStyle = theme.of(age === 0 ? "--green" : age < 5 ? "--amber" : "--vermillion"); g.setLineDash(age < 5 ? [] : [5, 4]);
       g.globalAlpha = age === 0 ? 0.35 : 0.8; g.lineWidth = age === 0 ? 1 : 1.8;
       path(g, [[v.x(at[k][0]), v.y(at[k][1])], [v.x(at[head][0]), v.y(at[head][1])]]);
     }
@@ -149,8 +148,9 @@ const createMap = (page, canvas, theme, layers) => {
     g.globalAlpha = k === followed ? 0.9 : K >= MANY ? 0.15 : 0.35;
     path(g, isDown ? left : [here, ...left]);
     g.globalAlpha = 0.8;
-    left.slice(0, -1).forEach((p, n) => {
-      g.beginPath(); g.arc(p[0], p[1], n ? 2 : 3, 0, 2 * Math.PI);
+    left.slice(0, -1).forEach(([px, py], n) => {
+      const d = n ? 3 : 4;  // A diamond, since a dot is a UAV that has landed.
+      g.beginPath(); g.moveTo(px, py - d); g.lineTo(px + d, py); g.lineTo(px, py + d); g.lineTo(px - d, py); g.closePath();
       if (n || isDown) g.stroke(); else g.fill();
     });
     g.globalAlpha = 0.9; g.lineWidth = 1.4;
@@ -249,7 +249,7 @@ const createMap = (page, canvas, theme, layers) => {
       const words = [`${page.uavs[k]}: ${landed(k, i) ? "landed" : recorded(k, i)}`];
       if (why) words.push(why.words.split(": ").slice(1).join(": "));
       const { points, leg, number } = goalOf(k, t);
-      if (number || points.length > 1) words.push(`point ${leg + 1} of ${points.length}${number ? ` of its goal ${number + 1}` : ""}`);
+      if (number || points.length > 1) words.push(`point ${leg + 1} of ${points.length}${number ? ` of its goal ${number}` : ""}`);
       words.push(charge === 255 ? "battery unknown" : `battery ${charge} %`);
       if (page.clusters.length) words.push(`cluster ${page.clusters[clusterOf(k)]}`);
       if (leaderOf(k, i) === k) words.push("the head"); else words.push(!page.terms.length ? "no plan is recorded" : age === 255 ? "no head has heard it" : age ? `the head's fix of it is ${age} slot${age > 1 ? "s" : ""} old` : "the head has its fix");

@@ -15,7 +15,7 @@ const niceStep = (span, count) => {
   const raw = Math.max(span, 1e-9) / count, power = 10 ** Math.floor(Math.log10(raw));
   return power * [1, 2, 5, 10].find((m) => m * power >= raw * 0.999999);
 };
-const BOX = { left: 52, right: 12, top: 24, bottom: 32 }, ROW = 15, READ_OUT = 60;
+const BOX = { left: 52, right: 12, top: 24, bottom: 22 }, ROW = 15, READ_OUT = 60;
 const MARKED = new Set(["dead", "frozen", "term", "landed", "cut-off", "no-head", "battery-empty", "silent"]);
 
 const createPlots = (pages, host, span, seek) => {

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from html import escape
 from itertools import cycle
@@ -97,7 +97,7 @@ def _done(metrics: Metrics) -> str:
     if metrics.goals_per_minute is not None:
         return f"{metrics.uavs} UAVs reached {metrics.goals_reached} goals in {metrics.duration_s:g} s"
     unknown = f", {len(metrics.unknown)} unknown" if metrics.unknown else ""
-    return f"{metrics.arrived} of {metrics.uavs} UAVs arrived in {metrics.duration_s:g} s{unknown}"
+    return f"{metrics.arrived} of {metrics.uavs} UAVs arrived within {metrics.duration_s:g} s{unknown}"
 
 
 def _map(each: Shown, label: str) -> str:
@@ -115,7 +115,7 @@ def _tables(each: Shown) -> str:
     faults = _rows((f"{fault.time_s:.2f} s", fault.text) for fault in page.faults) or _rows([("none", "")])
     facts = _rows((name, run[name][:MAX_FACT]) for name in FACTS if run.get(name))
     return (
-        f'<div><h2>Metrics</h2><table id="metrics">{_rows(metric_rows(each.metrics))}</table></div>\n'
+        f'<div><h2>Metrics</h2><table id="metrics">{_rows(metric_rows(each.metrics), _listed)}</table></div>\n'
         f'<div><h2>Guarantees</h2><table id="guarantees">{"".join(map(_guarantee, each.guarantees))}</table></div>\n'
         f'<div><h2>Faults</h2><table id="faults">{faults}</table></div>\n'
         f'<div><h2>The run</h2><table id="facts">{facts}</table></div>\n{_zones(page)}'
@@ -138,7 +138,7 @@ def _comparison(recordings: Sequence[Shown]) -> str:
 
 def _difference(name: str, ours: str, theirs: str) -> str:
     changed = ' class="changed"' if ours != theirs else ""
-    return f"<tr{changed}><th scope=row>{escape(name)}</th><td>{_broken(ours)}</td><td>{_broken(theirs)}</td></tr>\n"
+    return f"<tr{changed}><th scope=row>{escape(name)}</th><td>{_listed(ours)}</td><td>{_listed(theirs)}</td></tr>\n"
 
 
 def _flights(page: Page, label: str) -> str:
@@ -178,13 +178,18 @@ def _zones(page: Page) -> str:
     return f"<div><h2>Zones</h2><table id=zones>{_rows(rows)}</table></div>\n"
 
 
-def _rows(rows: Iterable[tuple[str, str]]) -> str:
-    return "".join(f"<tr><th scope=row>{escape(name)}</th><td>{_broken(value)}</td></tr>\n" for name, value in rows)
-
-
 def _broken(text: str) -> str:
     """Return text escaped for HTML, with a possible line break after each comma, since long lists have no space."""
     return re.sub(r",(?=\S)", ",<wbr>", escape(shown(text, MAX_LINE)))
+
+
+def _listed(text: str) -> str:
+    """Return text escaped for HTML, with each of its parts on a line of its own, such as a UAV with its reason."""
+    return ";<br>".join(map(_broken, text.split("; ")))
+
+
+def _rows(rows: Iterable[tuple[str, str]], cell: Callable[[str], str] = _broken) -> str:
+    return "".join(f"<tr><th scope=row>{escape(name)}</th><td>{cell(value)}</td></tr>\n" for name, value in rows)
 
 
 def _guarantee(result: GuaranteeResult) -> str:

@@ -12,7 +12,7 @@ from edc_swarm.analysis.guarantees.verdict import GuaranteeResult, safety
 from edc_swarm.analysis.metrics import Metrics
 from edc_swarm.analysis.tables import metric_rows
 from edc_swarm.foreign_text import MAX_LINE, shown
-from processes.runtime.console import FAILED, NOT_JUDGED
+from processes.runtime.console import FAILED, NOT_JUDGED, print_line
 
 MAX_NOTES = 100_000
 """Characters of the line with all notes on one guarantee, each of which is up to `MAX_LINE` long."""
@@ -30,7 +30,7 @@ def print_metrics(metrics: Metrics, console: Console) -> None:
     table.add_column(style="bold")
     table.add_column()
     for name, value in rows:
-        table.add_row(name, Text(value))
+        table.add_row(name, Text(value.replace("; ", ";\n")))
     console.print(table)
 
 
@@ -39,12 +39,12 @@ def print_guarantees(results: Sequence[GuaranteeResult], console: Console, limit
     for result in results:
         notes = f" ({_some(result.notes, limit)})" if result.notes else ""
         line = f"{result.guarantee} {result.title}: {result.words}{notes}"
-        console.print(shown(line, MAX_NOTES), markup=False)
+        print_line(shown(line, MAX_NOTES), console)
         for where in result.where[:limit]:
-            console.print(f"    {shown(where, MAX_LINE)}", markup=False)
+            print_line(f"    {shown(where, MAX_LINE)}", console)
         if len(result.where) > limit:
             console.print(f"    ... {result.counted}", markup=False)
-    console.print(shown(safety(results), MAX_LINE), markup=False)
+    print_line(shown(safety(results), MAX_LINE), console)
 
 
 def guarantees_status(results: Sequence[GuaranteeResult]) -> int:

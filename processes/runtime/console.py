@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import sys
 from collections.abc import Callable
+from textwrap import fill
 from typing import NoReturn
 
 import msgspec
@@ -56,3 +57,11 @@ def print_json(value: object) -> None:
 def stdout_console() -> Console:
     """Return a console on standard output that wraps lines between words on a terminal, and nowhere else."""
     return Console(highlight=False, soft_wrap=not sys.stdout.isatty())
+
+
+def print_line(line: str, console: Console) -> None:
+    """Print a line; where the console wraps, its further lines are indented and cut only between words."""
+    if not console.soft_wrap:
+        indent = " " * (len(line) - len(line.lstrip()) + 4)
+        line = fill(line, console.width, subsequent_indent=indent, break_long_words=False, break_on_hyphens=False)
+    print(line)

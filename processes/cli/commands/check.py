@@ -9,7 +9,7 @@ from edc_swarm.foreign_text import MAX_LINE, shown
 from edc_swarm.recording.reader import read_recording
 from processes.cli.summary import guarantees_status, print_guarantees
 from processes.experiments.judging import judged
-from processes.runtime.console import print_json, stdout_console
+from processes.runtime.console import print_json, print_line, stdout_console
 
 
 def check(recording: Path, /, *, load_planner: bool = False, json: bool = False) -> int:
@@ -34,7 +34,8 @@ def check(recording: Path, /, *, load_planner: bool = False, json: bool = False)
     if json:
         print_json(results)
     else:
-        print_guarantees(results, stdout_console())
+        console = stdout_console()
+        print_guarantees(results, console)
         for who in not_home_of(whole):
-            print(shown(f"{who}" if who.is_unknown else f"not home: {who}", MAX_LINE))
+            print_line(shown(f"{who}" if who.is_unknown else f"not home: {who}", MAX_LINE), console)
     return guarantees_status(results)

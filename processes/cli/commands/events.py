@@ -7,7 +7,7 @@ from pathlib import Path
 from edc_swarm.analysis.story import story_of
 from edc_swarm.foreign_text import MAX_LINE, shown
 from edc_swarm.recording.reader import read_recording
-from processes.runtime.console import print_json
+from processes.runtime.console import print_json, print_line, stdout_console
 
 
 def events(recording: Path, /, *, json: bool = False, verbose: bool = False) -> int:
@@ -26,9 +26,10 @@ def events(recording: Path, /, *, json: bool = False, verbose: bool = False) -> 
     if json:
         print_json({"happenings": story.happenings, "left_out": story.left_out})
         return 0
+    console = stdout_console()
     for happening in story.happenings:
         if verbose or happening.level != "detail":
-            print(shown(str(happening), MAX_LINE))
+            print_line(shown(str(happening), MAX_LINE), console)
     if story.left_out:
         print(f"... and {story.left_out} more")
     return 0
