@@ -6,8 +6,8 @@
 Descent (L-BFGS) on whole tracks from random starts: the price is their length, and penalties for steps that are too
 long and for pairs that come too near. By default these are all pairs of places within two steps, as for planner
 `edc`, whose steps are safe in every uneven execution; with --together only the places at the same time. The tracks
-of a few UAVs are free, and those of the others are these, turned about the centre. What it finds is flyable to
-within 2 %; it proves nothing about what it does not find.
+of a few UAVs are free, and those of the others are these, turned about the centre. A flight that it finds is
+flyable to within 2 %; where it finds none, that proves nothing.
 """
 
 from __future__ import annotations

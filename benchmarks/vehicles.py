@@ -1,4 +1,4 @@
-"""What flying costs that has inertia: tables and figures of docs/vehicles.md.
+"""The cost of flying with inertia: tables and figures of docs/vehicles.md.
 
     python benchmarks/vehicles.py straight          a straight flight, a turn and a stop: deviation, with a plot
     python benchmarks/vehicles.py price             largest speed and GPS error for discs of 2, 3 and 5 m

@@ -1,4 +1,4 @@
-"""Announcer of one UAV: it persists the promise, then publishes truth, fix and claim, and knows when to do so again.
+"""Announcer of one UAV: it persists the promise, then publishes truth, fix and claim.
 
 Rule kept here (named as in ARCHITECTURE.md): *fix sent again*. A UAV that expected a command for this slot and has none
 sends its fix once more, half of `tau_s` into the slot: its last fix may be lost, and a head without a quorum of fixes

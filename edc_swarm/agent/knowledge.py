@@ -117,7 +117,7 @@ class Knowledge:
                 self._note_stray(uav, report.slot + 1, self._place(uav, *shape))
 
     def begin_slot(self, slot: int) -> list[str]:
-        """Process the fixes that came too early, now that `slot` has begun; return whose they are."""
+        """Process the fixes that came too early, now that `slot` has begun; return the ids of their UAVs."""
         due = [fix for fix in self._early.values() if fix.slot <= slot]
         for fix in due:
             del self._early[fix.uav]

@@ -1,7 +1,7 @@
 """UAVs of autopilots in a recording: which of them stray, and which slots of their flights nobody has reported.
 
 A stray has no disc any more: others keep clear of its hull, a disc about its last reported position. Nothing but its
-own word lands it. What is left to judge is its body, as far as its autopilot reports.
+own word lands it. Only its body is judged from then on, as far as its autopilot reports.
 """
 
 from __future__ import annotations

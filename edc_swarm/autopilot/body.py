@@ -1,7 +1,7 @@
 """The vehicle of an autopilot as a `Body`: steps in, reported positions out.
 
 A step begins at the start of its slot, so `fly` hands it to the pilot, which sends the set-points from another thread.
-What truly happened is known when the autopilot has reported a position after the slot's end. At the start of the next
+The true motion is known when the autopilot has reported a position after the slot's end. At the start of the next
 slot that report is mostly still on its way, so a slot is told one or two slots late: `Flown.past`.
 """
 

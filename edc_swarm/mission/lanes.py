@@ -256,7 +256,7 @@ def _cut(touching: Indices, level: Floats, slope: Floats, thick: float) -> Indic
         if sum(front.is_cut for front in met) > 1:
             pieces += [front.cells for front in met]
             met = []
-        # What no piece has been cut from is no branch, but a corner.
+        # A part from which no piece was cut is no branch, but a corner.
         front = max(met, key=lambda each: (each.is_cut, len(each.cells)), default=_Front(bool(above), high[cell]))
         for other in met:
             if other is not front:

@@ -1,6 +1,6 @@
 """The way in which a link plays a trace: the place at each time, and the delay at each place.
 
-What is sent has the delay of the newest row sent before it, so messages that are sent with the rows have exactly their
+A message has the delay of the newest row sent before it, so messages that are sent with the rows have exactly their
 delays. A gap in the times of sending is a stall, which releases all messages when the row after it arrives, or a loss.
 """
 

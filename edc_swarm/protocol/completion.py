@@ -41,8 +41,8 @@ class ClusterMonitor:
     A lifelong mission is never complete, and no mission is before the last goal that its faults give. Any other is
     over when every UAV that still flies is at its target, or kept from it by UAVs that move no more (`content`, see
     `protocol.hindrance`), or when nothing can change any more (`stalled`). With the failsafe a UAV that moves no more
-    leaves the airspace, so it keeps no other from its target for good; a stray does, as long as it has a hull. Who has
-    landed by a report with a quorum is not waited for.
+    leaves the airspace, so it keeps no other from its target for good; a stray does, as long as it has a hull. It waits
+    for no UAV that a report with a quorum lists as landed.
 
     Attributes
     ----------

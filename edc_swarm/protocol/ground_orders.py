@@ -1,7 +1,7 @@
 """Commands from a ground station as the operator carries them out: by faults `goal` and `land` that begin now.
 
 The bridge publishes a `GroundOrder` as an event, so the recording has it; the operator, and nobody else, acts on it, if
-the user allowed that. What it does is a fault of the vocabulary: heads, judges and readers need to know no more.
+the user allowed that. It announces a fault, `goal` or `land`, as any other: heads, judges and readers know no order.
 """
 
 from __future__ import annotations

@@ -252,8 +252,9 @@ class Goal(Struct, frozen=True, kw_only=True, gc=False):
     """A new route for one UAV, from the operator, or from any process where the mission permits it.
 
     The UAV flies it from where it is, in place of all that it had still to fly, if `number` is higher than that of its
-    goal. It persists the goal before its next fix acknowledges it (`course`); event `goal-refused` says why it does
-    not accept one. `sent_ns` is after the mission message was sent. A sender that hears neither sends it again.
+    goal. The UAV persists the goal, then acknowledges it by the `course` of its next fix, or says in an event
+    `goal-refused` why it does not accept it. A sender that hears neither sends the goal again. `sent_ns` is after the
+    mission message was sent.
     """
 
     source: Annotated[str, Meta(pattern=r"^[A-Za-z0-9_-]{1,32}$(?!\n)")]

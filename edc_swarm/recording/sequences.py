@@ -53,8 +53,8 @@ def find_gaps(recording: Recording) -> list[Gap]:
 def unknown_tails(recording: Recording) -> list[Stream]:
     """Return the streams whose last sequence number is unknown, because no `closed` event states it.
 
-    The recorder publishes none: it writes `run_end` after all of its own events. What is made of a torn recording has a
-    `run_end` without the recorder's own counts.
+    The recorder publishes none: it writes `run_end` after all of its own events. A recording that was torn and
+    recovered has a `run_end` without the recorder's own counts.
     """
     unknown = sequence_numbers(recording).keys() - _tails(recording).keys() - _closing(recording)
     if DROPPED in (recording.run_end or {}):

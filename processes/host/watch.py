@@ -90,7 +90,7 @@ class MissionWatch:
         slot, monitor, pool = self.bus.slot_now(), self.bus.monitor, self._parts.pool
         assert monitor is not None
         pauses = self._ground is not None and self._ground.pauses
-        # A UAV that has landed is not waited for, but its process is: the record says whether it is gone for good.
+        # Nobody waits for a UAV that has landed, only for its process: the record says whether it is gone for good.
         may_end = not pauses and self._remote.is_settled(self.bus.alive)
         if slot > 0 and may_end and monitor.complete(slot - 1):
             return COMPLETED

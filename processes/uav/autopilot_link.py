@@ -164,7 +164,7 @@ class AutopilotLink:
 
     @property
     def complaints(self) -> str:
-        """What came that is of no autopilot, in words; "" if nothing did."""
+        """Numbers of pieces and messages that came and are of no autopilot, in words; "" if there are none."""
         kinds = {"bad": "pieces that are no MAVLink", "unknown": "messages of another dialect", "stranger": "strangers"}
         return ", ".join(f"{self.heard[kind]} {words}" for kind, words in kinds.items() if self.heard[kind])
 

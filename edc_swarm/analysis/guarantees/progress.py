@@ -82,7 +82,7 @@ def check_progress(evidence: Evidence) -> GuaranteeResult:
     begun = max((voyage.since_slot for voyage in voyages.each), default=0)
     lasting = due & ((drained < 0) | (drained >= max(settled, begun) + prospect.limit_slots))
     if (final := away_of(evidence, voyages, unasked)) and not prospect.obstacle:
-        # Who has landed never flies again, so no later slot can mend it.
+        # A UAV that has landed never flies again, so no later slot can mend it.
         return verdict(*_G7, [_missing(evidence, voyages, k) for k in final])
     return _judged(evidence, voyages, prospect, max(settled, begun), excuses, due, lasting)
 
