@@ -65,6 +65,14 @@ def test_a_swarm_without_a_head_arrives_and_says_what_is_not_promised(planner: s
     assert metrics.makespan_s is not None
 
 
+def test_who_dies_without_a_head_takes_no_verdict_with_it() -> None:
+    """Steps of their own are no messages: none is missing, and all motion is known but for the last word."""
+    recording, _ = flown(mission(HEAD_ON, planner="bvc", control="local", fault=["kill a @4"]))
+    found = verdicts(recording)
+    assert found["G3"].status == "held", found["G3"].notes
+    assert found["G5"].words == "held, up to the last recorded message of a", found["G5"].notes
+
+
 def test_a_uav_knows_only_what_it_has_heard() -> None:
     """Two that cannot hear each other and meet head-on collide: a UAV that read fixes it never heard would not."""
     cut = mission(HEAD_ON, planner="bvc", control="local", fault=["partition a|b @0"])

@@ -11,9 +11,11 @@ import pytest
 from edc_swarm.analysis.columns import columns_of
 from edc_swarm.analysis.energy_bill import energy_bills
 from edc_swarm.analysis.head_terms import HeadTerm
+from edc_swarm.analysis.living import SILENT_SLOTS, living_at_end
 from edc_swarm.analysis.metrics import Metrics, Quantiles, compute_metrics
 from edc_swarm.analysis.tables import metric_rows
 from edc_swarm.analysis.timings import Timing, Timings, content_hash, load_timings
+from edc_swarm.analysis.tracks import tracks_of
 from edc_swarm.emulation.energy import propulsion_power_w
 from edc_swarm.errors import RecordingError
 from edc_swarm.mission.power_models import EnergyModel
@@ -217,15 +219,23 @@ def test_held_and_missed_slots() -> None:
 
 def test_a_mission_without_any_command_has_no_commanded_slots() -> None:
     """Where nobody was ever commanded, nothing was measured: no held or missed slots, and no energy, is not 0."""
-    idle = [m for m in flight([[path[0]] * 9 for path in parallel()]) if not isinstance(m, Command | Report)]
-    change(idle, {}, Fix, executing=False, command_term=-1, command_seq=-1)
-    idle = list(whole(idle))
+    said = flight([[path[0]] * 9 for path in parallel()])
+    change(said, {}, Fix, executing=False, command_term=-1, command_seq=-1)
+    idle = whole(m for m in said if not isinstance(m, Command | Report))
     send_far(idle, {"u0", "u1", "u2"})
     m = metrics(idle)
     assert (m.slots, m.path_m, m.arrived) == (9, 0.0, 0)
     assert (m.slots_held, m.slots_held_by, m.slots_missed, m.energy_propulsion_j) == (None,) * 4
     rows = dict(metric_rows(m))
     assert (rows["slots"], rows["slots held"]) == ("9 (4.5 s), - without commands", "-")
+
+
+def test_who_was_never_heard_does_not_live_in_the_shortest_record_either() -> None:
+    """Three slots are no time to fall silent, and yet a UAV without any fix has shown no life."""
+    said = [m for m in flight(parallel(steps=2)) if not (isinstance(m, Fix | Truth) and m.uav == "u2")]
+    recording = recorded(said)
+    assert recording.fixes[-1].slot == SILENT_SLOTS - 1
+    assert living_at_end(recording, tracks_of(recording)).tolist() == [True, True, False]
 
 
 def test_slots_count_until_completion(messages: list[Message]) -> None:

@@ -151,6 +151,8 @@ class Evidence:
 
     def command_lost(self, fix: Fix) -> bool:
         """Return True if the command that `fix` names may be missing from the recording, by its sequence number."""
+        if self.mission.control == "local":
+            return False  # It names a step of the UAV's own, which is no message.
         if any(
             gap.key.endswith(f"/command/{fix.uav}") and gap.first <= fix.command_seq <= gap.last
             for gap in self.gaps
@@ -268,7 +270,9 @@ def _lacking(gaps: list[Gap], ends: Ends, kind: str) -> set[str]:
 
 
 def _with_unknown_commands(recording: Recording) -> set[str]:
-    """Return the UAVs whose fixes name executed commands that are not recorded."""
+    """Return the UAVs whose fixes name executed commands that are not recorded; nobody publishes a UAV's own steps."""
+    if recording.mission.control == "local":
+        return set()
     said = {(command.uav, command.slot, command.term, command.seq) for command in recording.commands}
     executed = (fix for fix in recording.fixes if fix.executing)
     return {fix.uav for fix in executed if (fix.uav, fix.slot, fix.command_term, fix.command_seq) not in said}
