@@ -120,7 +120,8 @@ def _mute_heads(evidence: Evidence) -> list[str]:
     if evidence.mission.control != "head":
         return []
     recording = evidence.recording
-    led = {(said.head, said.instance) for said in (*evidence.plans, *recording.commands)}
+    led = {(plan.head, plan.instance) for plan in evidence.plans}
+    led |= {(command.head, command.instance) for command in recording.commands}
     told = {(event.source, event.instance) for event in recording.events}
     return sorted({uav for uav, _ in (led & evidence.ends.cut) - told})
 

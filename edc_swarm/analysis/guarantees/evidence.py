@@ -147,7 +147,8 @@ class Evidence:
     @cached_property
     def _leaders(self) -> set[tuple[str, int]]:
         """The recorded heads and terms of plans and commands."""
-        return {(said.head, said.term) for said in (*self.plans, *self.recording.commands)}
+        ordered = {(command.head, command.term) for command in self.recording.commands}
+        return ordered | {(plan.head, plan.term) for plan in self.plans}
 
     def command_lost(self, fix: Fix) -> bool:
         """Return True if the command that `fix` names may be missing from the recording, by its sequence number."""

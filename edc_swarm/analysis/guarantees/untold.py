@@ -56,13 +56,12 @@ def untold_of(
 
 
 def _granting(plans: Sequence[Report], spans: Mapping[str, Sequence[tuple[int, float]]]) -> set[str]:
-    """Return the UAVs whose grants stand behind plans of more than one slot between a process that was cut off and its
-    successor: one of them has sent fixes.
-    """
+    """Return the UAVs whose grants stand behind plans of more than one slot after their last fix."""
+    silent = {uav: before for uav, found in spans.items() for before, after in found if after == math.inf}
     granted: dict[str, set[int]] = {}
-    for report in plans if spans else ():
-        for uav in spans.keys() & set(report.grants):
-            if any(before < report.slot < after for before, after in spans[uav]):
+    for report in plans if silent else ():
+        for uav in silent.keys() & set(report.grants):
+            if report.slot > silent[uav]:
                 granted.setdefault(uav, set()).add(report.slot)
     return {uav for uav, slots in granted.items() if len(slots) > 1}
 
