@@ -71,7 +71,7 @@ def render_all(recordings: Sequence[Shown], assets: Assets) -> str:
         tables=_tables(first) if len(recordings) == 1 else _comparison(recordings),
         flights="".join(_flights(each.page, label) for each, label in _labelled(recordings)),
         of_first=" (of A)" if len(recordings) > 1 else "",
-        zone_legend=_zone_legend(first.page),
+        zone_legend=_zone_legend([each.page for each in recordings]),
         metrics_json=_embedded(_printable(msgspec.to_builtins(first.metrics))),
         data=_embedded(first.page),
         other_data="".join(
@@ -155,15 +155,15 @@ def _flights(page: Page, label: str) -> str:
     return f'{title}<div class="wrap">{table}</div>\n'
 
 
-def _zone_legend(page: Page) -> str:
-    """Return the entries of the legend for the kinds of zones on the map, and for the clusters."""
+def _zone_legend(pages: Sequence[Page]) -> str:
+    """Return the entries of the legend for the kinds of zones on the maps, and for the clusters of the first."""
     words = {"inclusion": "fence (inclusion zone)", "exclusion": "exclusion zone"}
-    kinds = {zone.kind for zone in page.zones}
+    kinds = {zone.kind for page in pages for zone in page.zones}
     zones = [f'<li><i class="{kind}"></i>{said}</li>\n' for kind, said in words.items() if kind in kinds]
-    colours = cycle(page.cluster_colours)
+    colours = cycle(pages[0].cluster_colours)
     clusters = [
         f'<li><i style="border: 3px solid {colour}; background: none"></i>cluster {escape(name)}</li>\n'
-        for name, colour in zip(page.clusters, colours, strict=False)
+        for name, colour in zip(pages[0].clusters, colours, strict=False)
     ]
     return "".join([*zones, *clusters])
 

@@ -289,6 +289,8 @@ def test_two_recordings_stand_side_by_side(tmp_path: Path, browser: Any) -> None
     assert len(browser.find_elements(By.CSS_SELECTOR, "canvas.map")) == 2
     lists = browser.find_elements(By.CSS_SELECTOR, "ol.events")
     assert [len(each.find_elements(By.CSS_SELECTOR, "li")) > 0 for each in lists] == [True, True]
+    seek(browser, 3.0)
+    assert re.search(r"A: head u\d+; B: head u\d+$", browser.find_element(By.ID, "clock").text)
     table = browser.find_element(By.ID, "differences").text
     assert "least gap" in table
     widths = browser.execute_script(

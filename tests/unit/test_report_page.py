@@ -193,6 +193,17 @@ def test_each_of_two_maps_says_what_flew_it(messages: list[Message]) -> None:
     assert f"<figcaption>B: {recording.mission.name}</figcaption>" in text
 
 
+def test_the_legend_of_two_maps_has_the_zones_of_both(messages: list[Message]) -> None:
+    """A zone of the second mission alone is on a map too."""
+    shown = []
+    for zone in ([], ZONES):
+        change(messages, {}, type(messages[0]), zone=zone)
+        recording = recorded(messages)
+        metrics = compute_metrics(recording)
+        shown.append(Shown(Page.of(recording, metrics.heads), metrics, check(recording), {}))
+    assert '<i class="exclusion"></i>' in render_all(shown, sources())
+
+
 def test_a_mission_without_faults_says_so(messages: list[Message]) -> None:
     """The page says that there were no faults and that every guarantee held."""
     text = document(recorded(messages))
