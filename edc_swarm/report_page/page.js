@@ -135,8 +135,9 @@
     "+": () => zoom(1.5), "-": () => zoom(1 / 1.5), 0: showAll, n: () => step(1), p: () => step(-1),
   };
   document.addEventListener("keydown", (event) => {
-    const inField = event.target.closest?.("select, input, button") && (event.key === " " || event.key.startsWith("Arrow") || event.key === "Home" || event.key === "End");
-    if (event.ctrlKey || event.metaKey || event.altKey || inField || !(event.key in keys)) return;
+    // A list has its own keys, a button and a box have space; the slider's own arrows would not go a slot.
+    const isOwn = event.target.closest?.(event.key === " " ? "select, button, [type=checkbox]" : "select");
+    if (event.ctrlKey || event.metaKey || event.altKey || isOwn || !(event.key in keys)) return;
     event.preventDefault(); keys[event.key](event);
   });
   const clicks = {

@@ -61,7 +61,7 @@ def render_all(recordings: Sequence[Shown], assets: Assets) -> str:
     names = [escape(each.page.name) for each in recordings]
     return Template(assets.template).substitute(
         title=" and ".join(names),
-        headlines="".join(f"<p>{escape(_headline(each, label))}</p>\n" for each, label in _labelled(recordings)),
+        headlines="".join(_headline(each, label) for each, label in _labelled(recordings)),
         style=assets.style,
         script=assets.script,
         maps="".join(_map(each, label) for each, label in _labelled(recordings)),
@@ -86,9 +86,11 @@ def _labelled(recordings: Sequence[Shown]) -> Iterable[tuple[Shown, str]]:
 
 
 def _headline(each: Shown, label: str) -> str:
-    return (
+    words = (
         f"{label + ': ' if label else ''}{_done(each.metrics)}; {safety(each.guarantees)}; {headline(each.guarantees)}"
     )
+    broken = ' class="broken"' if any(result.broken for result in each.guarantees) else ""
+    return f"<p{broken}>{escape(words)}</p>\n"
 
 
 def _done(metrics: Metrics) -> str:
