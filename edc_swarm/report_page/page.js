@@ -58,9 +58,14 @@
     }
   };
   const drawMaps = () => { for (const map of maps) map.draw(timeS); };
+  const headsOf = (n) => {
+    const { uavs, terms, clusters } = pages[n], leaders = maps[n].leaders(timeS);
+    if (leaders.every((head) => head < 0)) return terms.length ? "no head" : "head unknown";
+    return (leaders.length > 1 ? "heads " : "head ") + leaders.map((head, c) => (clusters.length ? `${clusters[c]}: ` : "") + (uavs[head] ?? "none")).join(", ");
+  };
   const show = () => {
-    const leaders = maps[0].leaders(timeS), followed = Number(followList.value);
-    clock.textContent = `${timeS.toFixed(1)} s of ${END_S.toFixed(1)} s, slot ${Math.floor(timeS / page.slot_s + 1e-9)}, ${leaders.every((head) => head < 0) ? (page.terms.length ? "no head" : "head unknown") : (leaders.length > 1 ? "heads " : "head ") + leaders.map((head, n) => (page.clusters.length ? `${page.clusters[n]}: ` : "") + (page.uavs[head] ?? "none")).join(", ")}`;
+    const followed = Number(followList.value), heads = pages.map((_, n) => (pages.length > 1 ? `${"AB"[n]}: ` : "") + headsOf(n)).join("; ");
+    clock.textContent = `${timeS.toFixed(1)} s of ${END_S.toFixed(1)} s, slot ${Math.floor(timeS / page.slot_s + 1e-9)}, ${heads}`;
     const words = followed >= 0 ? maps[0].describe(followed, timeS) : "";
     if (detail.textContent !== words) detail.textContent = words;
     slider.value = timeS;
@@ -130,8 +135,9 @@
     "+": () => zoom(1.5), "-": () => zoom(1 / 1.5), 0: showAll, n: () => step(1), p: () => step(-1),
   };
   document.addEventListener("keydown", (event) => {
-    const inField = event.target.closest?.("select, input, button") && (event.key === " " || event.key.startsWith("Arrow") || event.key === "Home" || event.key === "End");
-    if (event.ctrlKey || event.metaKey || event.altKey || inField || !(event.key in keys)) return;
+    // A list has its own keys, a button and a box have space; the slider's own arrows would not go a slot.
+    const isOwn = event.target.closest?.(event.key === " " ? "select, button, [type=checkbox]" : "select");
+    if (event.ctrlKey || event.metaKey || event.altKey || isOwn || !(event.key in keys)) return;
     event.preventDefault(); keys[event.key](event);
   });
   const clicks = {

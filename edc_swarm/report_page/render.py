@@ -61,7 +61,7 @@ def render_all(recordings: Sequence[Shown], assets: Assets) -> str:
     names = [escape(f"{each.page.name}, {len(each.page.uavs)} UAVs") for each in recordings]
     return Template(assets.template).substitute(
         title=" and ".join(names),
-        headlines="".join(f"<p>{escape(_headline(each, label))}</p>\n" for each, label in _labelled(recordings)),
+        headlines="".join(_headline(each, label) for each, label in _labelled(recordings)),
         style=assets.style,
         script=assets.script,
         maps="".join(_map(each, label) for each, label in _labelled(recordings)),
@@ -71,7 +71,7 @@ def render_all(recordings: Sequence[Shown], assets: Assets) -> str:
         tables=_tables(first) if len(recordings) == 1 else _comparison(recordings),
         flights="".join(_flights(each.page, label) for each, label in _labelled(recordings)),
         of_first=" (of A)" if len(recordings) > 1 else "",
-        zone_legend=_zone_legend(first.page),
+        zone_legend=_zone_legend([each.page for each in recordings]),
         metrics_json=_embedded(_printable(msgspec.to_builtins(first.metrics))),
         data=_embedded(first.page),
         other_data="".join(
@@ -86,9 +86,11 @@ def _labelled(recordings: Sequence[Shown]) -> Iterable[tuple[Shown, str]]:
 
 
 def _headline(each: Shown, label: str) -> str:
-    return (
+    words = (
         f"{label + ': ' if label else ''}{_done(each.metrics)}; {safety(each.guarantees)}; {headline(each.guarantees)}"
     )
+    broken = ' class="broken"' if any(result.broken for result in each.guarantees) else ""
+    return f"<p{broken}>{escape(words)}</p>\n"
 
 
 def _done(metrics: Metrics) -> str:
@@ -155,15 +157,15 @@ def _flights(page: Page, label: str) -> str:
     return f'{title}<div class="wrap">{table}</div>\n'
 
 
-def _zone_legend(page: Page) -> str:
-    """Return the entries of the legend for the kinds of zones on the map, and for the clusters."""
+def _zone_legend(pages: Sequence[Page]) -> str:
+    """Return the entries of the legend for the kinds of zones on the maps, and for the clusters of the first."""
     words = {"inclusion": "fence (inclusion zone)", "exclusion": "exclusion zone"}
-    kinds = {zone.kind for zone in page.zones}
+    kinds = {zone.kind for page in pages for zone in page.zones}
     zones = [f'<li><i class="{kind}"></i>{said}</li>\n' for kind, said in words.items() if kind in kinds]
-    colours = cycle(page.cluster_colours)
+    colours = cycle(pages[0].cluster_colours)
     clusters = [
         f'<li><i style="border: 3px solid {colour}; background: none"></i>cluster {escape(name)}</li>\n'
-        for name, colour in zip(page.clusters, colours, strict=False)
+        for name, colour in zip(pages[0].clusters, colours, strict=False)
     ]
     return "".join([*zones, *clusters])
 

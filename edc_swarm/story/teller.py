@@ -11,6 +11,7 @@ import re
 
 from edc_swarm.mission.clusters import cluster_names, cluster_of, of_cluster
 from edc_swarm.mission.faults import Freeze, Kill, Restart, read_fault
+from edc_swarm.mission.prospect import GIVEN_UP, NOBODY_LEFT, STALLED
 from edc_swarm.mission.roles import OPERATOR
 from edc_swarm.protocol.events import EVENT_FORMS, EventKind
 from edc_swarm.protocol.messages import Event, Message, MissionMessage, Report
@@ -26,6 +27,12 @@ QUIET_SLOTS = 10
 """Slots without a late tick after which an overload is over."""
 MANY = 0.1
 """Share of late UAVs from which an overload is a warning."""
+ENDS = {
+    GIVEN_UP: "out of slots",
+    STALLED: "stalled: nothing could change any more",
+    NOBODY_LEFT: "no UAV flew any more",
+}
+"""Reasons for the end of a mission in words, by the detail of the operator's event `end`; others are words already."""
 PLAIN = {
     EventKind.PLANNER_FAILED: "the planner failed: ",
     EventKind.GOAL_REFUSED: "goal refused: ",
@@ -131,7 +138,7 @@ class ClusterTeller:
             case EventKind.LANDED if event.source in self._fleet.uavs:
                 self._fleet.land(event.source, event.detail)
             case EventKind.END:
-                self._log.tell("end", detail=event.detail, time_s=time_s)
+                self._log.tell("end", detail=ENDS.get(event.detail, event.detail), time_s=time_s)
                 self._over = True
             case kind if kind in PLAIN:
                 level: Level = "warning" if EVENT_FORMS[EventKind(kind)].warning else "news"

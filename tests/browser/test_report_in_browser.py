@@ -241,7 +241,7 @@ def test_zoom_and_follow_change_the_map(page: Path, browser: Any) -> None:
 
 
 def test_keys_seek_and_zoom_and_a_drag_moves_the_map(page: Path, browser: Any) -> None:
-    """Keys work wherever nothing has the focus; a drag is no click, so it follows nobody."""
+    """Keys work, whatever button or slider was used last; a drag is no click, so it follows nobody."""
     drawn = "return document.getElementById('map').toDataURL()"
     browser.get(page.as_uri())
     data = json.loads(browser.execute_script("return document.getElementById('data').textContent"))
@@ -259,6 +259,10 @@ def test_keys_seek_and_zoom_and_a_drag_moves_the_map(page: Path, browser: Any) -
     assert browser.execute_script(drawn) == whole
     press(browser, "ArrowRight")
     assert slider(browser) == pytest.approx(3.0 + data["slot_s"])
+    for focused in ("play", "slider"):
+        before = slider(browser)
+        browser.find_element(By.ID, focused).send_keys(Keys.ARROW_RIGHT)
+        assert slider(browser) == pytest.approx(before + data["slot_s"])
     press(browser, "Home")
     assert slider(browser) == 0
     press(browser, "n")
@@ -289,6 +293,8 @@ def test_two_recordings_stand_side_by_side(tmp_path: Path, browser: Any) -> None
     assert len(browser.find_elements(By.CSS_SELECTOR, "canvas.map")) == 2
     lists = browser.find_elements(By.CSS_SELECTOR, "ol.events")
     assert [len(each.find_elements(By.CSS_SELECTOR, "li")) > 0 for each in lists] == [True, True]
+    seek(browser, 3.0)
+    assert re.search(r"A: head u\d+; B: head u\d+$", browser.find_element(By.ID, "clock").text)
     table = browser.find_element(By.ID, "differences").text
     assert "least gap" in table
     widths = browser.execute_script(

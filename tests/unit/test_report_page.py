@@ -193,10 +193,22 @@ def test_each_of_two_maps_says_what_flew_it(messages: list[Message]) -> None:
     assert f"<figcaption>B: {recording.mission.name}</figcaption>" in text
 
 
+def test_the_legend_of_two_maps_has_the_zones_of_both(messages: list[Message]) -> None:
+    """A zone of the second mission alone is on a map too."""
+    shown = []
+    for zone in ([], ZONES):
+        change(messages, {}, type(messages[0]), zone=zone)
+        recording = recorded(messages)
+        metrics = compute_metrics(recording)
+        shown.append(Shown(Page.of(recording, metrics.heads), metrics, check(recording), {}))
+    assert '<i class="exclusion"></i>' in render_all(shown, sources())
+
+
 def test_a_mission_without_faults_says_so(messages: list[Message]) -> None:
     """The page says that there were no faults and that every guarantee held."""
     text = document(recorded(messages))
     assert "; every guarantee held" in text
+    assert '<p class="broken">' not in text
     *others, progress, zones = check(recorded(messages))
     short = msgspec.structs.replace(progress, status="not-judged", notes=["cut short"])
     page = document(recorded(messages), [*others, short, zones])
@@ -266,6 +278,7 @@ def test_the_page_says_what_the_terminal_says() -> None:
     assert embedded is not None
     assert json.loads(embedded[1]) == msgspec.to_builtins(metrics)
     assert '<span class="broken">broken</span>' in text
+    assert '<p class="broken">' in text
     assert f"broken: {', '.join(result.guarantee for result in check(recording) if result.broken)}" in text
     assert "u0 and u1: discs overlap by up to 1 m" in text
 

@@ -276,3 +276,14 @@ def test_the_teller_tells_live_what_the_record_tells() -> None:
     live = [happening.kind for slot in range(SLOTS) for happening in teller.close(slot)]
     assert sorted(live) == sorted(happening.kind for happening in told(messages).happenings)
     assert "dead" in live
+
+
+@pytest.mark.parametrize(
+    ("detail", "words"),
+    [("completed", "completed"), ("max_slots", "out of slots"), ("stalled", "stalled: nothing could change any more")],
+)
+def test_the_end_is_told_in_words(detail: str, words: str) -> None:
+    """The event has the name of a mission field for a mission that has run out of slots."""
+    slots = range(SLOTS)
+    story = told([*everyone(slots), *plans(slots), event("end", SLOTS, detail)])
+    assert only(story, "end").words == words

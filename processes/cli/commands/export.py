@@ -41,7 +41,7 @@ def export(
     recording
         The recording, FILE.mcap.
     format
-        geojson (a line per UAV), kml (a track with times per UAV), csv (a row per UAV and slot).
+        geojson, a line per UAV; kml, a track with times per UAV; csv, a row per UAV and slot (geojson).
     out
         The file to write (FILE with the suffix of the format, beside the recording).
     force

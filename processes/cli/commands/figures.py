@@ -47,8 +47,8 @@ class FiguresOptions:
     runs
         Missions per point, with seeds 0, 1, ... (30).
     only
-        Make only this figure (4a 4b 4c 5a 5b 6a 6b energy-plan energy-head energy-minimise energy-long);
-        may be given more than once.
+        Make only this figure: 4a, 4b, 4c, 5a, 5b, 6a, 6b, energy-plan, energy-head, energy-minimise or energy-long;
+        may be given more than once (all).
     jobs
         Processes that simulate at the same time (the number of processors).
     out

@@ -81,7 +81,7 @@ class LatencyOptions:
     Parameters
     ----------
     engine
-        sim, or processes: real ones, one mission at a time, the same cells simulated beside them.
+        sim, or processes: real ones, one mission at a time, the same cells simulated beside them (sim).
     repeats
         Missions per cell, with seeds 0, 1, ...
     max_slots
