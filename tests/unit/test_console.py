@@ -40,7 +40,7 @@ def test_each_part_of_a_metric_has_a_line_on_a_terminal() -> None:
 
 
 def test_an_unreadable_recording_is_one_line(capsys: pytest.CaptureFixture[str]) -> None:
-    """The reason stands in parentheses once."""
+    """The reason is a sentence of its own."""
     complain(RecordingError("a.mcap", "cannot be read: Permission denied"))
-    said = "error: recording = 'a.mcap': must be a readable recording (cannot be read: Permission denied)\n"
+    said = "error: recording = 'a.mcap': must be a readable recording; it cannot be read: Permission denied\n"
     assert capsys.readouterr().err == said
