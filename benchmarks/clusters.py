@@ -25,8 +25,6 @@ import statistics
 import time
 from collections import Counter, defaultdict
 from collections.abc import Iterator, Sequence
-from concurrent.futures import ProcessPoolExecutor
-from multiprocessing import get_context
 from pathlib import Path
 from typing import Any, ClassVar
 
@@ -46,6 +44,7 @@ from edc_swarm.recording.model import Recording
 from edc_swarm.simulation import computers
 from edc_swarm.simulation.simulator import Simulation
 from processes.experiments.timed_planner import TimedPlanner
+from processes.experiments.workers import workers
 
 AREA_M2 = 800.0
 """Area for each UAV."""
@@ -203,7 +202,7 @@ def fly(runs: Sequence[tuple[str, int, int]], path: Path, slots: int) -> None:
     with path.open("a") as stream:
         for done, (kind, size, seed) in enumerate(missing):
             print(f"run {done + 1} of {len(missing)}: {kind} {size}, seed {seed}", flush=True)
-            with ProcessPoolExecutor(1, mp_context=get_context("spawn")) as pool:
+            with workers(1) as pool:
                 what = (compare, size, seed) if kind == "compare" else (scale, size, seed, slots)
                 measured = pool.submit(*what).result()
             row = {"kind": kind, "size": size, "seed": seed, "measured": measured}

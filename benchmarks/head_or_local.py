@@ -19,14 +19,14 @@ from __future__ import annotations
 import argparse
 import json
 from collections.abc import Iterator, Sequence
-from concurrent.futures import ProcessPoolExecutor, as_completed
-from multiprocessing import get_context
+from concurrent.futures import as_completed
 from pathlib import Path
 from typing import Any, NamedTuple
 
 from edc_swarm.experiments.statistics import Estimate, Kind, estimate
 from edc_swarm.mission.configuration import Mission
 from edc_swarm.mission.link import Link
+from processes.experiments.workers import workers
 
 CONTROLS = {"head: edc": ("edc", "head"), "local: orca": ("orca", "local"), "local: bvc": ("bvc", "local"),
             "local: cbf": ("cbf", "local")}  # fmt: skip
@@ -97,7 +97,7 @@ def read(path: Path) -> dict[tuple[Cell, int], dict[str, Any]]:
 def fly(cells: Sequence[Cell], runs: int, path: Path, jobs: int) -> None:
     known = read(path)
     missing = [(cell, seed) for seed in range(runs) for cell in cells if (cell, seed) not in known]
-    with path.open("a") as stream, ProcessPoolExecutor(jobs, mp_context=get_context("spawn")) as pool:
+    with path.open("a") as stream, workers(jobs) as pool:
         flights = {pool.submit(fly_one, cell, seed): (cell, seed) for cell, seed in missing}
         for done, flight in enumerate(as_completed(flights), start=1):
             cell, seed = flights[flight]

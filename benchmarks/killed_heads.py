@@ -21,9 +21,7 @@ import math
 import sys
 from collections import Counter
 from collections.abc import Iterator
-from concurrent.futures import ProcessPoolExecutor
 from dataclasses import dataclass
-from multiprocessing import get_context
 from random import Random
 
 import numpy as np
@@ -43,6 +41,7 @@ from edc_swarm.protocol.hindrance import hindrances, places_of, point
 from edc_swarm.protocol.messages import Message, MissionMessage, Report, mission_message
 from edc_swarm.recording.model import Recording
 from edc_swarm.simulation.simulator import Simulation
+from processes.experiments.workers import workers
 
 UAVS = 10
 MAX_SLOTS = 400
@@ -147,7 +146,7 @@ def main() -> int:
     work = [(seed, h, link, options.failsafe) for link in options.links for h in heads for seed in options.seeds]
     warm_up(complete_mission(Mission(uavs=UAVS)))
     console = Console(stderr=True)
-    with ProcessPoolExecutor(options.jobs, mp_context=get_context("spawn")) as pool:
+    with workers(options.jobs) as pool:
         done = pool.map(fly, *zip(*work, strict=True))
         flights = list(track(done, "killed heads", total=len(work), console=console))
     for link in options.links:

@@ -19,9 +19,7 @@ import sys
 import time
 import warnings
 from collections.abc import Iterator
-from concurrent.futures import ProcessPoolExecutor
 from dataclasses import dataclass, replace
-from multiprocessing import get_context
 from typing import Any
 
 import msgspec
@@ -39,6 +37,7 @@ from edc_swarm.mission.roster_entry import ARRIVED_M
 from edc_swarm.planner.interface import PlanRequest
 from edc_swarm.planner.registry import make_planner, warm_up
 from edc_swarm.solver import slot_qp, solution
+from processes.experiments.workers import workers
 
 FIRST_SEED = 1000
 
@@ -315,7 +314,7 @@ def main() -> None:
     runs = args.runs or (2 if args.quick else 0)
     work = [(name, FIRST_SEED + i) for name in chosen for i in range(min(runs or 99, CASES[name].runs))]
     console = Console(stderr=True, width=max(150, Console().width))
-    with ProcessPoolExecutor(args.jobs, mp_context=get_context("spawn")) as pool:
+    with workers(args.jobs) as pool:
         flights = list(track(pool.map(fly, *zip(*work, strict=True)), "flying", total=len(work), console=console))
     results = {name: summarise([f for f in flights if f["case"] == name]) for name in chosen}
     solvers = compare_solvers(20 if args.quick else 100)

@@ -19,10 +19,8 @@ from __future__ import annotations
 import argparse
 import statistics
 from collections.abc import Callable
-from concurrent.futures import ProcessPoolExecutor
 from dataclasses import dataclass
 from itertools import product
-from multiprocessing import get_context
 
 from edc_swarm.analysis.metrics import compute_metrics
 from edc_swarm.mission.configuration import Mission
@@ -35,6 +33,7 @@ from edc_swarm.planner.registry import warm_up
 from edc_swarm.protocol.messages import Message, MissionMessage, mission_message
 from edc_swarm.recording.model import Recording
 from edc_swarm.simulation.simulator import Simulation
+from processes.experiments.workers import workers
 
 KINDS = ("warm", "cold", "edc")
 AREA_M2 = 800.0
@@ -110,7 +109,7 @@ def main() -> None:
     warm_up(complete_mission(Mission(uavs=2)))
     cases = list(product([options.uavs], options.seeds, options.slots))
     work = [(kind, *case) for kind in KINDS for case in cases]
-    with ProcessPoolExecutor(options.jobs, mp_context=get_context("spawn")) as pool:
+    with workers(options.jobs) as pool:
         done = dict(zip(work, pool.map(fly, *zip(*work, strict=True)), strict=True))
     print("planner  missions  first plan, steps (most)  of the median (most)  extra distance, %  slots")
     for kind in KINDS:

@@ -18,9 +18,8 @@ import math
 import statistics
 import sys
 from collections.abc import Iterator, Sequence
-from concurrent.futures import ProcessPoolExecutor, as_completed
+from concurrent.futures import as_completed
 from dataclasses import dataclass
-from multiprocessing import get_context
 from pathlib import Path
 from random import Random
 from typing import Any
@@ -39,6 +38,7 @@ from edc_swarm.planner.registry import make_planner
 from edc_swarm.protocol.messages import Message, MissionMessage, mission_message
 from edc_swarm.recording.model import Recording
 from edc_swarm.simulation.simulator import Simulation
+from processes.experiments.workers import workers
 
 FIRST_SEED = 1000
 RESENDS = 40
@@ -238,7 +238,7 @@ def fly_all(jobs: Sequence[Job], options: argparse.Namespace) -> None:
     """Fly missions side by side, and append each result to the file as soon as it is there."""
     with (
         options.results.open("a") as file,
-        ProcessPoolExecutor(options.jobs, mp_context=get_context("spawn")) as pool,
+        workers(options.jobs) as pool,
     ):
         flights = [pool.submit(fly, case, seed, options.resends) for case, seed in jobs]
         shown = track(as_completed(flights), "missions", total=len(flights), console=Console(stderr=True))

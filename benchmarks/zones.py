@@ -19,8 +19,6 @@ import os
 import sys
 import time
 import warnings
-from concurrent.futures import ProcessPoolExecutor
-from multiprocessing import get_context
 from typing import Any
 
 import msgspec
@@ -39,6 +37,7 @@ from edc_swarm.planner.charts import Charts, clear_of
 from edc_swarm.planner.interface import PlanRequest
 from edc_swarm.planner.registry import make_planner, warm_up
 from edc_swarm.planner.safe import airspace_of
+from processes.experiments.workers import workers
 
 FIRST_SEED = 1000
 AREAS_M2 = (10_000.0, 40_000.0)
@@ -193,7 +192,7 @@ def main() -> None:
         for uavs in map(int, filter(None, args.sizes.split(",")))
         for run in range(args.timed or SIZES.get(uavs, 1)) for zones in (False, True)
     ]  # fmt: skip
-    with ProcessPoolExecutor(args.jobs, mp_context=get_context("spawn")) as pool:
+    with workers(args.jobs) as pool:
         ends = [pool.submit(function, *arguments) for function, arguments in work]
         flights = [end.result() for end in track(ends, "flying", console=console)]
     kinds: dict[str, list[dict[str, Any]]] = {}

@@ -1,20 +1,22 @@
-"""Worker processes of this host: they alone fly, and end with their command."""
+"""Worker processes of this host: they fly missions side by side, and end with their command."""
 
 from __future__ import annotations
 
 import multiprocessing
 import os
 import signal
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterable, Iterator
 from concurrent.futures import Future, ProcessPoolExecutor
 from concurrent.futures.process import BrokenProcessPool
 from contextlib import contextmanager
 from typing import Any, TypeVar
 
 from edc_swarm.errors import SwarmError
+from processes.runtime.children import PartEndedError
 from processes.runtime.parent import die_with_parent
 
 T = TypeVar("T")
+WORKER_DIED = "a worker process died, perhaps out of memory: fewer --jobs need less"
 
 
 class Workers:
@@ -31,15 +33,20 @@ class Workers:
         finally:
             signal.pthread_sigmask(signal.SIG_SETMASK, before)
 
+    def map(self, function: Callable[..., T], *arguments: Iterable[Any]) -> Iterator[T]:
+        """Have the workers call `function` with the first of all arguments, the second and so on; results in order."""
+        calls = [self.submit(function, *each) for each in zip(*arguments, strict=True)]
+        return (call.result() for call in calls)
+
 
 @contextmanager
-def workers(jobs: int, died: SwarmError) -> Iterator[Workers]:
+def workers(jobs: int, died: SwarmError | None = None) -> Iterator[Workers]:
     """Yield `jobs` workers; an exception, such as Ctrl-C, ends them without waiting for what they do.
 
     Raises
     ------
     SwarmError
-        `died`: a worker has ended by itself.
+        A worker has ended by itself: `died`, unless it is None.
     """
     spawn = multiprocessing.get_context("spawn")
     before = set(multiprocessing.active_children())
@@ -47,7 +54,7 @@ def workers(jobs: int, died: SwarmError) -> Iterator[Workers]:
         try:
             yield Workers(pool)
         except BrokenProcessPool:
-            raise died from None
+            raise died or PartEndedError(WORKER_DIED) from None
         except BaseException:
             pool.shutdown(wait=False, cancel_futures=True)
             for worker in set(multiprocessing.active_children()) - before:

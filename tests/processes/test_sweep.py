@@ -25,7 +25,6 @@ from edc_swarm.errors import InputError
 from edc_swarm.experiments.figures import catalogue
 from edc_swarm.experiments.sweeps import Run
 from edc_swarm.mission.configuration import Mission
-from processes.cli.commands.fuzz import WORKER_DIED
 from processes.cli.main import main
 from processes.experiments.ledger import (
     MEASURING,
@@ -40,7 +39,7 @@ from processes.experiments.ledger import (
     open_scheduler,
     sweep,
 )
-from processes.experiments.workers import workers
+from processes.experiments.workers import WORKER_DIED, workers
 
 RUNS = [Run("fly", Mission(uavs=3, seed=seed)) for seed in range(8)]
 SWEEP = """

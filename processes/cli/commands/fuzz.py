@@ -13,7 +13,6 @@ from msgspec import Struct
 
 from edc_swarm.errors import InputError
 from processes.experiments.workers import workers
-from processes.runtime.children import PartEndedError
 from processes.runtime.console import note, print_json
 from processes.runtime.run_count import run_count
 
@@ -21,7 +20,6 @@ MAX_FUZZ_RUNS = 10_000_000
 MAX_FAILURES_SHOWN = 20
 RUNS_AHEAD = 8
 """Runs that each worker gets ahead of time."""
-WORKER_DIED = "a worker process died, perhaps out of memory: fewer --jobs need less"
 
 
 class Found(Struct):
@@ -112,7 +110,7 @@ def _search(options: FuzzOptions, kept: tuple[int, ...] | None) -> Iterator[Foun
     if jobs == 1:
         yield from (_run((seed, kept, options.clusters)) for seed in seeds)
         return
-    with workers(jobs, PartEndedError(WORKER_DIED)) as pool:
+    with workers(jobs) as pool:
         waiting = iter(seeds)
         ahead = deque(pool.submit(_run, (seed, kept, options.clusters)) for seed in islice(waiting, jobs * RUNS_AHEAD))
         while ahead:
