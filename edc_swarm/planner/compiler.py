@@ -32,7 +32,7 @@ def compiled(function: Function) -> Function:
 
 
 def inner(function: Function) -> Function:
-    """Return a function for calls from compiled functions of the same file; called from Python it does the same."""
+    """Return a function for calls from compiled functions; called from Python it does the same."""
     if _READY:
         return function
     from edc_swarm.planner import just_in_time  # noqa: PLC0415  (imports numba)

@@ -20,6 +20,8 @@ from numba.core.compiler import CompilerBase, DefaultPassBuilder
 from numba.core.compiler_machinery import register_pass
 from numba.core.typed_passes import NativeLowering
 
+from edc_swarm.planner.machine_code import digest_of_sources
+
 OPTIONS: dict[str, Any] = {"error_model": "numpy", "_nrt": False}
 """No reference counting, which took a third of the time, since no function makes an array. Divisions follow IEEE 754,
 so no check for zero slows the loops down; no loop divides by zero."""
@@ -36,7 +38,15 @@ _register: Any = register_pass
 
 
 class _Cache(_DiskCache):  # type: ignore[misc]
-    """Numba's cache on disk; a failure of it, such as a full disk or a torn file, only costs time."""
+    """Numba's cache on disk; a failure of it, such as a full disk or a torn file, only costs time.
+
+    Numba compiles again what is in a changed file, but a function may have `inner` ones of another file linked into it.
+    So code is kept for all sources as they are together.
+    """
+
+    def __init__(self, function: Callable[..., Any]) -> None:
+        super().__init__(function)
+        self._cache_file._source_stamp = (self._cache_file._source_stamp, digest_of_sources())
 
     def load_overload(self, sig: Any, target_context: Any) -> Any:
         """Load a compiled function; return None if there is none, or if its file cannot be read."""
@@ -132,7 +142,7 @@ def is_kept(function: Callable[..., Any]) -> bool:
 
 
 def inner(function: Function) -> Function:
-    """Compile a function for calls from compiled functions of the same file, which keep its code."""
+    """Compile a function for calls from compiled functions, which keep its code."""
     linked: Any = _Inner(function)
     inner_function: Function = linked
     return inner_function

@@ -10,6 +10,7 @@ import subprocess
 import sys
 from collections.abc import Sequence
 from pathlib import Path
+from typing import Any
 
 import pytest
 from cyclopts import App
@@ -19,7 +20,7 @@ from edc_swarm.emulation.energy import check_batteries, stranded
 from edc_swarm.errors import MissionError, SwarmError
 from edc_swarm.mission.roster import complete_mission
 from edc_swarm.mission.validation import mission_from_dict
-from edc_swarm.planner import registry
+from edc_swarm.planner import just_in_time, registry
 from edc_swarm.planner.registry import make_planner
 from edc_swarm.recording.reader import read_recording
 from processes.cli.compiled_code import VARIABLE, choose_code_folder
@@ -333,6 +334,19 @@ def test_torn_compiled_code_is_compiled_again(tmp_path: Path, suffix: str) -> No
         _compile(str(source), NUMBA_CACHE_DIR=str(tmp_path / "cache"))
         (kept,) = (tmp_path / "cache").rglob(f"*.{suffix}")
         kept.write_bytes(kept.read_bytes()[:-9])
+
+
+def test_code_of_other_sources_is_not_used(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Compiled code holds functions of other files, whose change numba does not see."""
+    source = tmp_path / "source.py"
+    source.write_text("")
+    scope: dict[str, Any] = {"__name__": __name__}
+    exec(compile("def twice(x):\n    return 2 * x", str(source), "exec"), scope)
+    monkeypatch.setattr("numba.config.CACHE_DIR", str(tmp_path / "cache"))
+    for digest, loaded in (("one", 0), ("one", 1), ("other", 0)):
+        monkeypatch.setattr(just_in_time, "digest_of_sources", lambda digest=digest: digest)
+        twice: Any = just_in_time.compiled(scope["twice"])
+        assert (twice(3), sum(twice.stats.cache_hits.values())) == (6, loaded)
 
 
 def test_an_import_that_fails_is_no_unknown_planner(monkeypatch: pytest.MonkeyPatch) -> None:
