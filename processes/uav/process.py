@@ -16,6 +16,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
+from typing import NoReturn
 
 import msgspec
 import zenoh
@@ -342,8 +343,8 @@ def run_uav(settings: UavSettings, *, obey_ctrl_c: bool) -> int:
     return 0
 
 
-def main() -> int:
-    """Run one UAV that no fork source has forked."""
+def main() -> NoReturn:
+    """Run one UAV that no fork source has forked, and end this process."""
     parser = argparse.ArgumentParser(prog="python -m processes.uav.process", description="One UAV on the bus.")
     for name, text in (
         ("endpoint", "the router, tcp/HOST:PORT"),
@@ -353,10 +354,12 @@ def main() -> int:
     ):
         parser.add_argument(f"--{name}", required=True, help=text)
     parser.add_argument("--certs", default="", help="folder with the own certificate, on a secured bus")
-    return run_uav(UavSettings(**vars(parser.parse_args())), obey_ctrl_c=True)
+    status = run_uav(UavSettings(**vars(parser.parse_args())), obey_ctrl_c=True)
+    sys.stderr.flush()
+    os._exit(status)  # An interpreter that ends aborts if a thread is in OSQP, as while it loads the planner.
 
 
 __all__ = ["UavProcess", "UavSettings", "main", "run_uav"]
 
 if __name__ == "__main__":
-    sys.exit(main())
+    main()

@@ -39,4 +39,4 @@ if __name__ == "__main__":
         begun(self, Told(session), *rest)  # type: ignore[arg-type]
 
     UavSubscriptions.__init__ = begin  # type: ignore[method-assign,assignment]
-    sys.exit(main())
+    main()

@@ -153,6 +153,15 @@ def test_imports_numpy_only_when_it_is_a_standby(bench: Bench) -> None:
     bench.close()
 
 
+def test_ends_in_order_while_it_loads_the_planner(endpoint: str, tmp_path: Path) -> None:
+    """An interpreter that ended with a thread in OSQP would abort, four times of five."""
+    bench = Bench(endpoint, tmp_path, module="tests.processes.loading")
+    bench.begin()
+    await_true(lambda: "osqp" in Path(f"/proc/{bench.process.pid}/maps").read_text())
+    bench.await_heard(Fix, 4)
+    bench.close()
+
+
 def test_queries_for_tokens_are_bounded_per_slot(endpoint: str, tmp_path: Path) -> None:
     """Forty heads within a slot or a few, as in a backlog: the UAV follows them all, and asks for few of their tokens.
 
