@@ -14,7 +14,7 @@ class EventKind(StrEnum):
 
     FAULT = "fault"
     FAULT_WITHOUT_TARGET = "fault-without-target"
-    HOST_REQUEST = "deed"
+    HOST_REQUEST = "host-request"
     EXITED = "exited"
     OFF_BUS = "off-bus"
     END = "end"

@@ -59,14 +59,30 @@ class Processes(Protocol):
         """Start a process again, after its death."""
 
 
+def untold(mission: MissionMessage, told: Sequence[Event]) -> list[Fault]:
+    """Return the faults that no event tells. An event names UAVs where a fault may name a role, such as the head."""
+    left, roster = parse_faults(mission), {entry.uav for entry in mission.roster}
+    for event in told:
+        before = read_fault(event.detail, mission.dt_s)
+        if before is None:
+            continue
+        of_nobody, names = before.without_names(), set(before.names)
+        alike = [
+            each for each in left if each.without_names() == of_nobody and roster.intersection(each.names) <= names
+        ]
+        if alike:
+            left.remove(before if before in alike else alike[0])
+    return left
+
+
 class Injector:
     """A heap of actions by time, filled from the mission's `fault` list.
 
-    An injector that takes over goes on after the last of the events `told` by the operator before it. It carries out
-    at once what fell into the time without an operator: a fault that no event tells, and the end of a death or a
-    freeze. A fault that would be over by now has no target any more, and one of a head waits for `HEARD_SLOTS` slots,
-    until the operator has heard who leads. With None it does not know what was told, and takes every fault before now
-    as carried out.
+    An injector that takes over goes on after the events `told` by the operator before it. It carries out at once
+    what is overdue: a fault that no event tells, and the end of a death or a freeze since the last event. A fault
+    that would be over by now has no target any more, and one of a head waits for `HEARD_SLOTS` slots, until the
+    operator has heard who leads. With None it does not know what was told, and takes every fault before now as
+    carried out.
     """
 
     HANDLERS: FaultHandlers[Injector] = FaultHandlers()
@@ -79,8 +95,9 @@ class Injector:
         self._faults = parse_faults(mission)
         self._frozen_until_s: dict[str, float] = {}
         self._hears_until_s = self.now_s + HEARD_SLOTS * mission.dt_s if self.now_s > 0 else -math.inf
-        until_s = self.now_s if told is None else max(map(self._told_s, told), default=-math.inf)
-        for fault in (fault for fault in self._faults if fault.at_s > until_s):
+        until_s = max(map(self._told_s, told or ()), default=-math.inf)
+        to_come = [fault for fault in self._faults if fault.at_s > self.now_s]
+        for fault in to_come if told is None else untold(mission, told):
             self._at(fault.at_s, partial(self.inject if fault.end_s > self.now_s else self._leave_out, fault))
         for event in told or ():
             before = read_fault(event.detail, mission.dt_s) if event.kind == EventKind.FAULT else None

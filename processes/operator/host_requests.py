@@ -1,6 +1,6 @@
 """Requests of the operator to the hosts that fly UAVs for it: the deaths, freezes and restarts of faults.
 
-They are the `detail` of the operator's events of kind `deed`, so the recording holds them.
+They are the `detail` of the operator's events of kind `host-request`, so the recording holds them.
 """
 
 from __future__ import annotations

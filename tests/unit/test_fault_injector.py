@@ -12,7 +12,7 @@ from edc_swarm.mission.configuration import NS_PER_S, Mission
 from edc_swarm.mission.roster import complete_mission
 from edc_swarm.protocol.events import EventKind
 from edc_swarm.protocol.messages import Event, MissionMessage, mission_message
-from processes.operator.fault_injector import HEARD_SLOTS, Injector
+from processes.operator.fault_injector import HEARD_SLOTS, Injector, untold
 
 FAULTS = ["kill u001 @4s for 10s", "freeze u002 @5s for 20s", "restart u003 @8s", "gps u001 outage @9s for 2s"]
 
@@ -75,6 +75,7 @@ def takes_over(events: list[Event] | None, *times_s: float) -> list[list[tuple[s
 
 
 BEFORE = [KILLED, FROZEN]
+LATER = [told(EventKind.FAULT, FAULTS[2], 8.0), told(EventKind.FAULT_WITHOUT_TARGET, FAULTS[3], 9.0)]
 RESTARTED = [("fault", "restart u003 @8s"), ("start", "u003")]
 OUTAGE = ("fault", "gps u001 outage @9s for 2s")
 LEFT_OUT = ("fault-without-target", "kill head @4s")
@@ -88,7 +89,7 @@ OVER = ("fault-without-target", "gps u001 outage @9s for 2s")
         pytest.param(BEFORE, (9.5,), [[*RESTARTED, OUTAGE]], id="late, and still in force"),
         pytest.param(BEFORE, (11.5,), [[*RESTARTED, OVER]], id="late, and over"),
         pytest.param(
-            [*BEFORE, told(EventKind.FAULT, FAULTS[2], 8.0), told(EventKind.FAULT_WITHOUT_TARGET, FAULTS[3], 9.0)],
+            [*BEFORE, *LATER],
             (12.0, 14.5, 26.0),
             [[], [("start", "u001")], [("SIGCONT", "u002")]],
             id="ends to come",
@@ -96,7 +97,8 @@ OVER = ("fault-without-target", "gps u001 outage @9s for 2s")
         pytest.param(
             BEFORE, (30.0,), [[*RESTARTED, OVER, ("start", "u001"), ("SIGCONT", "u002")]], id="ends that are late"
         ),
-        pytest.param([*BEFORE, STARTED], (30.0,), [[("SIGCONT", "u002")]], id="an end that was carried out"),
+        pytest.param([*BEFORE, *LATER, STARTED], (30.0,), [[("SIGCONT", "u002")]], id="an end that was carried out"),
+        pytest.param([*BEFORE, LATER[1]], (12.0,), [RESTARTED], id="one that is told after it was due first"),
         pytest.param(None, (8.5, 9.5), [[], [OUTAGE]], id="unknown"),
     ],
 )
@@ -131,11 +133,35 @@ def test_the_first_operator_injects_all() -> None:
 def test_a_freeze_for_good_outlasts_one_that_overlaps() -> None:
     """The longest freeze counts also for an operator that takes over."""
     for_good = told(EventKind.FAULT, "freeze u002 @4.5s", 4.5)
-    assert takes_over([for_good, FROZEN, STARTED], 30.0) == [[]]
+    assert takes_over([KILLED, for_good, FROZEN, *LATER, STARTED], 30.0) == [[]]
 
 
 def test_a_freeze_after_a_resume_ends() -> None:
     """A freeze for good that was ended outlasts nothing."""
     for_good = told(EventKind.FAULT, "freeze u002 @2s", 2.0)
     resumed = told(EventKind.FAULT, "resume u002 @3s", 3.0)
-    assert takes_over([for_good, resumed, FROZEN, STARTED], 30.0) == [[("SIGCONT", "u002")]]
+    assert takes_over([for_good, resumed, KILLED, FROZEN, *LATER, STARTED], 30.0) == [[("SIGCONT", "u002")]]
+
+
+@pytest.mark.parametrize(
+    ("said", "left"),
+    [
+        ([], [0, 1, 2, 3, 4, 5]),
+        (["kill u002 @4s", "heal @4s"], [0, 2, 3, 4]),
+        (["kill u003 @4s", "kill u001 @4s", "partition u003|u001,u002,u004 @4s"], [1, 3, 5]),
+        (["kill u003 @5s", "kill head @4s"], [0, 1, 3, 4, 5]),
+    ],
+)
+def test_faults_at_one_time_that_no_event_tells(said: list[str], left: list[int]) -> None:
+    """The operator before died between two of its events; an event about a role names a UAV."""
+    texts = [
+        "kill u001 @4s",
+        "kill u002 @4s",
+        "kill head @4s",
+        "kill standby @4s",
+        "partition head|rest @4s",
+        "heal @4s",
+    ]
+    of_one_time = mission_message(complete_mission(Mission(uavs=4, fault=texts)), 0)
+    events = [told(EventKind.FAULT, text, 4.0) for text in said]
+    assert [texts.index(str(fault)) for fault in untold(of_one_time, events)] == left
