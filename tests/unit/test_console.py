@@ -2,11 +2,15 @@
 
 from __future__ import annotations
 
+import re
+
 import pytest
 from rich.console import Console
 
 from edc_swarm.analysis.metrics import compute_metrics
 from edc_swarm.errors import RecordingError
+from edc_swarm.mission.fault_help import fault_help
+from processes.cli.commands.faults import faults
 from processes.cli.summary import print_metrics
 from processes.runtime.console import complain, print_line
 from tests.unit.synthetic import flight, recorded, straight
@@ -26,6 +30,20 @@ def test_elsewhere_a_line_is_whole(capsys: pytest.CaptureFixture[str]) -> None:
     """A program that reads the lines finds one for each happening."""
     print_line(LINE, Console(width=40, soft_wrap=True))
     assert capsys.readouterr().out == f"{LINE}\n"
+
+
+def test_the_vocabulary_of_faults_fits_a_narrow_terminal(
+    capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Words are whole; a pipe gets the page as it stands in the docs."""
+    faults()
+    assert capsys.readouterr().out == fault_help()
+    monkeypatch.setattr("sys.stdout.isatty", lambda: True)
+    monkeypatch.setenv("COLUMNS", "40")
+    faults()
+    said = re.sub("\x1b\\[[0-9;]*m", "", capsys.readouterr().out)
+    assert max(map(len, said.splitlines())) <= 40
+    assert set(re.findall("[A-Za-z]+", said)) == set(re.findall("[A-Za-z]+", fault_help()))
 
 
 def test_each_part_of_a_metric_has_a_line_on_a_terminal() -> None:
