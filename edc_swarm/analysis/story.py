@@ -9,10 +9,13 @@ from typing import Literal
 
 import msgspec
 
+from edc_swarm.analysis.guarantees.evidence import Evidence, gather
+from edc_swarm.analysis.guarantees.spacing import overlapping, touching
 from edc_swarm.protocol.messages import Command, Fix, Message, Report
 from edc_swarm.recording.model import Recording
 from edc_swarm.recording.sequences import find_gaps, sequence_numbers
 from edc_swarm.story.happening import STATES, Happening, grouped
+from edc_swarm.story.log import MAX_HAPPENINGS
 from edc_swarm.story.teller import Storyteller
 
 MAX_STORY_SLOTS = 1_000_000
@@ -63,10 +66,11 @@ def story_of(recording: Recording) -> Story:
         states.append(bytes(code[state] for state in teller.states.values()))
     _tell_unheard(teller.happenings, recording)
     _doubt_holds(teller.happenings, recording)
+    left_out = teller.left_out + _tell_overlaps(teller.happenings, gather(recording))
     _amend(teller.happenings, states, [entry.uav for entry in mission.roster])
     happenings = grouped(teller.happenings, [entry.uav for entry in mission.roster])
     happenings.sort(key=lambda happening: happening.time_s)
-    return Story(happenings, states, teller.left_out)
+    return Story(happenings, states, left_out)
 
 
 def slots_of(recording: Recording) -> int:
@@ -119,6 +123,22 @@ def _doubt_holds(happenings: list[Happening], recording: Recording) -> None:
         is_judged = any(newest.get(uav, -1) > until for uav in hold.uavs)
         if not is_judged and (lacks_all or not lacking.isdisjoint(hold.uavs)):
             hold.reason, hold.detail = "unknown", "the record lacks commands for it"
+
+
+def _tell_overlaps(happenings: list[Happening], evidence: Evidence) -> int:
+    """Tell once of each pair whose discs overlap or whose bodies meet, as G3 finds; return how many are left out."""
+    kinds: dict[str, Literal["overlap", "collision"]] = {"overlap": "overlap", "true-collision": "collision"}
+    found = [*overlapping(evidence), *touching(evidence)]
+    room = max(0, MAX_HAPPENINGS - len(happenings))
+    for each in found[:room]:
+        time_s = evidence.time_s(each.slot) if each.time_s is None else each.time_s
+        detail = each.text.partition(": ")[2]
+        happenings.append(
+            Happening(
+                kind=kinds[each.kind], slot=each.slot, time_s=time_s, uavs=each.uavs, detail=detail, level="warning"
+            )
+        )
+    return max(0, len(found) - room)
 
 
 def _amend(happenings: list[Happening], states: list[bytes], uavs: list[str]) -> None:

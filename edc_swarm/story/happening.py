@@ -14,6 +14,8 @@ Kind = Literal[
     "no-head",
     "arrived",
     "left-target",
+    "overlap",
+    "collision",
     "goal",
     "fault",
     "dead",

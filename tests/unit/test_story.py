@@ -13,6 +13,7 @@ from edc_swarm.recording.model import Recording
 from edc_swarm.story.happening import STATES, Happening
 from edc_swarm.story.teller import Storyteller
 from tests.builders import at, command, entry, fix, hulls, mission_message, report, row
+from tests.unit import synthetic
 
 ROSTER = row("abc", 12.0, 40.0, energy_j=100.0)
 MISSION = mission_message(ROSTER, failsafe="hold")
@@ -287,3 +288,13 @@ def test_the_end_is_told_in_words(detail: str, words: str) -> None:
     slots = range(SLOTS)
     story = told([*everyone(slots), *plans(slots), event("end", SLOTS, detail)])
     assert only(story, "end").words == words
+
+
+@pytest.mark.parametrize(("apart_m", "kinds"), [(11.0, []), (6.0, ["overlap"]), (0.3, ["collision", "overlap"])])
+def test_overlaps_and_collisions_are_told(apart_m: float, kinds: list[str]) -> None:
+    """Each pair once, in its first slot; discs of 5 m and bodies of 0.25 m that fly beside each other."""
+    tracks = [synthetic.straight((0, y_m), (9, y_m), 10) for y_m in (0.0, apart_m)]
+    story = story_of(synthetic.recorded(synthetic.flight(tracks)))
+    found = [each for each in story.happenings if each.kind in {"overlap", "collision"}]
+    assert sorted(each.kind for each in found) == kinds
+    assert all((len(each.uavs), each.slot, each.level) == (2, 0, "warning") for each in found)

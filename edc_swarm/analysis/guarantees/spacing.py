@@ -25,22 +25,22 @@ UNEVEN_PLANNER = "edc"
 
 def check_separation(evidence: Evidence) -> GuaranteeResult:
     """Return the verdict on G3. Dead UAVs count too, at their last place, until the failsafe has made them land."""
-    overlaps = _overlaps(evidence)
-    found = [*overlaps, *_touching(evidence), *_outside(evidence), *strayed(evidence)]
+    overlaps = overlapping(evidence)
+    found = [*overlaps, *touching(evidence), *_outside(evidence), *strayed(evidence)]
     if evidence.mission.planner == UNEVEN_PLANNER:
         known = {tuple(violation.uavs) for violation in overlaps}
         found += [v for v in _uneven(evidence) if tuple(v.uavs) not in known]
     return verdict("G3", "Separation", found, evidence.gap_notes())
 
 
-def _overlaps(evidence: Evidence) -> list[Violation]:
+def overlapping(evidence: Evidence) -> list[Violation]:
     """Return the pairs whose discs overlap while all move simultaneously (the paper's eq. 16, at every instant)."""
     ends_m = evidence.tracks.seen_m
     met = encounters(*ends_m, _radius_m(evidence), -DISC_TOLERANCE_M)
     return [_timed(evidence, "overlap", "discs overlap by", met, pair, ends_m) for pair in _by_pair(met)]
 
 
-def _touching(evidence: Evidence) -> list[Violation]:
+def touching(evidence: Evidence) -> list[Violation]:
     """Return the pairs whose bodies touch."""
     ends_m, parts = evidence.tracks.bodies_m, 1
     if evidence.paths is not None:
