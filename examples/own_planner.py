@@ -13,9 +13,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from edc_swarm.mission.configuration import Mission
-from edc_swarm.planner.interface import Plan, PlanRequest, Stopwatch
+from edc_swarm.planner import Plan, PlanRequest, SafeSteps, Stopwatch, airspace_of
 from edc_swarm.planner.request import checked_arrays
-from edc_swarm.planner.safe import SafeSteps, airspace_of
 
 NEAR_M = 5.0
 """Gap between two discs below which UAVs begin to turn."""

@@ -77,7 +77,8 @@ class Flight:
         if self._ordered_down and self._vehicle.rests:
             return EventKind.LANDED, "the operator ordered it to land"
         if self._vehicle.must_land(slot):
-            return EventKind.LANDED, f"no accepted step since slot {self._vehicle.stepped_slot}"
+            since = f"since slot {self._vehicle.stepped_slot}" if self._vehicle.stepped_slot >= 0 else "at all"
+            return EventKind.LANDED, f"no accepted step {since}"
         return None
 
     def promise(self, slot: int, grant: Grant) -> Promise | None:

@@ -15,14 +15,14 @@ from typing import TYPE_CHECKING
 if TYPE_CHECKING:
     from edc_swarm.planner.interface import Hull, Plan, Planner, PlannerFactory, PlanRequest, Stopwatch
     from edc_swarm.planner.registry import make_planner
-    from edc_swarm.planner.safe import SafeSteps
+    from edc_swarm.planner.safe import SafeSteps, airspace_of
 else:
 
     def __getattr__(name: str) -> object:
         """Return a public name from its module."""
         from importlib import import_module  # noqa: PLC0415  (only where a name is used)
 
-        modules = {"SafeSteps": "safe", "make_planner": "registry"}
+        modules = {"SafeSteps": "safe", "airspace_of": "safe", "make_planner": "registry"}
         if name not in __all__:
             raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
         return getattr(import_module(f"{__name__}.{modules.get(name, 'interface')}"), name)
@@ -36,5 +36,6 @@ __all__ = [
     "PlannerFactory",
     "SafeSteps",
     "Stopwatch",
+    "airspace_of",
     "make_planner",
 ]

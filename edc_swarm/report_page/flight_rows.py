@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from edc_swarm.analysis.columns import Columns
 from edc_swarm.analysis.story import Story
-from edc_swarm.protocol.messages import Report, roster_index
+from edc_swarm.protocol.messages import MissionMessage, Report, roster_index
 from edc_swarm.recording.model import Recording
 from edc_swarm.story.happening import STATES
 
@@ -60,7 +60,7 @@ def flight_rows(
             FlightRow(
                 uav=entry.uav,
                 state=STATES[states[-1, k]] if len(states) else "unknown",
-                home_s=home * mission.dt_s if home < len(states) else None,
+                home_s=_home_s(home, mission) if home < len(states) else None,
                 way_m=None if not len(heard) or columns.lost[:, k].any() else float(columns.step_m[:, k].sum()),
                 held_pct=100 * float((moving & ~columns.executed[counted, k]).sum() / moving.sum())
                 if moving.any()
@@ -71,6 +71,11 @@ def flight_rows(
             )
         )
     return rows
+
+
+def _home_s(slot: int, mission: MissionMessage) -> float:
+    """Return when a UAV is home that flies its last step in `slot`; 0 is for one that starts at its target."""
+    return (slot + 1) * mission.dt_s - mission.guard_s if slot else 0.0
 
 
 def _at_target(recording: Recording, slots: int, uavs: int) -> NDArray[np.bool_]:

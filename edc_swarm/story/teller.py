@@ -212,7 +212,9 @@ class ClusterTeller:
         self._without_plan += 1
         if self._plan is not None and self._without_plan == NO_PLAN_SLOTS:
             since = self._log.slot - NO_PLAN_SLOTS + 1
-            words = f"no head plans since slot {since}; the last was {self._plan.head}, term {self._plan.term}"
+            cluster = self._mission.roster[0].cluster
+            whom = f" for cluster {cluster}" if cluster else ""
+            words = f"no head plans{whom} since slot {since}; the last was {self._plan.head}, term {self._plan.term}"
             self._gap = self._log.tell("no-head", detail=words, level="warning", slot=since, lasts=True)
 
     def _end_gap(self) -> None:

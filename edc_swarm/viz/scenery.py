@@ -97,6 +97,7 @@ class Scenery:
         self._clusters: dict[str, int] = {}
         self._reports: dict[str, Report] = {}
         self._said: list[Shown] = []
+        self._newest_status: Shown | None = None
         self._next_ns = 0
         self._ticks = 0
 
@@ -171,8 +172,10 @@ class Scenery:
             return
         self._reports[cluster] = report
         self._heard_in.update(dict.fromkeys((report.head, *report.heard), report.slot))
-        payload = msgspec.json.encode(self._status(report, now_ns))
-        self._said.append(Shown(ROOT + channels.STATUS, now_ns, payload))
+        status = Shown(ROOT + channels.STATUS, now_ns, msgspec.json.encode(self._status(report, now_ns)))
+        if status != self._newest_status:  # reports of two clusters at one instant can make the same
+            self._newest_status = status
+            self._said.append(status)
 
     # --- scenes and their times ------------------------------------------------------------------
 

@@ -147,6 +147,15 @@ def test_a_uav_without_steps_lands_in_its_slot_and_not_before() -> None:
     assert uav.step(Tick(), at(18)) == []
 
 
+def test_a_uav_that_has_never_stepped_says_so() -> None:
+    """No slot is the last one with a step."""
+    uav = node(first_promise(ENTRY))
+    for slot in range(WAIT):
+        uav.step(Tick(), at(slot))
+    (event,) = [message for message in messages(uav.step(Tick(), at(WAIT))) if isinstance(message, Event)]
+    assert (event.kind, event.detail) == (EventKind.LANDED, "no accepted step at all")
+
+
 @pytest.mark.parametrize("to_y_m", [0.0, 2.0])
 def test_a_step_in_the_last_slot_keeps_it_in_the_air(to_y_m: float) -> None:
     """A command to hold is a step too; the promise and the airframe then have its slot."""

@@ -13,13 +13,14 @@ PACKAGES = ("edc_swarm", "edc_swarm.planner", "edc_swarm.recording")
 
 def test_planner_of_a_user_imports_what_the_docs_promise() -> None:
     """The lines of docs/planner.md and of planners that were written for earlier versions."""
-    from edc_swarm.planner import Plan, PlanRequest, SafeSteps, make_planner  # noqa: PLC0415
+    from edc_swarm.planner import Plan, PlanRequest, SafeSteps, airspace_of, make_planner  # noqa: PLC0415
     from edc_swarm.planner.interface import Plan as PlanOfModule  # noqa: PLC0415
 
     assert Plan is PlanOfModule
-    assert [name.__name__ for name in (PlanRequest, SafeSteps, make_planner)] == [
+    assert [name.__name__ for name in (PlanRequest, SafeSteps, airspace_of, make_planner)] == [
         "PlanRequest",
         "SafeSteps",
+        "airspace_of",
         "make_planner",
     ]
 

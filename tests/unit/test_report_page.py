@@ -17,7 +17,7 @@ from edc_swarm.analysis.metrics import compute_metrics
 from edc_swarm.analysis.tables import metric_rows
 from edc_swarm.mission.routes import Course
 from edc_swarm.mission.zone import Zone
-from edc_swarm.protocol.messages import Event, Fix, Message, Report
+from edc_swarm.protocol.messages import Event, Fix, Message, MissionMessage, Report
 from edc_swarm.recording.model import Recording
 from edc_swarm.report_page import data as page_data
 from edc_swarm.report_page.data import Page
@@ -281,6 +281,19 @@ def test_the_page_says_what_the_terminal_says() -> None:
     assert '<p class="broken">' in text
     assert f"broken: {', '.join(result.guarantee for result in check(recording) if result.broken)}" in text
     assert "u0 and u1: discs overlap by up to 1 m" in text
+
+
+def test_a_uav_is_home_when_its_last_step_ends() -> None:
+    """The table of the UAVs and the finish times of the metrics agree; one that starts at its target is home at 0 s."""
+    mission, *messages = flight([straight((0, 0), (0, 20), 10), straight((40, 0), (40, 0), 10)])
+    assert isinstance(mission, MissionMessage)
+    roster = [msgspec.structs.replace(entry, finish_by_s=1.0) for entry in mission.roster]
+    recording = recorded([msgspec.structs.replace(mission, roster=roster), *messages])
+    finished = [each.finished_s for each in compute_metrics(recording).deadlines]
+    assert finished[1] == 0
+    assert re.findall(r"<td>arrived</td><td>(.*?)</td>", document(recording)) == [
+        f"{time_s:.1f}" for time_s in finished
+    ]
 
 
 def test_one_uav_has_no_gap_rather_than_an_unknown_one() -> None:

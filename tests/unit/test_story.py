@@ -230,6 +230,17 @@ def test_a_commanded_hold_names_who_is_in_the_way(place_m: tuple[float, float], 
     assert STATES[story.states[-1][0]] == ("beside" if reason == "beside" else "holding")
 
 
+def test_a_cluster_without_a_head_is_named() -> None:
+    """The other cluster still has one."""
+    roster = [
+        entry(uav, (12 * k, 0), (12 * k, 80), cluster="east" if uav == "c" else "west") for k, uav in enumerate("abc")
+    ]
+    east = [report(slot, head="c", grants=["c"], quorum=1) for slot in range(SLOTS)]
+    messages = [*everyone(range(SLOTS)), *plans(range(5)), *east]
+    story = told(messages, mission_message(roster, clusters=2))
+    assert only(story, "no-head").detail == "no head plans for cluster west since slot 5; the last was a, term 1"
+
+
 def test_no_head_a_claim_and_a_new_term() -> None:
     """The head's silence, the claim and the successor, each on its message."""
     claim = report(9, 2, "b", status="claim", grants=["b", "c"])
@@ -237,6 +248,7 @@ def test_no_head_a_claim_and_a_new_term() -> None:
     story = told(messages)
     assert only(story, "no-head").slot == 5
     assert only(story, "no-head").last_slot == 9
+    assert only(story, "no-head").detail == "no head plans since slot 5; the last was a, term 1"
     assert only(story, "claim").uavs == ["b"]
     assert only(story, "claim").detail == "claims term 2: 2 UAVs suspecting the head"
     first = only(told([*everyone(range(SLOTS)), report(1, 1, "b", status="claim", grants=["b"])]), "claim")

@@ -258,6 +258,16 @@ def test_trails_fade_and_commands_are_drawn(messages: list[Message]) -> None:
     assert scene(messages, "commands", 10) == {}
 
 
+def test_the_same_status_at_the_same_instant_is_shown_once(messages: list[Message]) -> None:
+    """Two reports that change nothing between them, as of two clusters, leave no message twice in the recording."""
+    reports = [message for message in messages if isinstance(message, Report)]
+    statuses = [
+        [each for each in shown(all_of) if each.topic == "/viz/status"] for all_of in (messages, messages + reports)
+    ]
+    assert statuses[0]
+    assert statuses[1] == statuses[0]
+
+
 def test_the_status_is_that_of_the_last_plan(messages: list[Message]) -> None:
     """The status has the values of the last plan and of all fixes."""
     kept = [m for m in messages if not (isinstance(m, Fix) and m.uav == "u2")]

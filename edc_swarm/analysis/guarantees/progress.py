@@ -187,10 +187,14 @@ def _landed_unasked(evidence: Evidence, settled_slot: int, prospect: Prospect) -
 
 
 def _landed_by_fault(evidence: Evidence, away: list[int]) -> dict[int, str]:
-    """Return why each UAV of `away` that said that it landed need not arrive: a fault can be the cause."""
+    """Return why each UAV of `away` that said that it landed need not arrive: a fault or a link can be the cause."""
     slots = {found.uav: found.slot for found in landings(evidence.recording, evidence.tracks) if found.told}
     uavs = evidence.tracks.uavs
-    return {k: f"it landed in slot {slots[uavs[k]]}, by a fault" for k in away if uavs[k] in slots}
+    return {
+        k: f"it landed in slot {slots[uavs[k]]}, which a fault or a lossy link can cause"
+        for k in away
+        if uavs[k] in slots
+    }
 
 
 def _drained(evidence: Evidence) -> NDArray[np.int64]:
