@@ -95,6 +95,10 @@ def _trace(link: Link, where: str, folder: Path, taken: Collection[str]) -> Trac
     )
 
 
+RECORDING_BEGINS = b"\x89MCAP"
+"""First bytes of a recording."""
+
+
 def read_toml(what: str, path: str | Path, refused: type[InputError] = InputError) -> dict[str, Any]:
     """Return the content of a TOML file of moderate size, not yet checked; `what` names it to the user.
 
@@ -107,13 +111,16 @@ def read_toml(what: str, path: str | Path, refused: type[InputError] = InputErro
     try:
         with open_regular(file) as opened:
             text = opened.read(MAX_MISSION_BYTES + 1)
+        if text.startswith(RECORDING_BEGINS):
+            raise refused(what, str(file), "a TOML file; it is a recording, which `edc-swarm events` and `check` read")
         if len(text) > MAX_MISSION_BYTES:
             raise refused(what, str(file), f"at most {MAX_MISSION_BYTES} bytes, not {file.stat().st_size}")
         return cast("dict[str, Any]", msgspec.toml.decode(text.removeprefix(BOM_UTF8)))
     except OSError as error:
         raise refused(what, str(file), f"a readable file ({error.strerror})") from None
     except (msgspec.DecodeError, UnicodeDecodeError) as error:
-        raise refused(what, str(file), f"valid TOML ({error})") from None
+        found = "it looks like JSON" if text.lstrip().startswith(b"{") else error
+        raise refused(what, str(file), f"valid TOML ({found})") from None
 
 
 def mission_from_dict(raw: Mapping[str, Any]) -> Mission:

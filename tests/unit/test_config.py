@@ -12,6 +12,8 @@ from edc_swarm.errors import MissionError
 from edc_swarm.mission.configuration import Mission, default_tau_s
 from edc_swarm.mission.validation import MAX_MISSION_BYTES, load_mission, mission_from_dict, with_options
 
+GOLDEN = Path(__file__).parents[2] / "recordings" / "golden.mcap"
+
 
 def entry(uav: str = "a", **fields: Any) -> dict[str, Any]:
     """A roster entry that is fine unless told otherwise."""
@@ -239,11 +241,15 @@ def test_files(tmp_path: Path) -> None:
     (tmp_path / "bad.toml").write_text("uavs = = 3\n")
     (tmp_path / "binary.toml").write_bytes(b"\xff\xfe\x00")
     (tmp_path / "nan.toml").write_text("r_m = nan\n")
+    (tmp_path / "json.toml").write_text('{"uavs": 3}')
+    (tmp_path / "recording.toml").write_bytes(GOLDEN.read_bytes())
     with (tmp_path / "large.toml").open("wb") as file:
         file.truncate(MAX_MISSION_BYTES + 1)
     for name, allowed in (
         ("bad.toml", "valid TOML"),
         ("binary.toml", "valid TOML"),
+        ("json.toml", "valid TOML .it looks like JSON"),
+        ("recording.toml", "a TOML file; it is a recording"),
         ("large.toml", "at most"),
         ("missing.toml", "a readable file"),
         ("nan.toml", "a finite number"),
