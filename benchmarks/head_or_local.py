@@ -1,4 +1,5 @@
-"""Head or local: the same missions over the same network, planned by a head (`edc`) or by every UAV for itself.
+"""Head or local: the same missions over the same network, planned by a head (`edc`), without and with repeated
+messages, or by every UAV for itself.
 
     python benchmarks/head_or_local.py --uavs 10 --runs 5                 delays 0-400 ms, loss 0-50 %: flies and draws
     python benchmarks/head_or_local.py --uavs 10 30 --runs 30 --jobs 2    the whole grid: hours
@@ -28,9 +29,14 @@ from edc_swarm.mission.configuration import Mission
 from edc_swarm.mission.link import Link
 from processes.experiments.workers import workers
 
-CONTROLS = {"head: edc": ("edc", "head"), "local: orca": ("orca", "local"), "local: bvc": ("bvc", "local"),
-            "local: cbf": ("cbf", "local")}  # fmt: skip
-COLOURS = {"head: edc": "#1b1b1b", "local: orca": "#d1495b", "local: bvc": "#2e86ab", "local: cbf": "#e09f3e"}
+CONTROLS: dict[str, dict[str, Any]] = {
+    "head: edc": {"planner": "edc"},
+    "head: edc, 40 resends": {"planner": "edc", "resends": 40},
+    "local: orca": {"planner": "orca", "control": "local"},
+    "local: bvc": {"planner": "bvc", "control": "local"},
+    "local: cbf": {"planner": "cbf", "control": "local"},
+}
+COLOURS = dict(zip(CONTROLS, ("#1b1b1b", "#4c9f70", "#d1495b", "#2e86ab", "#e09f3e"), strict=True))
 MOST_SLOTS = 300
 """Slots after which a mission counts as not completed: five times what `edc` needs."""
 
@@ -63,12 +69,10 @@ def fly_one(cell: Cell, seed: int) -> dict[str, Any]:
     from edc_swarm.analysis.metrics import compute_metrics  # noqa: PLC0415  (drawing needs no simulator)
     from processes.experiments.measures import simulate  # noqa: PLC0415
 
-    planner, control = CONTROLS[cell.control]
     link = Link(delay_ms=cell.delay_ms, loss=cell.loss)
     recording, timings = simulate(
         Mission(
-            uavs=cell.uavs, seed=seed, planner=planner, control=control,  # type: ignore[arg-type]
-            fence="none", max_slots=MOST_SLOTS, link=[link],
+            uavs=cell.uavs, seed=seed, fence="none", max_slots=MOST_SLOTS, link=[link], **CONTROLS[cell.control]
         )
     )  # fmt: skip
     metrics = compute_metrics(recording, timings)
@@ -163,7 +167,7 @@ def draw(measured: dict[tuple[Cell, int], dict[str, Any]], cells: Sequence[Cell]
                 low = [found.mean - (found.mean if found.low is None else found.low) for _, found in points]
                 high = [(found.mean if found.high is None else found.high) - found.mean for _, found in points]
                 span = max(x) - min(x)
-                shifted = [each + (place - 1.5) * 0.012 * span for each in x]  # Bars that do not cover each other.
+                shifted = [each + (place - 2) * 0.012 * span for each in x]  # Bars that do not cover each other.
                 axis.errorbar(shifted, y, [low, high], label=control, color=COLOURS[control], marker="o", ms=3, lw=1.2,
                               capsize=2, elinewidth=0.8)  # fmt: skip
             axis.grid(alpha=0.25)
@@ -177,7 +181,7 @@ def draw(measured: dict[tuple[Cell, int], dict[str, Any]], cells: Sequence[Cell]
     flown = f"{min(runs)}" if min(runs) == max(runs) else f"{min(runs)} to {max(runs)}"
     figure.suptitle(f"A head or local control, {cells[0].uavs} UAVs, {flown} runs a cell, 95 % intervals")
     handles, labels = axes[0][0].get_legend_handles_labels()
-    figure.legend(handles, labels, loc="outside lower center", ncols=4, frameon=False)
+    figure.legend(handles, labels, loc="outside lower center", ncols=3, frameon=False)
     figure.savefig(path.with_suffix(".svg"), metadata={"Date": None})
     figure.savefig(path.with_suffix(".png"), dpi=110)
 
@@ -187,8 +191,9 @@ def main() -> None:
     parser.add_argument("--uavs", type=int, nargs="+", default=[10, 30])
     parser.add_argument("--delays", type=float, nargs="+", default=[0, 100, 200, 400], metavar="MS")
     parser.add_argument("--losses", type=float, nargs="+", default=[0, 0.1, 0.3, 0.5], metavar="SHARE")
-    planners = [planner for planner, _ in CONTROLS.values()]
-    parser.add_argument("--controls", nargs="+", default=planners, choices=planners)
+    names = {control.partition(": ")[2]: control for control in CONTROLS}
+    parser.add_argument("--controls", nargs="+", default=[*names], choices=[*names], metavar="NAME",
+                        help=f"of {'; '.join(names)}")  # fmt: skip
     parser.add_argument("--runs", type=int, default=30)
     parser.add_argument("--jobs", type=int, default=1, metavar="N", help="processes that fly at the same time")
     parser.add_argument("--out", type=Path, default=Path("head_or_local.jsonl"))
@@ -199,8 +204,7 @@ def main() -> None:
         for uavs in options.uavs
         for delay_ms in options.delays
         for loss in options.losses
-        for control, (planner, _) in CONTROLS.items()
-        if planner in options.controls
+        for control in map(names.__getitem__, options.controls)
     ]
     if not options.draw:
         fly(cells, options.runs, options.out, options.jobs)
