@@ -1,5 +1,4 @@
-"""Head or local: the same missions over the same network, planned by a head (`edc`), without and with repeated
-messages, or by every UAV for itself.
+"""Head or local: the same missions over the same network, planned by a head or by every UAV for itself.
 
     python benchmarks/head_or_local.py --uavs 10 --runs 5                 delays 0-400 ms, loss 0-50 %: flies and draws
     python benchmarks/head_or_local.py --uavs 10 30 --runs 30 --jobs 2    the whole grid: hours
