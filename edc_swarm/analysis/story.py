@@ -11,9 +11,10 @@ import msgspec
 
 from edc_swarm.analysis.guarantees.evidence import Evidence, gather
 from edc_swarm.analysis.guarantees.spacing import overlapping, touching
+from edc_swarm.analysis.guarantees.verdict import Violation
 from edc_swarm.protocol.messages import Command, Fix, Message, Report
 from edc_swarm.recording.model import Recording
-from edc_swarm.recording.sequences import find_gaps, sequence_numbers
+from edc_swarm.recording.sequences import sequence_numbers
 from edc_swarm.story.happening import STATES, Happening, grouped
 from edc_swarm.story.log import MAX_HAPPENINGS
 from edc_swarm.story.teller import Storyteller
@@ -64,9 +65,10 @@ def story_of(recording: Recording) -> Story:
             teller.hear(message)
         teller.close(slot)
         states.append(bytes(code[state] for state in teller.states.values()))
+    evidence = gather(recording)
     _tell_unheard(teller.happenings, recording)
-    _doubt_holds(teller.happenings, recording)
-    left_out = teller.left_out + _tell_overlaps(teller.happenings, gather(recording))
+    _doubt_holds(teller.happenings, evidence)
+    left_out = teller.left_out + _tell_overlaps(teller.happenings, evidence)
     _amend(teller.happenings, states, [entry.uav for entry in mission.roster])
     happenings = grouped(teller.happenings, [entry.uav for entry in mission.roster])
     happenings.sort(key=lambda happening: happening.time_s)
@@ -102,7 +104,7 @@ def _tell_unheard(happenings: list[Happening], recording: Recording) -> None:
         happenings.append(Happening(kind="unknown", slot=0, time_s=0.0, uavs=uavs, detail=NO_FIX, lasts=True))
 
 
-def _doubt_holds(happenings: list[Happening], recording: Recording) -> None:
+def _doubt_holds(happenings: list[Happening], evidence: Evidence) -> None:
     """Make the reasons of holds unknown that rest on the absence of commands or reports which the record lacks.
 
     Where a later command to the UAV follows, the teller has judged by its number.
@@ -110,8 +112,8 @@ def _doubt_holds(happenings: list[Happening], recording: Recording) -> None:
     holds = [each for each in happenings if each.kind == "holding" and each.reason == "no-command"]
     if not holds:
         return
-    numbers = sequence_numbers(recording)
-    gaps = [gap for gap in find_gaps(recording) if not gap.duplicate and gap.key.startswith("head/")]
+    recording, numbers = evidence.recording, sequence_numbers(evidence.recording)
+    gaps = [gap for gap in evidence.gaps if not gap.duplicate and gap.key.startswith("head/")]
     tails = [gap.key for gap in gaps if gap.last > max(numbers.get((gap.key, gap.instance), ()), default=-1)]
     lacking = {key.rsplit("/", 1)[1] for key in tails}
     lacks_all = "report" in lacking or not (recording.commands or recording.reports)
@@ -127,16 +129,16 @@ def _doubt_holds(happenings: list[Happening], recording: Recording) -> None:
 
 def _tell_overlaps(happenings: list[Happening], evidence: Evidence) -> int:
     """Tell once of each pair whose discs overlap or whose bodies meet, as G3 finds; return how many are left out."""
-    kinds: dict[str, Literal["overlap", "collision"]] = {"overlap": "overlap", "true-collision": "collision"}
-    found = [*overlapping(evidence), *touching(evidence)]
+    found: list[tuple[Literal["overlap", "collision"], Violation]] = [
+        *(("overlap", each) for each in overlapping(evidence)),
+        *(("collision", each) for each in touching(evidence)),
+    ]
     room = max(0, MAX_HAPPENINGS - len(happenings))
-    for each in found[:room]:
-        time_s = evidence.time_s(each.slot) if each.time_s is None else each.time_s
-        detail = each.text.partition(": ")[2]
+    for kind, each in found[:room]:
+        assert each.time_s is not None, "two that meet have an instant"
+        words = each.text.partition(": ")[2]
         happenings.append(
-            Happening(
-                kind=kinds[each.kind], slot=each.slot, time_s=time_s, uavs=each.uavs, detail=detail, level="warning"
-            )
+            Happening(kind=kind, slot=each.slot, time_s=each.time_s, uavs=each.uavs, detail=words, level="warning")
         )
     return max(0, len(found) - room)
 

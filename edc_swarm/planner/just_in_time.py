@@ -26,6 +26,9 @@ OPTIONS: dict[str, Any] = {"error_model": "numpy", "_nrt": False}
 """No reference counting, which took a third of the time, since no function makes an array. Divisions follow IEEE 754,
 so no check for zero slows the loops down; no loop divides by zero."""
 
+SOURCES_DIGEST = digest_of_sources()
+"""Digest of all sources that are compiled, taken once for all functions."""
+
 Function = TypeVar("Function", bound=Callable[..., Any])
 
 _DiskCache: Any = FunctionCache
@@ -46,7 +49,7 @@ class _Cache(_DiskCache):  # type: ignore[misc]
 
     def __init__(self, function: Callable[..., Any]) -> None:
         super().__init__(function)
-        self._cache_file._source_stamp = (self._cache_file._source_stamp, digest_of_sources())
+        self._cache_file._source_stamp = (self._cache_file._source_stamp, SOURCES_DIGEST)
 
     def load_overload(self, sig: Any, target_context: Any) -> Any:
         """Load a compiled function; return None if there is none, or if its file cannot be read."""

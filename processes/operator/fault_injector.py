@@ -59,9 +59,9 @@ class Processes(Protocol):
         """Start a process again, after its death."""
 
 
-def untold(mission: MissionMessage, told: Sequence[Event]) -> list[Fault]:
+def untold(faults: Sequence[Fault], mission: MissionMessage, told: Sequence[Event]) -> list[Fault]:
     """Return the faults that no event tells. An event names UAVs where a fault may name a role, such as the head."""
-    left, roster = parse_faults(mission), {entry.uav for entry in mission.roster}
+    left, roster = list(faults), {entry.uav for entry in mission.roster}
     for event in told:
         before = read_fault(event.detail, mission.dt_s)
         if before is None:
@@ -96,8 +96,11 @@ class Injector:
         self._frozen_until_s: dict[str, float] = {}
         self._hears_until_s = self.now_s + HEARD_SLOTS * mission.dt_s if self.now_s > 0 else -math.inf
         until_s = max(map(self._told_s, told or ()), default=-math.inf)
-        to_come = [fault for fault in self._faults if fault.at_s > self.now_s]
-        for fault in to_come if told is None else untold(mission, told):
+        if told is None:
+            to_come = [fault for fault in self._faults if fault.at_s > self.now_s]
+        else:
+            to_come = untold(self._faults, mission, told)
+        for fault in to_come:
             self._at(fault.at_s, partial(self.inject if fault.end_s > self.now_s else self._leave_out, fault))
         for event in told or ():
             before = read_fault(event.detail, mission.dt_s) if event.kind == EventKind.FAULT else None

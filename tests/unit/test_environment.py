@@ -344,7 +344,7 @@ def test_code_of_other_sources_is_not_used(tmp_path: Path, monkeypatch: pytest.M
     exec(compile("def twice(x):\n    return 2 * x", str(source), "exec"), scope)
     monkeypatch.setattr("numba.config.CACHE_DIR", str(tmp_path / "cache"))
     for digest, loaded in (("one", 0), ("one", 1), ("other", 0)):
-        monkeypatch.setattr(just_in_time, "digest_of_sources", lambda digest=digest: digest)
+        monkeypatch.setattr(just_in_time, "SOURCES_DIGEST", digest)
         twice: Any = just_in_time.compiled(scope["twice"])
         assert (twice(3), sum(twice.stats.cache_hits.values())) == (6, loaded)
 

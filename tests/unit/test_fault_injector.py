@@ -9,6 +9,7 @@ from typing import Any, cast
 import pytest
 
 from edc_swarm.mission.configuration import NS_PER_S, Mission
+from edc_swarm.mission.faults import parse_faults
 from edc_swarm.mission.roster import complete_mission
 from edc_swarm.protocol.events import EventKind
 from edc_swarm.protocol.messages import Event, MissionMessage, mission_message
@@ -164,4 +165,4 @@ def test_faults_at_one_time_that_no_event_tells(said: list[str], left: list[int]
     ]
     of_one_time = mission_message(complete_mission(Mission(uavs=4, fault=texts)), 0)
     events = [told(EventKind.FAULT, text, 4.0) for text in said]
-    assert [texts.index(str(fault)) for fault in untold(of_one_time, events)] == left
+    assert [texts.index(str(fault)) for fault in untold(parse_faults(of_one_time), of_one_time, events)] == left

@@ -117,8 +117,6 @@ def unproved(evidence: Evidence) -> str:
 
 def _mute_heads(evidence: Evidence) -> list[str]:
     """Return the UAVs of which a killed process has led without any recorded event: it has published one before."""
-    if evidence.mission.control != "head":
-        return []
     recording = evidence.recording
     led = {(plan.head, plan.instance) for plan in evidence.plans}
     led |= {(command.head, command.instance) for command in recording.commands}
