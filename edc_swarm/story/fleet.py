@@ -132,7 +132,7 @@ class Fleet:
         elif fix.course.leg > known.course.leg:
             self._log.tell("goal", [uav.uav], f"reached point {fix.course.leg} of its route", level="detail")
         if fix.arrived and not known.arrived:
-            self._log.tell("arrived", [uav.uav], "at the target by the end of the slot")
+            self._log.tell("arrived", [uav.uav], "target reached")
         if known.arrived and not fix.arrived and fix.course.goal == known.course.goal:
             self._log.tell("left-target", [uav.uav], "left its target", level="detail")
         if fix.instance == known.instance and fix.late_ticks > known.late_ticks and fix.slot == known.slot + 1:
